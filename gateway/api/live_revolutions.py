@@ -3,28 +3,19 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
 
-from gateway.api.recording_access import Config, PathLike, chosen_vehicle, paths, several_names
+from gateway.api.recording_access import Config, PathLike, chosen_vehicle, path_of, paths, several_names
 from gateway.api.revolution_view import Revolution
-from gateway.clock import Clock, SystemClock
-from gateway.config.effects_file import open_effects
-from gateway.config.vehicle import VehicleConfig
+from gateway.clock import SystemClock
 from gateway.errors import RecordingError, SourceError, TreadlinkError
-from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import Source, is_live, open_source
-from gateway.io.time_limit import limited
 from gateway.pipeline.results import SessionSnapshot
-from gateway.recording.writer import RecordingWriter
-from gateway.security.guard import open_guard
-from gateway.security.key_file import command_keys
-from gateway.session.commands import with_commands
-from gateway.session.live import LiveSession
-from gateway.views.session_summary import ResultSummary, summary_lines
+from gateway.session.session_opening import OpenedSession, open_session
+from gateway.views.session_summary import summary_lines
 from gateway.views.wording import notice_text, text
 
 _POLL_S: Final = 0.05
@@ -60,78 +51,28 @@ def live(
     """
     if not sources:
         raise SourceError("there is no source", 'Give one, such as gateway.live("sim:demo").')
-    clock = SystemClock()
-    opened: list[Source] = []
-    recorder: RecordingWriter | None = None
-    try:
-        opened += [open_source(uri, clock) for uri in sources]
-        vehicle = chosen_vehicle(config, [source.vehicle_toml for source in opened], sources[0])
-        tables = open_effects(paths(effects), vehicle)
-        key_file = None if keys is None else Path(keys)
-        # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
-        guard = open_guard(vehicle, key_file, remembers=all(map(is_live, sources)))
-        signing = command_keys(key_file) if guard is not None or key_file is not None else {}
-        opened = [with_commands(source, clock, signing) for source in opened]
-        recorder = _recorder(Path(record), clock, vehicle, sources) if record is not None else None
-        summary = ResultSummary()
-        session = LiveSession(
-            opened if duration_s is None else [limited(source, duration_s) for source in opened],
-            vehicle,
-            clock,
-            patient=[not is_live(uri) for uri in sources],
-            summary=summary,
-            recorder=recorder,
-            estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
-            guard=guard,
-            effects=tables,
-        )
-        session.start()
-    except BaseException:
-        for source in opened:
-            source.close()
-        _remove_empty(recorder)
-        raise
-    limit_s = duration_s if any(map(is_live, sources)) else None
-    return LiveRevolutions(session, summary, sources, lambda: _remove_empty(recorder), limit_s)
-
-
-def _recorder(path: Path, clock: Clock, vehicle: VehicleConfig | None, sources: Sequence[str]) -> RecordingWriter:
-    if path.suffix != ".mcap":
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
-            ) from error
-    toml = vehicle.to_toml() if vehicle is not None else None
-    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=sources)
-
-
-def _remove_empty(recorder: RecordingWriter | None) -> None:
-    """Remove a recording without a single item of a link."""
-    if recorder is not None and not recorder.items:
-        with suppress(RecordingError):
-            recorder.close()
-        recorder.path.unlink(missing_ok=True)
+    opened = open_session(
+        sources,
+        lambda provided: chosen_vehicle(config, provided, sources[0]),
+        clock=SystemClock(),
+        config_path=path_of(config),
+        record=None if record is None else Path(record),
+        estimators=several_names(estimators),
+        key_file=None if keys is None else Path(keys),
+        effects_paths=paths(effects),
+        duration_s=duration_s,
+    )
+    return LiveRevolutions(opened, sources)
 
 
 class LiveRevolutions:
     """Iterator over the revolutions of all wheels of a running session, and a context manager that closes it."""
 
-    def __init__(
-        self,
-        session: LiveSession,
-        summary: ResultSummary,
-        sources: Sequence[str],
-        at_end: Callable[[], None],
-        limit_s: float | None,
-    ) -> None:
+    def __init__(self, opened: OpenedSession, sources: Sequence[str]) -> None:
         """Take a started session; use `gateway.live`."""
-        self._session = session
-        self._summary = summary
+        self._opened = opened
+        self._session = opened.live
         self._sources = tuple(sources)
-        self._at_end = at_end
-        self._limit_s = limit_s
         self._ready: deque[Revolution] = deque()
         self._closed = False
 
@@ -154,7 +95,7 @@ class LiveRevolutions:
                 if not self._ready and ended:
                     self.close()
                 elif not self._ready:
-                    if self._limit_s is not None and self.snapshot.elapsed_s >= self._limit_s:
+                    if self._opened.time_is_up():
                         self._session.request_stop()
                     self._session.wait(_POLL_S)
         except BaseException:
@@ -196,7 +137,7 @@ class LiveRevolutions:
     def summary(self) -> str:
         """Return what the command prints at the end, of the revolutions so far."""
         snapshot = self.snapshot
-        return "\n".join(summary_lines(self._summary.wheels(), snapshot.links, snapshot.alarm_records))
+        return "\n".join(summary_lines(self._opened.summary.wheels(), snapshot.links, snapshot.alarm_records))
 
     def close(self) -> None:
         """Close the sources and finish the recording; may be called twice.
@@ -210,7 +151,7 @@ class LiveRevolutions:
         try:
             self._session.close()
         finally:
-            self._at_end()
+            self._opened.remove_empty_recording()
         fault = self._session.core.recording_fault
         if fault is not None:
             raise RecordingError(fault, "The part written before is readable.")

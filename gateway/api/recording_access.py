@@ -42,6 +42,7 @@ from gateway.session.recorded_signals import (
     signals,
     survey,
 )
+from gateway.session.signal_decoding import SignalDecoder, open_decoder
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions
 from gateway.views.wording import notice_text, text
@@ -110,6 +111,7 @@ class _Settings:
     """Options of a recording, resolved."""
 
     vehicle: VehicleConfig | None
+    config_path: Path | None
     effects: tuple[CorrectionTable, ...]
     keys: Path | None
     estimators: tuple[str, ...]
@@ -170,12 +172,18 @@ def recording_of(
     vehicle = chosen_vehicle(config, [file.vehicle_toml], str(file.info.path))
     settings = _Settings(
         vehicle=vehicle,
+        config_path=path_of(config),
         effects=open_effects(paths(effects), vehicle),
         keys=None if keys is None else Path(keys),
         estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
         progress=progress,
     )
     return Recording(file, settings, truth)
+
+
+def path_of(config: Config | None) -> Path | None:
+    """Return the file of a configuration, None when it is not given as a file."""
+    return Path(config) if isinstance(config, str | Path) else None
 
 
 def paths(given: PathLike | Sequence[PathLike]) -> list[Path]:
@@ -320,6 +328,7 @@ class Recording(Mapping[str, "Wheel"]):
             guard=self._guard(),
             on_bytes=self._on_bytes,
             alarms=alarms,
+            signals=self._signals(),
         )
         for result in results:
             yield Revolution(result, has_host_time=self._has_host_time)
@@ -394,6 +403,9 @@ class Recording(Mapping[str, "Wheel"]):
     def _guard(self) -> Guard | None:
         return open_guard(self.vehicle, self._settings.keys, remembers=False)
 
+    def _signals(self) -> SignalDecoder | None:
+        return open_decoder(self.vehicle, self._settings.config_path, (), [self._file.info.dbc_text])
+
     def _on_bytes(self, _: int) -> None:
         if self._settings.progress is not None:
             self._settings.progress(min(1.0, self._file.position / max(1, self._file.info.size_bytes)))
@@ -451,6 +463,7 @@ class Recording(Mapping[str, "Wheel"]):
             on_wheels=states.extend,
             effects=self._settings.effects,
             alarms=alarms,
+            signals=self._signals(),
         )
         for result in results:
             heard.setdefault(result.position)

@@ -16,7 +16,6 @@ from gateway.cli.options import config_option, effects_option, keys_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
-from gateway.views.numbers import duration, file_size
 from gateway.views.text import clean
 from gateway.views.wording import text
 
@@ -76,7 +75,7 @@ _GB: Final = 1e9
     help="Memory of a worker process of this machine, at which it is ended.",
 )
 @click.option(
-    "--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler, such as tcp://10.0.0.5:8786."
+    "--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler instead, such as tcp://10.0.0.5:8786."
 )
 @click.option("--retry", is_flag=True, help="Try recordings again that failed before and have not changed.")
 @keys_option
@@ -112,6 +111,8 @@ def campaign(
     A recording that cannot be estimated is a row of the table failures and does not stop the others. One whose worker
     process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure.
     """
+    if scheduler is not None and jobs is not None:
+        raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()
@@ -126,6 +127,7 @@ def campaign(
     from gateway.fleet.worker_tasks import WorkerTasks
 
     found = find_recordings(paths)
+    key_file = key_file.resolve() if key_file is not None else None  # workers have other working folders
     chosen = tuple(in_order(estimators or CAMPAIGN_ESTIMATORS))
     settings = EstimationSettings(
         estimators=chosen,
@@ -274,12 +276,16 @@ def _files_text(progress: CampaignProgress) -> str:
 
 
 def _left_text(progress: CampaignProgress) -> str:
+    from gateway.views.numbers import duration
+
     left_s = progress.left_s
     return "time left not known yet" if left_s is None else f"{duration(left_s)} left"
 
 
 def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], root: Path) -> None:
     """Print what was done, and the failures."""
+    from gateway.views.numbers import duration, file_size
+
     rate = progress.estimated / progress.elapsed_s if progress.elapsed_s > 0.0 else 0.0
     took = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""
     click.echo(f"{progress.estimated} recordings estimated{took}, {progress.revolutions} revolutions")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -14,24 +14,16 @@ import click
 from gateway.cli import exit_status
 from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
-from gateway.config.effects_file import open_effects
-from gateway.config.vehicle import VehicleConfig, choose_vehicle
+from gateway.config.vehicle import choose_vehicle
 from gateway.errors import RecordingError
-from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.source import Source, is_live, open_source, parse_source_uri
-from gateway.io.time_limit import limited
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting
 from gateway.reasons import Notice
-from gateway.recording.writer import RecordingWriter
-from gateway.security.guard import open_guard
-from gateway.security.key_file import command_keys
-from gateway.session.commands import with_commands
 from gateway.session.live import LiveSession
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
-from gateway.session.signal_decoding import open_decoder
+from gateway.session.session_opening import OpenedSession, open_session
 from gateway.views.plain import PlainView
-from gateway.views.session_summary import ResultSummary, summary_lines
+from gateway.views.session_summary import summary_lines
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
 
@@ -39,32 +31,35 @@ _POLL_S: Final = 0.05
 _STOP_WAIT_S: Final = 2.0
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class RunningSession:
-    """A started session with its summary.
+    """A started session with its live outputs.
 
     Attributes:
-        live: the session.
-        summary: of all its results.
-        recorder: the recording, None without one.
+        opened: the session with its summary and recording.
         publisher: the live outputs, None without any.
-        host_limit_s: session time at which to stop a session with a hub, which may be silent; None without a limit. A
-            recording and a simulation end by their own time.
     """
 
-    live: LiveSession
-    summary: ResultSummary
-    recorder: RecordingWriter | None
-    host_limit_s: float | None = None
+    opened: OpenedSession
     publisher: Publisher | None = None
+
+    @property
+    def live(self) -> LiveSession:
+        """The session."""
+        return self.opened.live
+
+    @property
+    def host_limit_s(self) -> float | None:
+        """Session time at which to stop, None without a limit."""
+        return self.opened.host_limit_s
+
+    def time_is_up(self) -> bool:
+        """Return whether the session has run for as long as it may."""
+        return self.opened.time_is_up()
 
     def show_status(self, line: str) -> None:
         """Print a line to standard output, or to standard error where standard output belongs to a live output."""
         click.echo(line, err=self.publisher is not None and self.publisher.uses_standard_output)
-
-    def time_is_up(self) -> bool:
-        """Return whether the session has run for as long as it may."""
-        return self.host_limit_s is not None and self.live.snapshot().elapsed_s >= self.host_limit_s
 
 
 def start_session(
@@ -79,70 +74,37 @@ def start_session(
     publish: Sequence[str] = (),
     clock: Clock | None = None,
 ) -> RunningSession:
-    """Open sources, configuration and recording, and start the session.
+    """Open sources, configuration, recording and live outputs, and start the session.
 
     Raises:
         TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
     """
-    clock = clock or SystemClock()
-    sources: list[Source] = []
-    recorder: RecordingWriter | None = None
-    publisher: Publisher | None = None
+    used = clock or SystemClock()
+    publishers: list[Publisher] = []
+
+    def opened_outputs(positions: Sequence[str]) -> Publisher | None:
+        publisher = open_publisher(publish, SinkSetting(positions), used)
+        publishers.extend([publisher] if publisher is not None else [])
+        return publisher
+
     try:
-        sources += [open_source(uri, clock) for uri in uris]
-        vehicle = choose_vehicle(config_path, [source.vehicle_toml for source in sources], uris[0])
-        effects = open_effects(effects_paths, vehicle)
-        # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
-        remembers = all(is_live(uri) for uri in uris)
-        guard = open_guard(vehicle, key_file, remembers=remembers)
-        keys = command_keys(key_file) if guard is not None or key_file is not None else {}
-        texts = [getattr(source, "dbc_text", None) for source in sources]
-        is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
-        given = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
-        signals = open_decoder(vehicle, config_path, given, [text for text in texts if text not in given])
-        dbc_text = signals.dbc_text if signals is not None else next(filter(None, texts), None)
-        sources = [with_commands(source, clock, keys) for source in sources]
-        recorder = _open_recorder(record, clock, vehicle, uris, dbc_text) if record is not None else None
-        positions = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
-        publisher = open_publisher(publish, SinkSetting(positions), clock)
-        summary = ResultSummary()
-        live = LiveSession(
-            sources if duration_s is None else [limited(source, duration_s) for source in sources],
-            vehicle,
-            clock,
-            patient=[not is_live(uri) for uri in uris],
-            summary=summary,
-            recorder=recorder,
-            estimators=estimators or DEFAULT_ESTIMATORS,
-            guard=guard,
-            effects=effects,
-            publication=publisher,
-            signals=signals,
+        opened = open_session(
+            uris,
+            lambda provided: choose_vehicle(config_path, provided, uris[0]),
+            clock=used,
+            config_path=config_path,
+            record=record,
+            estimators=estimators,
+            key_file=key_file,
+            effects_paths=effects_paths,
+            duration_s=duration_s,
+            publish=opened_outputs,
         )
-        live.start()
     except BaseException:
-        for source in sources:
-            source.close()
-        if recorder is not None:
-            _remove_empty(recorder)
-        if publisher is not None:
+        for publisher in publishers:
             publisher.close()
         raise
-    return RunningSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None, publisher)
-
-
-def _open_recorder(
-    path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str], dbc_text: str | None
-) -> RecordingWriter:
-    if path.suffix != ".mcap":
-        try:
-            path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RecordingError(
-                f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
-            ) from error
-    toml = vehicle.to_toml() if vehicle is not None else None
-    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris, dbc_text=dbc_text)
+    return RunningSession(opened, publishers[0] if publishers else None)
 
 
 def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str], None]) -> None:
@@ -240,13 +202,13 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
         snapshot = session.live.close()
     finally:
         sinks = session.publisher.close() if session.publisher is not None else ()
-        removed = session.recorder is not None and _remove_empty(session.recorder)
+        removed = session.opened.remove_empty_recording()
     links = {link.link: FrameCounts(link.frames, sum(link.judged.values())) for link in snapshot.links}
     no_frames, no_revolutions = missing_frames(links), missing_revolutions(snapshot.wheels, links)
     if session.publisher is not None and session.publisher.is_output_closed:
         return no_frames, no_revolutions  # its reader wants nothing more
     write("")
-    for line in summary_lines(session.summary.wheels(), snapshot.links, snapshot.alarm_records, sinks):
+    for line in summary_lines(session.opened.summary.wheels(), snapshot.links, snapshot.alarm_records, sinks):
         write(clean(line))
     for notice in (*session.live.core.false_statements(), *no_frames, *no_revolutions):
         write(clean(notice_text(notice)))
@@ -259,16 +221,6 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
         else:
             write(f"  INCOMPLETE: {session.live.core.recording_fault}")
     return no_frames, no_revolutions
-
-
-def _remove_empty(recorder: RecordingWriter) -> bool:
-    """Remove a recording without a single item of a link; return whether it was removed."""
-    if recorder.items:
-        return False
-    with suppress(RecordingError):
-        recorder.close()
-    recorder.path.unlink(missing_ok=True)
-    return True
 
 
 def is_terminal() -> bool:

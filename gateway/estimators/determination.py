@@ -132,19 +132,46 @@ def number_estimates(
         doubts: why the estimates are provisional; empty when they are not.
         notes: what valid estimates rest on.
     """
-    found = determination(fitted)
-    std = np.sqrt(np.maximum(np.diagonal(fitted.noise + fitted.model), 0.0))
+    values, free = fitted.values.tolist(), fitted.free.tolist()
+    covariance = (fitted.noise + fitted.model).tolist()
+    std = [math.sqrt(max(row[place], 0.0)) for place, row in enumerate(covariance)]
+    determined = _determined(values, free, covariance, std)
     missing = missing_conditions(conditions)
-    width = () if missing else _other_width(estimator, fitted.values[_CW], float(std[_CW]), conditions)
+    width = () if missing else _other_width(estimator, values[_CW], std[_CW], conditions)
+    scale = 0.0 if missing else scale_error(conditions)
+    numbers_doubts = (*doubts, *width)
     estimates = []
     for i, name in enumerate(RING_NUMBERS):
         if missing:
             estimates.append(Estimate.invalid(name, *missing))
             continue
-        error = math.hypot(float(std[i]), fitted.values[i] * scale_error(conditions))
-        why_not = () if found.determined[i] else found.why_not(i)
-        estimates.append(_estimate(name, fitted.values[i], error, why_not, (*doubts, *width), notes))
-    return (*estimates, *_ratios(fitted, found, doubts, notes))
+        error = math.hypot(std[i], values[i] * scale)
+        why_not = () if determined[i] else determination(fitted).why_not(i)
+        estimates.append(_estimate(name, values[i], error, why_not, numbers_doubts, notes))
+    cw = values[_CW]
+    for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
+        if not free[_CW] or not cw > 0.0:
+            estimates.append(Estimate.invalid(name, Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])))
+            continue
+        # To first order.
+        ratio = values[i] / cw
+        with_cw = covariance[i][_CW] + covariance[_CW][i]
+        variance = (covariance[i][i] - ratio * with_cw + ratio * ratio * covariance[_CW][_CW]) / (cw * cw)
+        error = math.sqrt(max(0.0, variance))
+        # Weak bending must be determined better than the ratio's own error tells.
+        fits = error * DETERMINED <= ratio and (i > 0 or determined[i])
+        why_not = () if fits else determination(fitted).why_not(i, error / ratio if free[i] and ratio else math.inf)
+        estimates.append(_estimate(name, ratio, error, why_not, doubts, notes))
+    return tuple(estimates)
+
+
+def _determined(values: list[float], free: list[bool], covariance: list[list[float]], std: list[float]) -> list[bool]:
+    """Return which numbers are determined, as in `Determination`."""
+    usable = [free[i] and math.isfinite(covariance[i][i]) and values[i] > 0.0 for i in range(len(values))]
+    determined = [usable[i] and std[i] * DETERMINED <= values[i] for i in range(len(values))]
+    if usable[0] and usable[_CW] and values[0] < _WEAK_BENDING * values[_CW]:
+        determined[0] = std[0] * DETERMINED * _WEAK_FACTOR <= values[0]
+    return determined
 
 
 def _other_width(estimator: str, cw: float, std: float, conditions: TireConditions) -> tuple[Reason, ...]:
@@ -157,28 +184,6 @@ def _other_width(estimator: str, cw: float, std: float, conditions: TireConditio
     if not abs(math.log(ratio)) > DETERMINED * error:
         return ()
     return (Reason(Code.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error),)
-
-
-def _ratios(
-    fitted: FittedNumbers, found: Determination, doubts: tuple[Reason, ...], notes: tuple[Reason, ...]
-) -> list[Estimate]:
-    """Return the ratios to Cw with errors to first order."""
-    covariance = fitted.noise + fitted.model
-    cw = float(fitted.values[_CW])
-    estimates = []
-    for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
-        if not fitted.free[_CW] or not cw > 0.0:
-            estimates.append(Estimate.invalid(name, Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])))
-            continue
-        ratio = fitted.values[i] / cw
-        gradient = np.zeros(4)
-        gradient[i], gradient[_CW] = 1.0 / cw, -ratio / cw
-        std = math.sqrt(max(0.0, float(gradient @ covariance @ gradient)))
-        # Weak bending must be determined better than the ratio's own error tells.
-        fits = std * DETERMINED <= ratio and (i > 0 or found.determined[i])
-        why_not = () if fits else found.why_not(i, std / ratio if fitted.free[i] else math.inf)
-        estimates.append(_estimate(name, ratio, std, why_not, doubts, notes))
-    return estimates
 
 
 def _estimate(
@@ -226,12 +231,12 @@ def missing_conditions(conditions: TireConditions) -> tuple[Reason, ...]:
     return tuple(missing)
 
 
-def doubt_about(revolution: Revolution, average: AngleAverage) -> tuple[Reason, ...]:
-    """Return why estimates from the average are provisional; empty when they are not."""
+def doubt_about(revolution: Revolution, effective_count: float) -> tuple[Reason, ...]:
+    """Return why estimates from an average of that effective count are provisional; empty when they are not."""
     if revolution.faults:
         return (not_used(revolution.faults),)
-    if average.effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-        return (Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS),)
+    if effective_count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
+        return (Reason(Code.NOT_SETTLED, revolutions=effective_count, needed=SETTLED_REVOLUTIONS),)
     return ()
 
 

@@ -73,7 +73,7 @@ class ForwardEstimator:
         fit = self._fit
         if fit is None:
             return _invalid(self._failure)
-        doubts = doubt_about(revolution, average)
+        doubts = doubt_about(revolution, average.effective_count)
         if not fit.converged:
             doubts = doubts or (Reason(Code.FIT_NOT_CONVERGED),)
         number = load_number(conditions)

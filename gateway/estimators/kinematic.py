@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Final
 
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.revolution_block import RevolutionBlock
 from gateway.reasons import Code, Reason
 
 NAMES: Final = ("speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m")
@@ -40,23 +40,30 @@ class KinematicEstimator:
         scales both alike: relative differences between revolutions are more accurate than the stated error. The other
         part is the timing of the two contacts for the speed, and the contact edges for the length.
         """
-        return tuple(self._estimates(revolution, conditions))
+        return _estimates(revolution, conditions)
 
-    def _estimates(self, revolution: Revolution, conditions: TireConditions) -> Iterator[Estimate]:
-        radius = conditions.radius_m
-        leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
-        leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
-        status, reasons = _condition(revolution)
-        radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
-        speed = radius * revolution.omega_radps
-        speed_std = speed * math.hypot(revolution.period_std_s / revolution.period_s, radius_error)
-        yield _estimate(NAMES[0], speed, speed_std, status, reasons)
-        yield _estimate(NAMES[1], leading, leading_std, status, reasons)
-        yield _estimate(NAMES[2], trailing, trailing_std, status, reasons)
-        # The definition of both edges may be wrong in the same direction: their errors add.
-        length = radius * (trailing - leading)
-        length_std = math.hypot(radius * (leading_std + trailing_std), length * radius_error)
-        yield _estimate(NAMES[3], length, length_std, status, reasons)
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of every revolution."""
+        return list(map(_estimates, block.revolutions, block.conditions))
+
+
+def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
+    radius = conditions.radius_m
+    leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
+    leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
+    status, reasons = _condition(revolution)
+    radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
+    speed = radius * revolution.omega_radps
+    speed_std = speed * math.hypot(revolution.period_std_s / revolution.period_s, radius_error)
+    # The definition of both edges may be wrong in the same direction: their errors add.
+    length = radius * (trailing - leading)
+    length_std = math.hypot(radius * (leading_std + trailing_std), length * radius_error)
+    return (
+        _estimate(NAMES[0], speed, speed_std, status, reasons),
+        _estimate(NAMES[1], leading, leading_std, status, reasons),
+        _estimate(NAMES[2], trailing, trailing_std, status, reasons),
+        _estimate(NAMES[3], length, length_std, status, reasons),
+    )
 
 
 def _estimate(name: str, value: float, std: float, status: Status, reasons: tuple[Reason, ...]) -> Estimate:
@@ -67,9 +74,11 @@ def _estimate(name: str, value: float, std: float, status: Status, reasons: tupl
 
 def _condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:
     """Return the status of this revolution's timing and edges, with the reasons."""
+    if not (revolution.faults or revolution.saturated or revolution.missing_fraction > _MAX_MISSING_SHARE):
+        return Status.VALID, ()
     reasons = list(revolution.faults)
     if revolution.saturated:
         reasons.append(Reason(Code.RADIAL_SATURATED))
     if revolution.missing_fraction > _MAX_MISSING_SHARE:
         reasons.append(Reason(Code.SAMPLES_LOST_SHARE, share=revolution.missing_fraction))
-    return (Status.PROVISIONAL if reasons else Status.VALID), tuple(dict.fromkeys(reasons))
+    return Status.PROVISIONAL, tuple(dict.fromkeys(reasons))

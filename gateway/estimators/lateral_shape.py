@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gateway.constants import AXIS_NAMES
-from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions, not_used
+from gateway.estimators.estimator import Revolution, TireConditions, not_used
+from gateway.estimators.revolution_block import RevolutionArrays, RevolutionBlock
 from gateway.reasons import Code, Reason
-from gateway.signal.angle_resampling import Phase, angle_grid
+from gateway.signal.angle_resampling import angle_grid, elapsed_angles
 from gateway.signal.lateral_deformation import (
     HIGHEST_ORDER,
     chord_row,
@@ -22,7 +26,7 @@ from gateway.signal.lateral_deformation import (
     trusted_orders,
 )
 from gateway.signal.sensor_mounting import RollCalibration
-from gateway.signal.synchronous_average import RunningMoments
+from gateway.signal.synchronous_average import running_shares
 from gateway.types import FloatArray
 
 # Rows of `Revolution.axes_mps2`.
@@ -33,6 +37,8 @@ ORDERS: Final = trusted_orders(HIGHEST_ORDER)
 _LEAST_CONTACT_RAD: Final = 0.08
 
 _SIZE: Final = 2 * len(ORDERS)
+# The grid starts at -pi, so odd orders change sign.
+_SIGNS: Final[FloatArray] = np.where(np.asarray(ORDERS) % 2, -1.0, 1.0)
 _GRID: Final = 512
 _ANGLES: Final = angle_grid(_GRID)
 _ANGLES.setflags(write=False)
@@ -79,6 +85,58 @@ class Slopes(NamedTuple):
 DEFINITIONS: Final = ("peak", "first_half", "adhesion_line")
 
 
+class LateralSteps(NamedTuple):
+    """Lateral records of k revolutions and their average after each.
+
+    Attributes:
+        own_m: (k, 2 k) coefficients of each revolution, corrected with the roll tilt known then.
+        mean_m: (k, 2 k) of the average, corrected with the latest roll tilt.
+        roll: calibration after each.
+        effective_counts: number of revolutions of equal weight that would have the same variance, after each.
+        order_max: highest order that the sampling has carried so far, after each.
+        records: the average with its covariance, by place; computed on demand.
+    """
+
+    own_m: FloatArray
+    mean_m: FloatArray
+    roll: Sequence[Roll]
+    effective_counts: list[float]
+    order_max: list[int]
+    records: list[Callable[[], LateralRecord]]
+
+
+@dataclass(frozen=True, slots=True)
+class Roll:
+    """Roll tilt and the number of revolutions that it rests on."""
+
+    rad: float
+    std_rad: float
+    count: int
+
+
+class _Part:
+    """Average over revolutions that carry the same orders, after each of them.
+
+    The mean and the spread are those of weighted sums, so they need no loop; deviations are taken from the mean before.
+    """
+
+    def __init__(self, mean: FloatArray, spread: FloatArray, values: FloatArray, weights: Sequence[float]) -> None:
+        self._spread, self._shares = spread, running_shares(tuple(weights))
+        self._change = values - mean
+        self.means: FloatArray = mean + self._shares.values @ self._change
+
+    def spread(self, place: int) -> FloatArray:
+        """Return the spread of the lateral coefficients after a revolution, (2 k, 2 k)."""
+        shares, change = self._shares.values[place], self._change[:, :_SIZE]
+        mean = shares @ change
+        result: FloatArray = (change.T * shares) @ change
+        result -= np.multiply.outer(mean, mean)
+        prior = float(self._shares.prior[place])
+        if prior:
+            result += prior * self._spread
+        return result
+
+
 class LateralAverage:
     """Running average of lateral records, with calibration of the roll tilt."""
 
@@ -90,42 +148,79 @@ class LateralAverage:
 
     def reset(self) -> None:
         """Forget everything but the calibration, which is reset separately."""
-        self._lateral = RunningMoments(_SIZE, covariance=True)
-        # Radial, circumferential, and the tilt that each revolution was corrected with.
-        self._others = RunningMoments(2 * _SIZE + 1)
+        # Lateral, radial, circumferential coefficients, and the tilt that each revolution was corrected with.
+        self._mean: FloatArray = np.zeros(3 * _SIZE + 1)
+        self._spread: FloatArray = np.zeros((_SIZE, _SIZE))
+        self.count = 0
+        self._weight_square = 1.0
         self._noise = 0.0
         self._order_max = 0
 
     @property
     def effective_count(self) -> float:
         """Number of revolutions of equal weight that would have the same variance."""
-        return float(1.0 / np.asarray(self._lateral.weight_square)) if self._lateral.count else 0.0
+        return 1.0 / self._weight_square if self.count else 0.0
 
-    def update(self, revolution: Revolution) -> LateralRecord:
-        """Add a revolution; return its record, corrected with the present tilt."""
-        axes = revolution.axes_mps2
-        if not revolution.ac_coupled:
-            self.roll.update(float(axes[LATERAL].mean()), float(axes[RADIAL].mean()))
-        roll_rad = self.roll.roll_rad
-        record = lateral_record(revolution, roll_rad)
-        self._order_max = max(self._order_max, record.order_max)
-        weight = max(1.0 / (self._lateral.count + 1), self._floor)
-        # Orders that the sampling does not carry at this speed keep their average.
-        absent = np.tile(np.asarray(ORDERS) > record.order_max, 2)
-        self._lateral.update(np.where(absent, self._lateral.mean, record.lateral_m), weight)
-        others = np.concatenate([record.radial_m, record.along_m, [roll_rad]])
-        self._others.update(np.where([*absent, *absent, False], self._others.mean, others), weight)
-        self._noise += weight * (float(record.covariance[0, 0]) - self._noise)
-        return record
+    def update(self, block: RevolutionBlock, taken: Sequence[int]) -> LateralSteps:
+        """Add the revolutions `taken` of a block, at least one; none of them may be `why_unusable`."""
+        revolutions = [block.revolutions[index] for index in taken]
+        rolls = []
+        for index, revolution in zip(taken, revolutions, strict=True):
+            if not revolution.ac_coupled:
+                means = block.arrays.means_mps2[index]
+                self.roll.update(float(means[LATERAL]), float(means[RADIAL]))
+            rolls.append(Roll(self.roll.roll_rad, self.roll.roll_std_rad, self.roll.count))
+        tilts = np.array([roll.rad for roll in rolls])
+        values = np.concatenate([_coefficients(block.arrays, taken, revolutions, tilts), tilts[:, np.newaxis]], axis=1)
+        carried = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]
+        steps = LateralSteps(values[:, :_SIZE], np.empty((len(taken), _SIZE)), rolls, [], [], [])
+        first = 0
+        for end in range(1, len(taken) + 1):
+            if end == len(taken) or carried[end] != carried[first]:
+                self._add(values, revolutions, slice(first, end), carried[first], steps)
+                first = end
+        return steps
 
-    def record(self) -> LateralRecord:
-        """Return the average with the latest tilt; its covariance is that of the mean, without that of the tilt."""
-        radial, along = self._others.mean[:_SIZE], self._others.mean[_SIZE:-1]
-        late = self.roll.roll_rad - float(self._others.mean[-1])
-        # With less than three revolutions the noise above the tire's orders is a better estimate than their scatter.
-        scatter = self._lateral.variance() if self._lateral.count >= 3 else self._noise * np.eye(_SIZE)
-        covariance = scatter * np.asarray(self._lateral.weight_square)
-        return LateralRecord(self._lateral.mean - late * radial, radial, along, covariance, self._order_max)
+    def _add(
+        self, values: FloatArray, revolutions: Sequence[Revolution], rows: slice, carried: int, steps: LateralSteps
+    ) -> None:
+        """Add revolutions that carry orders up to `carried`."""
+        part_values = values[rows]
+        if carried < ORDERS.stop - 1:
+            # Orders that the sampling does not carry at this speed keep their average.
+            absent = np.append(np.tile(np.asarray(ORDERS) > carried, 6), False)
+            part_values = np.where(absent, self._mean, part_values)
+        self._order_max = max(self._order_max, carried)
+        scalars = []
+        for revolution in revolutions[rows]:
+            self.count += 1
+            weight = max(1.0 / self.count, self._floor)
+            self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight
+            self._noise += weight * (_noise_variance(revolution) - self._noise)
+            scalars.append((self.count, weight, self._weight_square, self._noise))
+        part = _Part(self._mean, self._spread, part_values, [weight for _, weight, *_ in scalars])
+        late = np.array([roll.rad for roll in steps.roll[rows]]) - part.means[:, -1]
+        steps.mean_m[rows] = part.means[:, :_SIZE] - late[:, np.newaxis] * part.means[:, _SIZE : 2 * _SIZE]
+        for place, own in enumerate(scalars):
+            steps.order_max.append(self._order_max)
+            steps.effective_counts.append(1.0 / own[2])
+            steps.records.append(partial(_record, part, place, steps.mean_m[rows][place], own, self._order_max))
+        last = len(scalars) - 1
+        self._mean, self._spread = part.means[last], part.spread(last)
+
+
+def _record(
+    part: _Part, place: int, lateral_m: FloatArray, scalars: tuple[int, float, float, float], order_max: int
+) -> LateralRecord:
+    """Return an average; its covariance is that of the mean, without that of the tilt."""
+    count, _, weight_square, noise = scalars
+    if count >= 3:
+        covariance = part.spread(place) * (weight_square / (1.0 - weight_square))
+    else:
+        # The noise above the tire's orders is a better estimate than the scatter of two revolutions.
+        covariance = np.eye(_SIZE) * (noise * weight_square)
+    means = part.means[place]
+    return LateralRecord(lateral_m, means[_SIZE : 2 * _SIZE], means[2 * _SIZE : -1], covariance, order_max)
 
 
 def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
@@ -133,42 +228,72 @@ def lateral_record(revolution: Revolution, roll_rad: float) -> LateralRecord:
 
     The revolution must have a lateral axis (`has_lateral`). Raises nothing.
     """
-    axes = revolution.axes_mps2
-    n = axes.shape[1]
-    lateral = remove_roll(axes[LATERAL], axes[RADIAL], roll_rad)
+    flat = _coefficients(RevolutionArrays([revolution]), [0], [revolution], np.array([roll_rad]))[0]
+    lateral, radial, along = flat.reshape(3, _SIZE)
+    order_max = min(revolution.order_max, ORDERS.stop - 1)
+    return LateralRecord(lateral, radial, along, _noise_variance(revolution) * np.eye(_SIZE), order_max)
+
+
+def _coefficients(
+    arrays: RevolutionArrays, taken: Sequence[int], revolutions: Sequence[Revolution], tilts_rad: FloatArray
+) -> FloatArray:
+    """Return coefficients of the lateral axis, corrected, and of the radial and circumferential axes, (m, 6 k) m.
+
+    The last two are for errors and small corrections only, for which the change of speed within a revolution does not
+    matter.
+    """
+    at = np.array(taken)
+    whole = len(taken) == len(arrays.axes_mps2)
+    axes = arrays.axes_mps2 if whole else arrays.axes_mps2[at]
+    in_plane = arrays.in_plane_mps2 if whole else arrays.in_plane_mps2[at]
+    lateral = remove_roll(axes[:, LATERAL], axes[:, RADIAL], tilts_rad[:, np.newaxis])
     # Offset and camber do not grow with the speed, so they are removed before the acceleration is corrected.
-    waveforms = np.stack([lateral - lateral.mean(), axes[RADIAL], np.nan_to_num(axes[CIRCUMFERENTIAL])])
-    waveforms *= _acceleration_gain(revolution, n) / revolution.omega_radps**2
-    orders = trusted_orders(revolution.order_max)
-    coefficients = np.zeros((3, 2, len(ORDERS)))
-    coefficients[:, :, : len(orders)] = lateral_coefficients(waveforms, orders).reshape(3, 2, -1)
-    # The noise of the radial axis of the same sensor stands for that of the lateral axis until the scatter is known.
-    noise = revolution.noise_mps2 * math.sqrt(2.0 / n) / revolution.omega_radps**2
-    variance = noise**2 if math.isfinite(noise) else 0.0
-    flat = coefficients.reshape(3, -1)
-    return LateralRecord(flat[0], flat[1], flat[2], variance * np.eye(_SIZE), len(orders))
+    lateral -= lateral.mean(axis=1, keepdims=True)
+    lateral *= _acceleration_gains(revolutions, axes.shape[2])
+    others = in_plane[:, ::-1, ORDERS.start : ORDERS.stop] * _SIGNS
+    result = np.empty((len(taken), 6, len(ORDERS)))
+    result[:, :2] = lateral_coefficients(lateral, ORDERS).reshape(-1, 2, len(ORDERS))
+    result[:, 2::2] = np.nan_to_num(others.real)
+    result[:, 3::2] = np.nan_to_num(-others.imag)
+    result /= np.square([revolution.omega_radps for revolution in revolutions])[:, np.newaxis, np.newaxis]
+    carried = np.array([revolution.order_max for revolution in revolutions])
+    if carried.min() < ORDERS.stop - 1:
+        result *= np.asarray(ORDERS) <= carried[:, np.newaxis, np.newaxis]
+    return result.reshape(len(taken), -1)
+
+
+def _noise_variance(revolution: Revolution) -> float:
+    """Return the variance of a coefficient by noise.
+
+    The noise of the radial axis of the same sensor stands for that of the lateral axis until the scatter is known.
+    """
+    noise = revolution.noise_mps2 / revolution.omega_radps**2
+    return 2.0 / revolution.axes_mps2.shape[1] * noise * noise if math.isfinite(noise) else 0.0
 
 
 def has_lateral(revolution: Revolution) -> bool:
     """Return whether the sensor has a lateral axis."""
-    return not bool(np.isnan(revolution.axes_mps2[LATERAL]).all())
+    lateral = revolution.axes_mps2[LATERAL]
+    return not (math.isnan(lateral[0]) and bool(np.isnan(lateral).all()))
 
 
-def why_unusable(revolution: Revolution) -> Reason | None:
+def why_unusable(block: RevolutionBlock, index: int) -> Reason | None:
     """Return why a revolution must not be averaged; None when it may be."""
+    revolution = block.revolutions[index]
     if revolution.faults:
         return not_used(revolution.faults)
     for axis in (LATERAL, RADIAL):
-        if not np.isfinite(revolution.axes_mps2[axis]).all():
+        # The mean is finite only if all samples are.
+        if not math.isfinite(block.arrays.means_mps2[index, axis]):
             return not_used((Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[axis]),))
     if not (revolution.omega_radps > 0.0 and revolution.order_max >= 1):
         return not_used((Reason(Code.SPEED_UNUSABLE),))
     return None
 
 
-def contact_edges(average: AngleAverage, conditions: TireConditions) -> tuple[float, float] | Reason:
+def contact_edges(edges_rad: tuple[float, float], conditions: TireConditions) -> tuple[float, float] | Reason:
     """Return the contact edges that slopes are taken between, or why there are none."""
-    leading, trailing = average.leading_edge_rad, average.trailing_edge_rad
+    leading, trailing = edges_rad
     if not (-math.pi < leading < trailing < math.pi and trailing - leading > _LEAST_CONTACT_RAD):
         return Reason(Code.NO_CONTACT_EDGES)
     return (leading, trailing) if conditions.radius_m > 0.0 else Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
@@ -249,14 +374,20 @@ def _zero_std(record: LateralRecord, zero_rad: float, radius_m: float) -> float:
     return noise / abs(float(bend)) if bend else math.inf
 
 
-def _acceleration_gain(revolution: Revolution, n: int) -> FloatArray:
-    """Return (mean speed / speed)^2 on the angle grid; 1 when the acceleration is not known."""
-    period, acceleration = revolution.period_s, revolution.omega_dot_radps2
-    rate = 2.0 * math.pi / period - 0.5 * acceleration * period
-    if not (math.isfinite(acceleration) and rate > 0.0 and rate + acceleration * period > 0.0):
-        return np.ones(n)
-    result: FloatArray = Phase(0.0, period, rate, acceleration).relative_speed(n) ** -2.0
-    return result
+def _acceleration_gains(revolutions: Sequence[Revolution], n: int) -> FloatArray:
+    """Return (mean speed / speed)^2 on the angle grid, (k, n); 1 where the acceleration is not known."""
+    rows = []
+    for revolution in revolutions:
+        period, acceleration = revolution.period_s, revolution.omega_dot_radps2
+        turn = period / (2.0 * math.pi)
+        rate = 1.0 / turn - 0.5 * acceleration * period
+        if math.isfinite(acceleration) and rate > 0.0 and rate + acceleration * period > 0.0:
+            rows.append(((rate * turn) ** 2, 2.0 * acceleration * turn**2))
+        else:
+            rows.append((1.0, 0.0))
+    # The square of the speed over the mean speed is linear in the angle.
+    square: FloatArray = np.array(rows) @ np.stack([np.ones(n), elapsed_angles(n)])
+    return 1.0 / square
 
 
 def _vertex(angles: FloatArray, height: FloatArray, at: int) -> float:

@@ -16,6 +16,7 @@ from typing import Final
 from gateway.estimators.determination import DETERMINED
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.tire_data import LOAD_LAW_STD
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
@@ -59,6 +60,14 @@ class LoadEstimator:
 
         The pressure number uses the stated load where there is one. Never raises on values.
         """
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of every revolution."""
+        return [self._estimates(block, index) for index in range(len(block))]
+
+    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+        revolution, conditions = block.revolutions[index], block.conditions[index]
         pressure = conditions.pressure_pa
         if pressure is None or not (pressure > 0.0 and conditions.radius_m > 0.0):
             return tuple(Estimate.invalid(name, Reason(Code.NEEDS_PRESSURE)) for name in NAMES)
@@ -68,12 +77,13 @@ class LoadEstimator:
             _error_beyond_definition(revolution.trailing_edge_std_rad),
         )
         by_angle = _compared(_by_angle(revolution, conditions, half, half_std, pressure), conditions)
-        by_width = _compared(self._by_width(revolution, average, conditions), conditions)
+        by_width = _compared(self._by_width(block, index), conditions)
         load = _better(by_angle, by_width)
         doubts = _contradictions((by_angle, by_width), conditions)
         return load, by_angle, by_width, _pressure_number(load, conditions, doubts, half, half_std, pressure)
 
-    def _by_width(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Estimate:
+    def _by_width(self, block: RevolutionBlock, index: int) -> Estimate:
+        conditions = block.conditions[index]
         reference = conditions.tire.reference
         if reference.Cw is None:
             return Estimate.invalid(NAMES[2], Reason(Code.NEEDS_REFERENCE_NUMBER, number="Cw"))
@@ -86,7 +96,8 @@ class LoadEstimator:
                     return Estimate.invalid(NAMES[2], Reason(Code.UNKNOWN_ESTIMATOR, estimator=reference.estimator))
                 self._numbers = make_estimator(reference.estimator)
             assumed = replace(conditions, load_n=load, load_std_n=0.0)
-            numbers = {found.name: found for found in self._numbers.update(revolution, average, assumed)}
+            made = self._numbers.update(block.revolutions[index], block.averages.at(index), assumed)
+            numbers = {found.name: found for found in made}
         width = numbers.get("Cw")
         if width is None:
             return Estimate.invalid(NAMES[2], Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Cw"))

@@ -8,6 +8,8 @@ has the meaning of the angles, their errors and their limits.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -22,13 +24,17 @@ from gateway.estimators.lateral_shape import (
     ORDERS,
     LateralAverage,
     LateralRecord,
+    Roll,
     contact_edges,
     edge_errors,
     has_lateral,
     slopes,
     why_unusable,
 )
+from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differs, is_due
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.reasons import Code, Reason
+from gateway.signal.lateral_deformation import slope_row
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
 from gateway.types import FloatArray
 
@@ -49,6 +55,11 @@ _ROLLING_DIFFERENCE: Final = 2.9
 _ROLLING_DIFFERENCE_STD: Final = 1.4
 # Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
+# Standard errors by which a slope may follow the average until its place in the contact is renewed.
+_MOVED_STDS: Final = 0.5
+# Relative change of the belt radius that does not matter to a slope.
+_NEGLIGIBLE_RADIUS: Final = 1e-3
+_FROM_MEANS: Final = (Reason(Code.FROM_AXIS_MEANS),)
 
 
 class Separated(NamedTuple):
@@ -99,6 +110,8 @@ class PlySteerEstimator:
             horizon_revolutions: memory of the average.
         """
         self._average = LateralAverage(horizon_revolutions, RollCalibration(offset_std_mps2))
+        self._followed: _Followed | None = None
+        self._renewed: _Renewed | None = None
 
     @property
     def name(self) -> str:
@@ -109,6 +122,7 @@ class PlySteerEstimator:
         """Forget the average and the roll calibration."""
         self._average.reset()
         self._average.roll.reset()
+        self._followed = self._renewed = None
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates of NAMES, ply_steer_contact_line_rad, conicity_slope_rad and sensor_roll_rad.
@@ -119,39 +133,57 @@ class PlySteerEstimator:
         second half of the contact, less what ply steer contributes to it in a rolling contact. The standard errors
         cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but not the definition of the
         slope, in which the angles differ. Never raises on values.
+
+        The slopes are linear in the average, which they follow in every revolution. Their places in the contact and
+        their standard errors are renewed at the pace of `gateway.estimators.pace`.
         """
-        if not has_lateral(revolution):
-            return ()
-        unusable = why_unusable(revolution)
-        if unusable is None:
-            self._average.update(revolution)
-        edges = contact_edges(average, conditions)
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Take revolutions and return the estimates after each."""
+        lateral = [has_lateral(revolution) for revolution in block.revolutions]
+        unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
+        taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
+        count = self._average.count
+        steps = self._average.update(block, taken) if taken else None
+        found = []
+        for index, has in enumerate(lateral):
+            if steps is not None and has and unusable[index] is None:
+                place = taken.index(index)
+                count += 1
+                self._followed = _Followed(
+                    count,
+                    steps.effective_counts[place],
+                    steps.mean_m[place],
+                    steps.roll[place],
+                    steps.order_max[place],
+                    steps.records[place],
+                )
+            found.append(self._estimates(block, index, unusable[index]) if has else ())
+        return found
+
+    def _estimates(self, block: RevolutionBlock, index: int, unusable: Reason | None) -> tuple[Estimate, ...]:
+        edges = contact_edges(block.averages.edges_rad[index], block.conditions[index])
         if isinstance(edges, Reason):
             return _all_invalid(unusable or edges)
-        if not self._average.effective_count:
+        if self._followed is None:
             return _all_invalid(unusable or Reason(Code.NO_REVOLUTION_YET))
-        record = self._average.record()
-        found = slopes(record, edges, conditions.radius_m)
-        roll = self._average.roll
-        rows = np.concatenate([found.rows, found.parity_rows])
-        variance = np.sum((rows @ record.covariance) * rows, axis=1)
-        # The place of the peak is the largest of several places: their noise counts once more.
-        variance[0] *= 2.0
-        variance += np.square(rows @ record.radial_m * roll.roll_std_rad)
-        variance += np.square(rows @ _along(record, revolution, conditions) * MOUNTING_STD_RAD)
-        # The slopes scale with the lateral axis's gain over the radius.
-        scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m)
-        variance += np.square(rows @ record.lateral_m * scale_std)
-        edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
-        variance += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
-        doubt = unusable or self._doubt(record.order_max)
-        orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
-        stds = np.sqrt(variance)
-        line, difference = found.parity_rad.tolist()
-        line_std, difference_std = stds[len(NAMES) :].tolist()
+        renewed = self._renewed
+        if renewed is None or renewed.is_outdated(self._followed, edges, block, index):
+            renewed = self._renewed = _renew(self._followed, edges, block, index)
+        return self._followed_estimates(renewed, edges, unusable)
+
+    def _followed_estimates(
+        self, renewed: _Renewed, edges: tuple[float, float], unusable: Reason | None
+    ) -> tuple[Estimate, ...]:
+        followed = self._followed
+        assert followed is not None
+        *slopes_rad, line, difference = (renewed.rows[:-2] @ followed.lateral_m).tolist()
+        *stds, line_std, difference_std = renewed.stds_rad
+        doubt = unusable or _doubt(followed)
+        notes = renewed.notes
         estimates = [
-            _estimate(name, float(value), float(std), doubt, (Reason(Code.INCLUDES_CONICITY), orders))
-            for name, value, std in zip(NAMES, found.values_rad, stds, strict=False)
+            _estimate(name, value, std, doubt, notes) for name, value, std in zip(NAMES, slopes_rad, stds, strict=True)
         ]
         if not abs(line) > _SIGNIFICANT * line_std:
             chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
@@ -159,20 +191,137 @@ class PlySteerEstimator:
                 e if name in _OWN_SIGN else Estimate.invalid(name, chance)
                 for name, e in zip(NAMES, estimates, strict=True)
             ]
-        estimates.append(_estimate(LINE_NAME, line, line_std, doubt, (orders,)))
+        estimates.append(_estimate(LINE_NAME, line, line_std, doubt, notes[1:]))
         estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
-        return (*estimates, _roll_estimate(roll))
+        return (*estimates, _roll_estimate(followed.roll))
 
-    def _doubt(self, order_max: int) -> Reason | None:
-        """Return why the angle is provisional; None when it is not."""
-        count = self._average.effective_count
-        if count < SETTLED_REVOLUTIONS:
-            return Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS)
-        if order_max < ENOUGH_ORDERS:
-            return Reason(Code.TOO_FEW_ORDERS, orders=order_max, needed=ENOUGH_ORDERS)
-        if not self._average.roll.count:
-            return Reason(Code.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
-        return None
+
+@dataclass(frozen=True, slots=True)
+class _Followed:
+    """The average after the latest revolution.
+
+    Attributes:
+        count: revolutions averaged.
+        effective_count: number of revolutions of equal weight that would have the same variance.
+        lateral_m: (2 k,) coefficients, corrected with the latest roll tilt.
+        roll: latest calibration.
+        order_max: highest order that the sampling has carried.
+        record: returns all of the average.
+    """
+
+    count: int
+    effective_count: float
+    lateral_m: FloatArray
+    roll: Roll
+    order_max: int
+    record: Callable[[], LateralRecord]
+
+
+@dataclass(frozen=True, slots=True)
+class _Renewed:
+    """Linear maps from the average to the slopes, and their errors, at the latest renewal.
+
+    Attributes:
+        rows: (7, 2 k) maps to the slopes of NAMES, the contact line, the difference of the halves, and the slopes at
+            both ends of the adhesion line.
+        stds_rad: standard errors of the first five.
+        values_rad: what the maps gave then.
+        limits_rad: how far the values may move until the maps are renewed: by a share of a standard error, and at an
+            end of the adhesion line by the slope's, beyond which it ends elsewhere.
+        notes: of the estimates of NAMES.
+        count: revolutions averaged then.
+        order_max: highest order then.
+        edges_rad: contact edges then.
+        edges_std_rad: their standard errors.
+        omega_radps: angular speed then.
+        roll_std_rad: standard error of the roll tilt then.
+        conditions: of the revolution then.
+    """
+
+    rows: FloatArray
+    stds_rad: tuple[float, ...]
+    values_rad: FloatArray
+    limits_rad: FloatArray
+    notes: tuple[Reason, ...]
+    count: int
+    order_max: int
+    edges_rad: tuple[float, float]
+    edges_std_rad: tuple[float, float]
+    omega_radps: float
+    roll_std_rad: float
+    conditions: TireConditions
+
+    def is_outdated(
+        self, followed: _Followed, edges_rad: tuple[float, float], block: RevolutionBlock, index: int
+    ) -> bool:
+        """Return whether to renew, by the count of revolutions and what the maps rest on."""
+        conditions, old = block.conditions[index], self.conditions
+        if followed.count != self.count and (is_due(followed.count) or followed.count - self.count > LONGEST):
+            return True
+        omega = block.revolutions[index].omega_radps
+        moved_rad = np.abs(self.rows @ followed.lateral_m - self.values_rad)
+        return (
+            bool((moved_rad > self.limits_rad).any())
+            or differs(followed.roll.std_rad, self.roll_std_rad, SHARE_OF_STD * self.roll_std_rad)
+            or followed.order_max != self.order_max
+            or any(
+                differs(now, then, SHARE_OF_STD * std)
+                for now, then, std in zip(edges_rad, self.edges_rad, self.edges_std_rad, strict=True)
+            )
+            or (conditions.radius_m != old.radius_m and differs(conditions.radius_m, old.radius_m, 1e-3 * old.radius_m))
+            or differs(conditions.gain_std, old.gain_std, SHARE_OF_STD * old.gain_std)
+            or differs(omega, self.omega_radps, SHARE_OF_STD * self.omega_radps)
+        )
+
+
+def _renew(followed: _Followed, edges: tuple[float, float], block: RevolutionBlock, index: int) -> _Renewed:
+    """Return the maps and standard errors of the present average."""
+    revolution, conditions, average = block.revolutions[index], block.conditions[index], block.averages.at(index)
+    record = followed.record()
+    found = slopes(record, edges, conditions.radius_m)
+    rows = np.concatenate([found.rows, found.parity_rows])
+    ends = np.stack([slope_row(end, ORDERS, conditions.radius_m) for end in found.stretch_rad])
+    ends_std = np.sqrt(np.maximum(np.sum((ends @ record.covariance) * ends, axis=1), 0.0))
+    variance = np.sum((rows @ record.covariance) * rows, axis=1)
+    # The place of the peak is the largest of several places: their noise counts once more.
+    variance[0] *= 2.0
+    variance += np.square(rows @ record.radial_m * followed.roll.std_rad)
+    variance += np.square(rows @ _along(record, revolution, conditions) * MOUNTING_STD_RAD)
+    # The slopes scale with the lateral axis's gain over the radius.
+    scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m)
+    variance += np.square(rows @ record.lateral_m * scale_std)
+    edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
+    variance += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
+    orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
+    stds = np.sqrt(variance)
+    # Where the line ends at an edge of the contact, the slope there does not matter.
+    ends_std[np.array(found.stretch_rad) == np.array(edges)] = math.inf
+    rows = np.concatenate([rows, ends])
+    return _Renewed(
+        rows,
+        tuple(stds.tolist()),
+        rows @ record.lateral_m,
+        np.concatenate([_MOVED_STDS * stds, ends_std]),
+        (Reason(Code.INCLUDES_CONICITY), orders),
+        followed.count,
+        followed.order_max,
+        edges,
+        edges_std,
+        revolution.omega_radps,
+        followed.roll.std_rad,
+        conditions,
+    )
+
+
+def _doubt(followed: _Followed) -> Reason | None:
+    """Return why the angle is provisional; None when it is not."""
+    if followed.effective_count < SETTLED_REVOLUTIONS:
+        return Reason(Code.NOT_SETTLED, revolutions=followed.effective_count, needed=SETTLED_REVOLUTIONS)
+    if followed.order_max < ENOUGH_ORDERS:
+        return Reason(Code.TOO_FEW_ORDERS, orders=followed.order_max, needed=ENOUGH_ORDERS)
+    if not followed.roll.count:
+        return Reason(Code.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
+    return None
 
 
 def _estimate(name: str, value: float, std: float, doubt: Reason | None, notes: tuple[Reason, ...]) -> Estimate:
@@ -217,10 +366,10 @@ def _conicity(
     return _estimate(CONICITY_NAME, value, std, doubt, ())
 
 
-def _roll_estimate(roll: RollCalibration) -> Estimate:
+def _roll_estimate(roll: Roll) -> Estimate:
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
-    return Estimate(ROLL_NAME, roll.roll_rad, roll.roll_std_rad, Status.VALID, (Reason(Code.FROM_AXIS_MEANS),))
+    return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)
 
 
 def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:

@@ -110,7 +110,9 @@ class RingModalEstimator:
         fitted = FittedNumbers(
             fit.numbers * number, fit.free, _noise(fit, std[used]) * number**2, _model(fit) * number**2
         )
-        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
+        return number_estimates(
+            self.name, fitted, conditions, doubt_about(revolution, average.effective_count), (_MODEL_NOTE,)
+        )
 
     def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
         self._warm = None

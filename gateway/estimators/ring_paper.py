@@ -104,7 +104,9 @@ class RingPaperEstimator:
         covariance = fit.covariance + np.outer(fit.angle_derivative, fit.angle_derivative) * _square(angle_std)
         model = np.diag(np.square(MODEL_ERRORS * fit.numbers))
         fitted = FittedNumbers(fit.numbers, fit.free, covariance, model)
-        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average), (_MODEL_NOTE,))
+        return number_estimates(
+            self.name, fitted, conditions, doubt_about(revolution, average.effective_count), (_MODEL_NOTE,)
+        )
 
     def _start(self, force_m: float) -> FloatArray | None:
         """Return the last numbers, scaled to this force; None for a cold start, at updates 1, 2, 4, 8, ..."""

@@ -15,17 +15,28 @@ roll tilt from the means of the lateral axis (`gateway.signal.sensor_mounting`).
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
-from gateway.estimators.sensor_claims import GAIN_STD, HAND_MOUNTED_STD_M
+from gateway.estimators.pace import is_due
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import contact_interior
-from gateway.signal.sensor_mounting import BeltKinematics, MountingRows, RollCalibration, belt_kinematics, mounting_rows
+from gateway.signal.sensor_mounting import (
+    MOUNTING_SIZE,
+    BeltKinematics,
+    MountingRows,
+    RollCalibration,
+    belt_kinematics,
+    mounting_rows,
+)
 from gateway.types import FloatArray
 
 NAMES: Final = (
@@ -51,6 +62,7 @@ _CONTACT_LEVEL: Final = (-0.025, 0.035)
 _OFFSET_MODEL_M: Final = 2e-5
 _PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
+_KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
 # Share of its prior error below which the zero-g offset counts as determined.
 _SEPARATED: Final = 0.3
 # Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
@@ -63,12 +75,31 @@ _STEADY_SPEED: Final = 0.03
 _LEAST_REVOLUTIONS: Final = 8
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
-_BELT_EVERY: Final = 8
+
+# Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
+# side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
+_MOUNTING: Final = slice(0, MOUNTING_SIZE)
+_MEAN: Final = slice(MOUNTING_SIZE, MOUNTING_SIZE + 5)
+_GRAVITY: Final = slice(MOUNTING_SIZE + 5, MOUNTING_SIZE + 10)
+_MATRIX: Final = slice(MOUNTING_SIZE + 10, MOUNTING_SIZE + 26)
+_RIGHT: Final = slice(MOUNTING_SIZE + 26, MOUNTING_SIZE + 30)
+_STEADY: Final = slice(MOUNTING_SIZE + 30, MOUNTING_SIZE + 34)
+_SUMS: Final = MOUNTING_SIZE + 34
 
 
 class _Found(NamedTuple):
     value: float
     std: float
+
+
+class Equations(NamedTuple):
+    """Normal equations of two unknowns: ((aa, ab), (ab, bb)) and (a, b)."""
+
+    aa: float = 0.0
+    ab: float = 0.0
+    bb: float = 0.0
+    a: float = 0.0
+    b: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +112,10 @@ class Measured:
         rate_hz: sampling rate in use.
         steady_mps2: latest mean of the radial axis that a perfect sensor would read on a belt of the stated radius.
         mean_square: mean square of kappa R.
-        by_mean: (2, 2) information and (2,) right-hand side of the relative error of the steady value and of the
-            zero-g offset in m/s^2, from the means of the revolutions.
-        by_gravity: (2, 2) and (2,) likewise of the relative error of the gain, and of belt stretch as order 1 of R
-            Omega^2, from gravity in order 1.
+        by_mean: of the relative error of the steady value and of the zero-g offset in m/s^2, from the means of the
+            revolutions.
+        by_gravity: of the relative error of the gain, and of belt stretch as order 1 of R Omega^2, from gravity in
+            order 1.
         contact_gain: gain of an AC-coupled sensor and its standard error, from the depth of the contact; None without.
         offset_m: sensor below the neutral layer and its standard error; None without a circumferential axis.
     """
@@ -94,10 +125,37 @@ class Measured:
     rate_hz: float
     steady_mps2: float
     mean_square: float
-    by_mean: tuple[FloatArray, FloatArray]
-    by_gravity: tuple[FloatArray, FloatArray]
+    by_mean: Equations
+    by_gravity: Equations
     contact_gain: tuple[float, float] | None
     offset_m: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """State after one revolution.
+
+    Attributes:
+        refused: why it was not used; None when it was.
+        count: revolutions used so far.
+        sums: (_SUMS,) running sums.
+        pitch: None without a circumferential axis.
+        offset: likewise.
+        roll: None before its first revolution.
+        warm: temperature above that of the first revolution, K.
+        floor: gain of an AC-coupled sensor from the contact; None before the first.
+        measured: for the evidence; None before the first revolution.
+    """
+
+    refused: Reason | None
+    count: int
+    sums: FloatArray
+    pitch: _Found | None
+    offset: _Found | None
+    roll: _Found | None
+    warm: float
+    floor: Estimate | None
+    measured: Measured | None
 
 
 class SelfCalibrationEstimator:
@@ -116,27 +174,14 @@ class SelfCalibrationEstimator:
     def reset(self) -> None:
         """Forget everything, as after a change of sensor."""
         self._roll.reset()
-        self._keep = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
-        self._count = 0
-        self._information = np.zeros((4, 4))
-        self._weighted = np.zeros(4)
-        self._steady = np.zeros(4)
-        self._forget_means()
+        self._has_along = False
         self._is_calibrated = False
-        self._is_ac, self._rate_hz = False, math.nan
-        # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
-        self._axes_std = math.sqrt(2.0) * GAIN_STD
         self._reference_degc: float | None = None
-        self._warm = 0.0
-        self._mounting: MountingRows | None = None
         self._ratio = 0.0
         self._belt: BeltKinematics | None = None
-        self._floor: Estimate | None = None
-
-    def _forget_means(self) -> None:
-        self._by_mean = np.zeros((2, 2)), np.zeros(2)
-        self._by_gravity = np.zeros((2, 2)), np.zeros(2)
-        self._expected_mps2 = math.nan
+        self._centre_rad = self._scatter_mps2 = math.nan
+        self._last = _Step(None, 0, np.zeros(_SUMS), None, None, None, 0.0, None, None)
+        self._steps: list[_Step] = []
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates of NAMES; a perfect sensor has gain 1.
@@ -146,202 +191,303 @@ class SelfCalibrationEstimator:
         which need the lost means, and its gain only from the contact, which is flat on a flat road. Never raises on
         values.
         """
-        refused = _refused(revolution, average, conditions)
-        if refused is None:
-            self._take(revolution, average, conditions)
-        return (
-            *self._gain_estimates(revolution, average, conditions, refused),
-            self._roll_estimate(revolution, refused),
-            *self._mounting_estimates(conditions, refused),
-        )
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
 
-    def _take(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> None:
-        """Add one revolution without faults."""
-        self._count += 1
-        self._is_ac, self._rate_hz = revolution.ac_coupled, revolution.rate_hz
-        self._axes_std = math.sqrt(2.0) * conditions.claims.gain_std
-        belt = self._belt_of(average, conditions)
-        axes = revolution.axes_mps2
-        if np.isfinite(axes[_CIRCUMFERENTIAL]).all():
-            rows = mounting_rows(
-                axes[_CIRCUMFERENTIAL],
-                axes[_RADIAL],
-                belt,
-                revolution.omega_radps,
-                revolution.omega_dot_radps2,
-                conditions.radius_m,
-                revolution.order_max,
-                with_mean=not revolution.ac_coupled,
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Take revolutions and return the estimates of NAMES after each."""
+        self.measure(block)
+        return self.estimates(block)
+
+    def measure(self, block: RevolutionBlock) -> list[Measured | None]:
+        """Take revolutions and return what is measured after each; None before the first that can be used.
+
+        Curvature of the belt, contact centre and scatter are those of the average at the last renewal.
+        """
+        steps: list[_Step] = []
+        taken: list[int] = []
+        for index, revolution in enumerate(block.revolutions):
+            refused = _refused(revolution, block.conditions[index])
+            count = self._last.count + len(taken) + 1
+            due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1
+            if refused is not None or due:
+                steps += self._take(block, taken)
+                taken = []
+            if refused is None and due:
+                refused = self._renew(block, index)
+            if refused is None:
+                taken.append(index)
+            else:
+                steps.append(replace(self._last, refused=refused))
+        steps += self._take(block, taken)
+        self._steps = steps
+        return [step.measured for step in steps]
+
+    def estimates(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of NAMES after each revolution of the block that was measured last."""
+        return [
+            (
+                *_gain_estimates(revolution, conditions, step),
+                _roll_estimate(revolution, conditions, step),
+                *_mounting_estimates(conditions, step),
             )
-            self._mounting = rows if self._mounting is None else self._mounting.and_then(rows, self._keep)
-        if revolution.ac_coupled:
-            return
-        self._roll.update(float(axes[_LATERAL].mean()), float(axes[_RADIAL].mean()))
-        # Before that, the mounting offset, which the mean depends on, is not known.
-        is_calibrated = (
-            conditions.claims.offset_m is not None or self._mounting is None or self._count > _LEAST_REVOLUTIONS
-        )
-        self._take_gain(revolution, average, conditions, belt, is_calibrated=is_calibrated)
+            for revolution, conditions, step in zip(block.revolutions, block.conditions, self._steps, strict=True)
+        ]
 
-    def _belt_of(self, average: AngleAverage, conditions: TireConditions) -> BeltKinematics:
-        """Return the belt's kinematics from the average, updated every few revolutions."""
-        if self._belt is None or self._belt_is_due():
-            self._ratio = self._offset_ratio(conditions)
-            centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
-            self._belt = belt_kinematics(average.radial_mps2, self._ratio, centre)
-        return self._belt
-
-    def _belt_is_due(self) -> bool:
-        return self._count <= _LEAST_REVOLUTIONS + 1 or self._count % _BELT_EVERY == 0
-
-    def _take_gain(
-        self,
-        revolution: Revolution,
-        average: AngleAverage,
-        conditions: TireConditions,
-        belt: BeltKinematics,
-        *,
-        is_calibrated: bool,
-    ) -> None:
-        """Add the two equations of one revolution; `is_calibrated` tells whether the sensor's offset is known."""
-        degc = conditions.temperature_degc
-        if degc is not None:
-            self._reference_degc = degc if self._reference_degc is None else self._reference_degc
-            self._warm = degc - self._reference_degc
-        steady = conditions.radius_m * revolution.omega_radps**2
-        expected = steady * (1.0 - self._ratio * belt.mean_square)
-        mean = float(revolution.radial_mps2.mean())
-        centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
-        order_1 = complex(revolution.orders_mps2[1]) * complex(math.cos(centre), math.sin(centre))
-        # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
-        gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
-        left = order_1.real - belt.signal_order_1 * mean
-        change = abs(revolution.omega_dot_radps2 * revolution.period_s / revolution.omega_radps)
-        is_steady = 0.0 < change < _STEADY_SPEED and average.count > 2
-        scatter = float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count)
-        order_std = max(scatter, 1e-3)
-        by_mean = np.array([expected, 1.0, expected * self._warm, 0.0]) / _MEAN_STD_MPS2
-        by_gravity = np.array([gravity, 0.0, gravity * self._warm, steady]) / order_std * is_steady
-        if not (np.isfinite(by_mean).all() and np.isfinite(by_gravity).all() and math.isfinite(left)):
-            return
-        if is_calibrated and not self._is_calibrated:
-            self._forget_means()
-        self._is_calibrated = is_calibrated
-        self._expected_mps2 = expected
-        self._by_mean = _added(self._by_mean, self._keep, by_mean[:2], (mean - expected) / _MEAN_STD_MPS2)
-        by_order = is_steady * left / order_std
-        self._by_gravity = _added(self._by_gravity, self._keep, by_gravity[[0, 3]], by_order)
-        if not is_calibrated:
-            return
-        rows = np.stack([by_mean, by_gravity])
-        found = np.array([(mean - expected) / _MEAN_STD_MPS2, by_order])
-        self._information = self._keep * self._information + rows.T @ rows
-        self._weighted = self._keep * self._weighted + found @ rows
-        self._steady = self._keep * self._steady + by_mean * (expected / _MEAN_STD_MPS2)
-
-    @property
-    def measured(self) -> Measured | None:
-        """Result of the revolutions so far; None before the first."""
-        if self._belt is None:
-            return None
-        found = self._mounting_found() if self._count >= _LEAST_OF_OFFSET else None
-        floor = self._floor
-        return Measured(
-            revolutions=self._count,
-            ac_coupled=self._is_ac,
-            rate_hz=self._rate_hz,
-            steady_mps2=self._expected_mps2,
-            mean_square=self._belt.mean_square,
-            by_mean=self._by_mean,
-            by_gravity=self._by_gravity,
-            contact_gain=None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std),
-            offset_m=None if found is None else (found[1].value, found[1].std),
-        )
+    def _renew(self, block: RevolutionBlock, index: int) -> Reason | None:
+        """Take the belt's shape from the average; return why the average is not usable, None when it is."""
+        average, conditions = block.averages.at(index), block.conditions[index]
+        if not np.isfinite(average.radial_mps2).all():
+            return Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
+        if not float(average.radial_mps2.mean()) > 0.0:
+            return Reason(Code.NO_STEADY_VALUE)
+        if not math.isfinite(float(average.orders_std_mps2[1])):
+            return Reason(Code.AVERAGE_ERRORS_UNKNOWN)
+        self._ratio = self._offset_ratio(conditions)
+        self._centre_rad = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
+        self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
+        self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
+        if block.revolutions[index].ac_coupled:
+            self._last = replace(self._last, floor=_floor_gain(average, conditions))
+        return None
 
     def _offset_ratio(self, conditions: TireConditions) -> float:
         """Return e / R: as measured once its error is below 1 mm, else as stated, else 0."""
-        found = self._mounting_found()
-        if found is None or not found[1].std < HAND_MOUNTED_STD_M:
+        found = self._last.offset
+        if found is None or not found.std < HAND_MOUNTED_STD_M:
             return (conditions.claims.offset_m or 0.0) / conditions.radius_m
-        return float(np.clip(found[1].value / conditions.radius_m, -0.05, 0.15))
+        return min(max(found.value / conditions.radius_m, -0.05), 0.15)
 
-    def _mounting_found(self) -> tuple[_Found, _Found] | None:
-        """Return pitch and mounting offset."""
-        if self._mounting is None:
-            return None
-        solution, stds = self._mounting.solve()
-        offset, tilt = float(solution[0]), float(solution[1])
-        offset_std = math.hypot(float(stds[0]), self._axes_std * offset, _OFFSET_MODEL_M)
-        if not (math.isfinite(offset_std) and math.isfinite(tilt)):
-            return None
-        return _Found(math.atan(tilt), math.hypot(float(stds[1]), self._axes_std * tilt, _PITCH_MODEL_RAD)), _Found(
-            offset, offset_std
-        )
+    def _take(self, block: RevolutionBlock, taken: Sequence[int]) -> list[_Step]:
+        """Add revolutions without faults on one shape of the belt; return the state after each."""
+        if not taken:
+            return []
+        belt = self._belt
+        assert belt is not None
+        first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
+        rows = np.zeros((len(taken), _SUMS))
+        at = np.array(taken)
+        spectra = block.arrays.in_plane_mps2[at]
+        omega, omega_dot = block.arrays.omega_radps[at], block.arrays.omega_dot_radps2[at]
+        along = np.isfinite(spectra[:, 0, 0].real)
+        if along.any():
+            order_max = np.array([block.revolutions[index].order_max for index in taken])
+            with_mean = not first.ac_coupled
+            found = mounting_rows(
+                spectra, belt, omega, omega_dot, first_conditions.radius_m, order_max, with_mean=with_mean
+            )
+            rows[:, _MOUNTING] = np.where(along[:, np.newaxis], found.sums, 0.0)
+        self._has_along |= bool(along.any())
+        warm, expected = [self._last.warm] * len(taken), np.full(len(taken), math.nan)
+        is_calibrated = False
+        if not first.ac_coupled:
+            # Before that, the mounting offset, which the mean depends on, is not known.
+            is_calibrated = (
+                first_conditions.claims.offset_m is not None
+                or not self._has_along
+                or self._last.count + 1 > _LEAST_REVOLUTIONS
+            )
+            warm = [self._warm(block.conditions[index]) for index in taken]
+            expected = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
+        before = self._last.sums
+        if is_calibrated and not self._is_calibrated:
+            before = before.copy()
+            before[_MEAN] = before[_GRAVITY] = 0.0
+        self._is_calibrated |= is_calibrated
+        powers, decay = _decay(len(taken))
+        sums = powers[:, np.newaxis] * before + decay @ rows
+        return self._record(block, taken, belt, sums, warm, expected.tolist())
 
-    def _mounting_estimates(self, conditions: TireConditions, refused: Reason | None) -> tuple[Estimate, Estimate]:
-        found = self._mounting_found()
-        if found is None:
-            reason = refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
-            return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
-        doubt = refused or self._unsettled()
-        offset = _estimate(NAMES[5], found[1], doubt)
-        stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
-        if stated_m is not None and abs(stated_m - found[1].value) > 3.0 * math.hypot(stated_std_m, found[1].std):
-            offset = replace(offset, reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
-        return _estimate(NAMES[4], found[0], doubt), offset
+    def _warm(self, conditions: TireConditions) -> float:
+        degc = conditions.temperature_degc
+        if degc is None:
+            return self._last.warm
+        self._reference_degc = degc if self._reference_degc is None else self._reference_degc
+        return degc - self._reference_degc
 
-    def _roll_estimate(self, revolution: Revolution, refused: Reason | None) -> Estimate:
-        if not self._roll.count:
-            lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
-            return Estimate.invalid(NAMES[3], refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
-        found = _Found(self._roll.roll_rad, math.hypot(self._roll.roll_std_rad, self._axes_std * self._roll.roll_rad))
-        doubt = refused or self._unsettled()
-        if doubt is None and self._roll.roll_std_rad > _ROLL_SEPARATED_RAD:
-            doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
-        return _estimate(NAMES[3], found, doubt)
+    def _gain_rows(
+        self,
+        block: RevolutionBlock,
+        taken: Sequence[int],
+        belt: BeltKinematics,
+        warm: FloatArray,
+        rows: FloatArray,
+        *,
+        is_calibrated: bool,
+    ) -> FloatArray:
+        """Set the two equations of each revolution; return the steady value that is expected of each, (k,)."""
+        revolutions = [block.revolutions[index] for index in taken]
+        orders = np.array([revolution.orders_mps2[:2] for revolution in revolutions])
+        at = np.array(taken)
+        omega = block.arrays.omega_radps[at]
+        steady = block.conditions[taken[0]].radius_m * omega * omega
+        expected: FloatArray = steady * (1.0 - self._ratio * belt.mean_square)
+        mean = orders[:, 0].real
+        order_1 = orders[:, 1] * complex(math.cos(self._centre_rad), math.sin(self._centre_rad))
+        # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
+        gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
+        left = order_1.real - belt.signal_order_1 * mean
+        change = np.abs(block.arrays.omega_dot_radps2[at]) * (2.0 * math.pi) / (omega * omega)
+        settled = self._last.count + 1 + np.arange(len(taken)) > 2
+        is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled
+        usable = np.isfinite(left) & np.isfinite(expected)
+        # Factors of G, z, G' and a, then the left-hand side, of both equations.
+        both = np.zeros((len(taken), 2, 5))
+        by_mean, by_gravity = both[:, 0], both[:, 1]
+        by_mean[:, 0], by_mean[:, 1], by_mean[:, 2], by_mean[:, 4] = expected, 1.0, expected * warm, mean - expected
+        by_gravity[:, 0], by_gravity[:, 2], by_gravity[:, 3], by_gravity[:, 4] = gravity, gravity * warm, steady, left
+        by_mean /= _MEAN_STD_MPS2
+        by_gravity /= self._scatter_mps2
+        by_gravity[~is_steady] = 0.0
+        if not usable.all():
+            both[~usable] = 0.0
+        products = both[:, :, :, np.newaxis] * both[:, :, np.newaxis, :]
+        rows[:, _MEAN] = products[:, 0][:, (0, 0, 1, 0, 1), (0, 1, 1, 4, 4)]
+        rows[:, _GRAVITY] = products[:, 1][:, (0, 0, 3, 0, 3), (0, 3, 3, 4, 4)]
+        if is_calibrated:
+            total = products.sum(axis=1)
+            rows[:, _MATRIX] = total[:, :4, :4].reshape(-1, 16)
+            rows[:, _RIGHT] = total[:, :4, 4]
+            rows[:, _STEADY] = by_mean[:, :4] * by_mean[:, :1]
+        return expected
 
-    def _gain_estimates(
-        self, revolution: Revolution, average: AngleAverage, conditions: TireConditions, refused: Reason | None
-    ) -> tuple[Estimate, Estimate, Estimate]:
-        if revolution.ac_coupled:
-            lost = Reason(Code.AC_COUPLED)
-            if self._floor is None or refused or self._belt_is_due():
-                self._floor = _floor_gain(average, conditions, refused)
-            return self._floor, Estimate.invalid(NAMES[1], lost), Estimate.invalid(NAMES[2], lost)
-        if not self._information[0, 0] > 0.0:
-            reason = refused or Reason(Code.NO_REVOLUTION_YET)
-            first, second, third = (Estimate.invalid(name, reason) for name in NAMES[:3])
-            return first, second, third
-        stds = np.array(_PRIOR_STDS)
-        covariance = np.linalg.inv(self._information + np.diag(stds**-2.0))
-        change = covariance @ self._weighted
-        steady = covariance @ self._steady * _CLOSURE_STD
-        errors = np.sqrt(np.diag(covariance) + np.square(steady))
-        by_speed = speed_errors(self._by_mean[0])
-        errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
-        here = np.array([1.0, 0.0, self._warm, 0.0])
-        gain = 1.0 + float(here @ change)
-        radius = conditions.radius_std_m / conditions.radius_m
-        gain_std = math.sqrt(float(here @ covariance @ here) + float(here @ steady) ** 2 + (gain * radius) ** 2)
-        doubt = refused or self._unsettled()
-        one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
-        together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
-        if not together:
-            gain_std = math.hypot(gain_std, by_speed.gain)
-        return (
-            _estimate(NAMES[0], _Found(gain, gain_std), doubt or (one_speed if together else None)),
-            Estimate.invalid(NAMES[1], one_speed)
-            if together
-            else _estimate(NAMES[1], _Found(float(change[1]), float(errors[1])), doubt),
-            Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE_CHANGE))
-            if errors[2] > _SEPARATED * _PRIOR_STDS[2]
-            else _estimate(NAMES[2], _Found(float(change[2]), float(errors[2])), doubt),
-        )
+    def _record(
+        self,
+        block: RevolutionBlock,
+        taken: Sequence[int],
+        belt: BeltKinematics,
+        sums: FloatArray,
+        warm: Sequence[float],
+        expected: Sequence[float],
+    ) -> list[_Step]:
+        solutions = stds = None
+        if self._has_along:
+            found_mounting = MountingRows(sums[:, _MOUNTING]).solve()
+            solutions, stds = found_mounting[0].tolist(), found_mounting[1].tolist()
+        floor = self._last.floor
+        contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
+        equations = sums[:, _MEAN.start : _GRAVITY.stop].tolist()
+        count, steps = self._last.count, []
+        for place, index in enumerate(taken):
+            revolution, claims = block.revolutions[index], block.conditions[index].claims
+            count += 1
+            # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
+            axes_std = math.sqrt(2.0) * claims.gain_std
+            offset = pitch = None
+            if solutions is not None and stds is not None:
+                pitch, offset = _mounting(solutions[place], stds[place], axes_std)
+            roll = self._last.roll
+            if not revolution.ac_coupled:
+                means = block.arrays.means_mps2[index]
+                self._roll.update(float(means[_LATERAL]), float(means[_RADIAL]))
+                roll = _Found(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None
+            measured = Measured(
+                revolutions=count,
+                ac_coupled=revolution.ac_coupled,
+                rate_hz=revolution.rate_hz,
+                steady_mps2=expected[place],
+                mean_square=belt.mean_square,
+                by_mean=Equations(*equations[place][:5]),
+                by_gravity=Equations(*equations[place][5:]),
+                contact_gain=contact,
+                offset_m=offset if count >= _LEAST_OF_OFFSET else None,
+            )
+            steps.append(_Step(None, count, sums[place], pitch, offset, roll, warm[place], floor, measured))
+        self._last = steps[-1]
+        return steps
 
-    def _unsettled(self) -> Reason | None:
-        if self._count >= _LEAST_REVOLUTIONS:
-            return None
-        return Reason(Code.NOT_SETTLED, revolutions=self._count, needed=_LEAST_REVOLUTIONS)
+
+@lru_cache(maxsize=64)
+def _decay(count: int) -> tuple[FloatArray, FloatArray]:
+    """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
+    place: FloatArray = np.arange(count, dtype=np.float64)
+    powers: FloatArray = _KEEP ** (place + 1.0)
+    later: FloatArray = np.maximum(place[:, np.newaxis] - place, 0.0)
+    rows: FloatArray = np.tril(np.power(_KEEP, later))
+    for array in (powers, rows):
+        array.setflags(write=False)
+    return powers, rows
+
+
+def _mounting(solution: Sequence[float], stds: Sequence[float], axes_std: float) -> tuple[_Found | None, _Found | None]:
+    """Return pitch and mounting offset; None where they are not finite."""
+    offset, tilt = solution[0], solution[1]
+    offset_std = math.hypot(stds[0], axes_std * offset, _OFFSET_MODEL_M)
+    if not (math.isfinite(offset_std) and math.isfinite(tilt)):
+        return None, None
+    pitch = _Found(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, _PITCH_MODEL_RAD))
+    return pitch, _Found(offset, offset_std)
+
+
+def _mounting_estimates(conditions: TireConditions, step: _Step) -> tuple[Estimate, Estimate]:
+    if step.pitch is None or step.offset is None:
+        reason = step.refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
+        return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
+    doubt = step.refused or _unsettled(step)
+    offset = _estimate(NAMES[5], step.offset, doubt)
+    stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
+    if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
+        offset = replace(offset, reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
+    return _estimate(NAMES[4], step.pitch, doubt), offset
+
+
+def _roll_estimate(revolution: Revolution, conditions: TireConditions, step: _Step) -> Estimate:
+    if step.roll is None:
+        lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
+        return Estimate.invalid(NAMES[3], step.refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
+    roll_rad, roll_std_rad = step.roll
+    found = _Found(roll_rad, math.hypot(roll_std_rad, math.sqrt(2.0) * conditions.claims.gain_std * roll_rad))
+    doubt = step.refused or _unsettled(step)
+    if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
+        doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
+    return _estimate(NAMES[3], found, doubt)
+
+
+def _gain_estimates(
+    revolution: Revolution, conditions: TireConditions, step: _Step
+) -> tuple[Estimate, Estimate, Estimate]:
+    refused = step.refused
+    if revolution.ac_coupled:
+        lost = Reason(Code.AC_COUPLED)
+        gain = step.floor
+        if gain is None or refused is not None:
+            gain = Estimate.invalid(NAMES[0], refused or Reason(Code.NO_CONTACT))
+        return gain, Estimate.invalid(NAMES[1], lost), Estimate.invalid(NAMES[2], lost)
+    information = step.sums[_MATRIX].reshape(4, 4)
+    if not information[0, 0] > 0.0:
+        reason = refused or Reason(Code.NO_REVOLUTION_YET)
+        first, second, third = (Estimate.invalid(name, reason) for name in NAMES[:3])
+        return first, second, third
+    stds = np.array(_PRIOR_STDS)
+    covariance = np.linalg.inv(information + np.diag(stds**-2.0))
+    change = covariance @ step.sums[_RIGHT]
+    steady = covariance @ step.sums[_STEADY] * _CLOSURE_STD
+    errors = np.sqrt(np.diag(covariance) + np.square(steady))
+    by_speed = speed_errors(Equations(*step.sums[_MEAN].tolist()))
+    errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
+    here = np.array([1.0, 0.0, step.warm, 0.0])
+    gain_value = 1.0 + float(here @ change)
+    radius = conditions.radius_std_m / conditions.radius_m
+    gain_std = math.sqrt(float(here @ covariance @ here) + float(here @ steady) ** 2 + (gain_value * radius) ** 2)
+    doubt = refused or _unsettled(step)
+    one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
+    together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
+    if not together:
+        gain_std = math.hypot(gain_std, by_speed.gain)
+    return (
+        _estimate(NAMES[0], _Found(gain_value, gain_std), doubt or (one_speed if together else None)),
+        Estimate.invalid(NAMES[1], one_speed)
+        if together
+        else _estimate(NAMES[1], _Found(float(change[1]), float(errors[1])), doubt),
+        Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE_CHANGE))
+        if errors[2] > _SEPARATED * _PRIOR_STDS[2]
+        else _estimate(NAMES[2], _Found(float(change[2]), float(errors[2])), doubt),
+    )
+
+
+def _unsettled(step: _Step) -> Reason | None:
+    if step.count >= _LEAST_REVOLUTIONS:
+        return None
+    return Reason(Code.NOT_SETTLED, revolutions=step.count, needed=_LEAST_REVOLUTIONS)
 
 
 class SpeedErrors(NamedTuple):
@@ -351,55 +497,43 @@ class SpeedErrors(NamedTuple):
     zero_mps2: float
 
 
-def speed_errors(information: FloatArray) -> SpeedErrors:
+def speed_errors(equations: Equations) -> SpeedErrors:
     """Return the errors by a relative error of the steady value that goes with the speed.
 
     A steady value that is wrong in proportion to its deviation from its mean looks like a zero-g offset.
 
     Args:
-        information: (2, 2) of `Measured.by_mean`.
+        equations: `Measured.by_mean`, of at least one revolution.
 
     Returns:
         The errors; infinite at one speed.
     """
-    mean = float(information[0, 1] / information[1, 1])
-    spread2 = float(information[0, 0] / information[1, 1]) - mean**2
-    if not spread2 > 1e-12 * mean**2:
+    mean = equations.ab / equations.bb
+    spread2 = equations.aa / equations.bb - mean * mean
+    if not spread2 > 1e-12 * mean * mean:
         return SpeedErrors(math.inf, math.inf)
     gain = _MEAN_WITH_SPEED * abs(mean) / math.sqrt(spread2)
     return SpeedErrors(gain, gain * abs(mean))
 
 
-def _refused(revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> Reason | None:
+def _refused(revolution: Revolution, conditions: TireConditions) -> Reason | None:
     """Return why a revolution must not be used; None when it may be."""
     if revolution.faults or revolution.saturated:
         return not_used(revolution.faults or (Reason(Code.RADIAL_SATURATED),))
-    if not (np.isfinite(revolution.radial_mps2).all() and np.isfinite(average.radial_mps2).all()):
+    if not math.isfinite(revolution.orders_mps2[0].real):
         return Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[_RADIAL])
     if not conditions.radius_m > 0.0:
         return Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
-    if not float(average.radial_mps2.mean()) > 0.0:
-        return Reason(Code.NO_STEADY_VALUE)
     if not math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad):
         return Reason(Code.NO_CONTACT_EDGES)
-    if not math.isfinite(float(average.orders_std_mps2[1])):
-        return Reason(Code.AVERAGE_ERRORS_UNKNOWN)
     return None
 
 
-def _added(
-    sums: tuple[FloatArray, FloatArray], keep: float, row: FloatArray, found: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return information and right-hand side with one more equation."""
-    information, weighted = sums
-    return keep * information + np.outer(row, row), keep * weighted + found * row
-
-
-def _floor_gain(average: AngleAverage, conditions: TireConditions, refused: Reason | None) -> Estimate:
+def _floor_gain(average: AngleAverage, conditions: TireConditions) -> Estimate:
     """Return the gain of an AC-coupled sensor from the depth of the contact below the mean."""
-    interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0]) if refused is None else None
+    interior = contact_interior(average.radial_mps2, 2.0 * average.radial_mps2.shape[0])
     if interior is None:
-        return Estimate.invalid(NAMES[0], refused or Reason(Code.NO_CONTACT))
+        return Estimate.invalid(NAMES[0], Reason(Code.NO_CONTACT))
     steady = conditions.radius_m * average.omega_radps**2
     depth = float(average.radial_mps2.mean() - average.radial_mps2[interior].mean()) / steady
     gain = depth / (1.0 - _CONTACT_LEVEL[0])

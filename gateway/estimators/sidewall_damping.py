@@ -19,13 +19,18 @@ from typing import Final
 import numpy as np
 
 from gateway.physics.belt_shape import MAX_ORDER
-from gateway.physics.ring_series import modal_stiffness
+from gateway.physics.ring_series import stiffness_terms
 from gateway.types import ComplexArray, FloatArray
 
 # Orders of the fit: above them edge waves and the shape of the contact pressure decide the phases.
 _FIRST: Final = 2
 _LAST: Final = 15
 _ORDERS: Final[FloatArray] = np.arange(MAX_ORDER + 1, dtype=np.float64)
+_STIFFNESS_TERMS: Final[FloatArray] = stiffness_terms(_ORDERS)
+_CUBIC: Final[FloatArray] = _ORDERS * (np.square(_ORDERS) + 1.0)
+_BENDING: Final[FloatArray] = _ORDERS * _STIFFNESS_TERMS[:, 0]
+# Share of a column that the ones before do not contain, below which it is one of them.
+_SINGULAR: Final = 1e-13
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,21 +71,25 @@ def sidewall_damping(orders: ComplexArray, numbers: FloatArray, max_order: int) 
     """
     last = min(_LAST, max_order)
     with np.errstate(divide="ignore", invalid="ignore"):
-        stiffness = modal_stiffness(_ORDERS, numbers.tolist())
-        lag = _ORDERS * (np.square(_ORDERS) + 1.0) / stiffness
-        bending_lag = _ORDERS * modal_stiffness(_ORDERS, (float(numbers[0]), 0.0, 0.0, 0.0)) / stiffness
+        stiffness = _STIFFNESS_TERMS @ numbers
+        lag = _CUBIC / stiffness
+        bending_lag = _BENDING * (float(numbers[0]) / stiffness)
     lag[:_FIRST] = bending_lag[:_FIRST] = 0.0
     used = slice(_FIRST, last + 1)
     cosine, sine = orders.real, -orders.imag
-    rows = np.stack([cosine[used] * _ORDERS[used], cosine[used] * lag[used]], axis=1)
-    if not (np.isfinite(rows).all() and np.isfinite(sine[used]).all()):
+    columns = np.stack([_ORDERS[used], lag[used], bending_lag[used]], axis=1) * cosine[used, np.newaxis]
+    if not (np.isfinite(columns).all() and np.isfinite(sine[used]).all()):
         return None
-    (shift_rad, damping), _, rank, _ = np.linalg.lstsq(rows, sine[used], rcond=None)
-    if rank < rows.shape[1]:
+    # One factorisation serves the fit without and with damping of the bending.
+    basis, upper = np.linalg.qr(columns)
+    right = sine[used] @ basis
+    if not abs(upper[1, 1]) > _SINGULAR * float(np.abs(upper[:2, :2]).max()):
         return None
+    shift_rad, damping = np.linalg.solve(upper[:2, :2], right[:2])
     change = float(damping) * lag * sine
-    rows = np.column_stack([rows, cosine[used] * bending_lag[used]])
-    (_, both, bending), *_ = np.linalg.lstsq(rows, sine[used], rcond=None)
+    both, bending = damping, 0.0
+    if abs(upper[2, 2]) > _SINGULAR * float(np.abs(upper[:, 2]).max()):
+        _, both, bending = np.linalg.solve(upper, right)
     corrected = change if damping > 0.0 else np.zeros_like(change)
     by_bending = (float(both) * lag + float(bending) * bending_lag) * sine - corrected
     return SidewallDamping(max(float(damping), 0.0), float(shift_rad), change, by_bending)

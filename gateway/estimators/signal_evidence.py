@@ -14,16 +14,14 @@ is separated where the speed varies.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.self_calibration import Measured, speed_errors
+from gateway.estimators.self_calibration import Equations, Measured, speed_errors
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
 from gateway.reasons import Code, Reason
 
@@ -150,17 +148,31 @@ class Evidence:
     radius_std_m: float
     contradictions: tuple[Contradiction, ...] = ()
 
-    def applied_to(self, conditions: TireConditions) -> TireConditions:
-        """Return the conditions with the values in use."""
-        return replace(
-            conditions,
-            sensor_offset_m=self.sensor_offset_m,
-            sensor_offset_std_m=self.sensor_offset_std_m,
-            steady_std_mps2=self.steady_std_mps2,
-            gain_std=self.gain_std,
-            radius_m=self.radius_m,
-            radius_std_m=self.radius_std_m,
+    def applied_to(
+        self, conditions: TireConditions, given: Mapping[str, Mapping[str, Estimate]] | None = None
+    ) -> TireConditions:
+        """Return the conditions with the values in use, and with the estimates `given` by earlier estimators."""
+        return TireConditions(
+            self.radius_m,
+            conditions.load_n,
+            conditions.pressure_pa,
+            conditions.temperature_degc,
+            conditions.load_std_n,
+            conditions.pressure_std_pa,
+            self.radius_std_m,
+            self.sensor_offset_m,
+            self.sensor_offset_std_m,
+            self.steady_std_mps2,
+            self.gain_std,
+            conditions.claims,
+            conditions.tire,
+            conditions.given if given is None else given,
         )
+
+    @property
+    def says_anything(self) -> bool:
+        """Whether `qualified` changes any estimate."""
+        return bool(self.contradictions) or not self.offset_is_known
 
     def qualified(self, estimate: Estimate) -> Estimate:
         """Return an estimate with what the evidence says against it.
@@ -295,43 +307,54 @@ def _weighted(one: _Value, other: _Value) -> _Value:
     """Return the mean of two values weighted with their inverse variances."""
     if not one.std or not other.std:
         return one if not one.std else other
-    weights = np.array([one.std, other.std]) ** -2.0
-    return _Value(float(weights @ [one.value, other.value] / weights.sum()), float(weights.sum() ** -0.5))
+    first, second = one.std**-2.0, other.std**-2.0
+    return _Value((first * one.value + second * other.value) / (first + second), (first + second) ** -0.5)
+
+
+def _first_of(equations: Equations, other_std: float) -> tuple[float, float, float] | None:
+    """Return the first unknown, its variance and its covariance with the second, which is 0 within `other_std`."""
+    bb = equations.bb + other_std**-2.0
+    determinant = equations.aa * bb - equations.ab * equations.ab
+    if not determinant > 0.0:
+        return None
+    value = (bb * equations.a - equations.ab * equations.b) / determinant
+    return value, bb / determinant, -equations.ab / determinant
 
 
 def _steady_ratio(measured: Measured, zero_std_mps2: float) -> _Value | None:
     """Return measured over expected steady value, without the errors of gain, radius and rate."""
     if measured.ac_coupled:
         return None if measured.contact_gain is None else _Value(*measured.contact_gain)
-    information, weighted = measured.by_mean
-    if not information[0, 0] > 0.0:
+    if not measured.by_mean.aa > 0.0:
         return None
-    prior = np.diag([0.0, max(zero_std_mps2, 1e-3) ** -2.0])
-    covariance = np.linalg.inv(information + prior)
-    return _Value(1.0 + float(covariance[0] @ weighted), math.sqrt(float(covariance[0, 0])))
+    found = _first_of(measured.by_mean, max(zero_std_mps2, 1e-3))
+    return None if found is None else _Value(1.0 + found[0], math.sqrt(found[1]))
 
 
 def _zero(measured: Measured) -> _Value | None:
     """Return the zero-g offset that means at different speeds give, None where there is only one speed."""
-    information, weighted = measured.by_mean
-    if measured.ac_coupled or not information[0, 0] > 0.0:
+    aa, ab, bb, a, b = measured.by_mean
+    if measured.ac_coupled or not aa > 0.0:
         return None
-    correlation2 = information[0, 1] ** 2 / (information[0, 0] * information[1, 1])
-    if not correlation2 < 1.0 - 1e-9:
+    determinant = aa * bb - ab * ab
+    if not determinant > 1e-9 * aa * bb:
         return None
-    covariance = np.linalg.inv(information)
-    std = math.hypot(math.sqrt(float(covariance[1, 1])), speed_errors(information).zero_mps2)
-    return _Value(float(covariance[1] @ weighted), std)
+    std = math.hypot(math.sqrt(aa / determinant), speed_errors(measured.by_mean).zero_mps2)
+    return _Value((aa * b - ab * a) / determinant, std)
 
 
 def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
     """Return the gain from gravity; `depth` is the standard error of the sensor's offset over the belt radius."""
-    information, weighted = measured.by_gravity
-    if measured.ac_coupled or not information[0, 0] > 0.0:
+    equations = measured.by_gravity
+    if measured.ac_coupled or not equations.aa > 0.0:
         return None
-    covariance = np.linalg.inv(information + np.diag([0.0, _STRETCH_STD**-2.0]))
-    closure = float(covariance[0] @ information[:, 1]) * math.hypot(_CLOSURE_STD, _CLOSURE_BY_DEPTH * depth)
-    return _Value(1.0 + float(covariance[0] @ weighted), math.hypot(math.sqrt(float(covariance[0, 0])), closure))
+    found = _first_of(equations, _STRETCH_STD)
+    if found is None:
+        return None
+    value, variance, covariance = found
+    by_closure = variance * equations.ab + covariance * equations.bb
+    closure = by_closure * math.hypot(_CLOSURE_STD, _CLOSURE_BY_DEPTH * depth)
+    return _Value(1.0 + value, math.hypot(math.sqrt(variance), closure))
 
 
 def _gravity_contradiction(measured: Measured, gain_std: float, depth: float) -> Contradiction | None:

@@ -15,17 +15,16 @@ import numpy as np
 
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
-    DEFINITIONS,
     ORDERS,
     LateralAverage,
+    LateralSteps,
     contact_edges,
     has_lateral,
-    lateral_record,
-    slopes,
     why_unusable,
 )
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.reasons import Code, Reason
-from gateway.signal.lateral_deformation import lateral_waveform
+from gateway.signal.lateral_deformation import chord_row, lateral_waveform
 from gateway.signal.sensor_mounting import RollCalibration
 from gateway.signal.synchronous_average import RunningMoments
 from gateway.types import FloatArray
@@ -48,8 +47,6 @@ _HORIZON: Final = 50.0
 # left and right are compared.
 _LEAST_STEPS: Final = 3
 _LEAST_OF_SIDE: Final = 3
-
-_FIRST_HALF: Final = DEFINITIONS.index("first_half")
 
 
 def slip_asymmetry(left_mps2: FloatArray, right_mps2: FloatArray) -> float:
@@ -106,31 +103,46 @@ class SlipAngleEstimator:
         and at right slip, 0 for a tire without ply steer and conicity. slip_angle_rad needs the belt's share. There are
         no estimates without a lateral axis. Never raises on values.
         """
-        if not has_lateral(revolution):
-            return ()
-        unusable = why_unusable(revolution)
-        if unusable is not None:
-            return self._invalid(unusable)
-        self._reference.update(revolution)
-        edges = contact_edges(average, conditions)
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Take revolutions and return the estimates after each."""
+        lateral = [has_lateral(revolution) for revolution in block.revolutions]
+        unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
+        taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
+        steps = self._reference.update(block, taken) if taken else None
+        found: list[tuple[Estimate, ...]] = []
+        for index, has in enumerate(lateral):
+            why = unusable[index]
+            if why is not None:
+                found.append(self._invalid(why))
+            elif has and steps is not None:
+                found.append(self._estimates(block, index, steps, taken.index(index)))
+            else:
+                found.append(())
+        return found
+
+    def _estimates(self, block: RevolutionBlock, index: int, steps: LateralSteps, place: int) -> tuple[Estimate, ...]:
+        conditions = block.conditions[index]
+        edges = contact_edges(block.averages.edges_rad[index], conditions)
         if isinstance(edges, Reason):
             return self._invalid(edges)
         # The roll tilt is the same in both, so its error cancels in their difference.
-        own = lateral_record(revolution, self._reference.roll.roll_rad)
-        zero = self._reference.record()
-        slope = float(slopes(own, edges, conditions.radius_m).values_rad[_FIRST_HALF])
-        learnt = slopes(zero, edges, conditions.radius_m)
-        reference = self._given if self._given is not None else float(learnt.values_rad[_FIRST_HALF])
+        row = chord_row(edges[0], 0.5 * (edges[0] + edges[1]), ORDERS, conditions.radius_m)
+        own_m = steps.own_m[place]
+        slope = float(row @ own_m)
+        reference = self._given if self._given is not None else float(row @ steps.mean_m[place])
+        count = steps.effective_counts[place]
         std = self._scatter(slope)
-        if self._given is None and self._reference.effective_count > 1.0:
-            std *= math.sqrt(1.0 + 1.0 / self._reference.effective_count)
+        if self._given is None and count > 1.0:
+            std *= math.sqrt(1.0 + 1.0 / count)
             std = math.hypot(std, _LEARNT_ZERO_STD_RAD)
         apparent = slope - reference
-        asymmetry = lateral_asymmetry(lateral_waveform(own.lateral_m, ORDERS, 512))
+        asymmetry = lateral_asymmetry(lateral_waveform(own_m, ORDERS, 512))
         if abs(apparent) > _SIDE_RAD:
             side = self._sides[math.copysign(1.0, apparent)]
             side.update(np.array([asymmetry]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))
-        status, reason = self._status(std)
+        status, reason = self._status(std, count)
         reasons = (reason,)
         direction = math.copysign(1.0, apparent) if abs(apparent) > _SIGNIFICANT * std else 0.0
         unsigned = () if direction else (Reason(Code.SIGN_NOT_DETERMINED, errors=abs(apparent) / std if std else 0.0),)
@@ -151,12 +163,11 @@ class SlipAngleEstimator:
             self._steps.update(np.array([0.5 * step * step]), max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))
         return math.sqrt(self._steps.mean[0]) if self._steps.count >= _LEAST_STEPS else math.nan
 
-    def _status(self, std: float) -> tuple[Status, Reason]:
+    def _status(self, std: float, count: float) -> tuple[Status, Reason]:
         if not math.isfinite(std):
             return Status.PROVISIONAL, Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
         if self._given is not None:
             return Status.VALID, Reason(Code.ZERO_SLIP_GIVEN)
-        count = self._reference.effective_count
         if count < REFERENCE_SETTLED:
             return Status.PROVISIONAL, Reason(Code.ZERO_SLIP_NOT_SETTLED, revolutions=count, needed=REFERENCE_SETTLED)
         return Status.VALID, Reason(Code.ZERO_SLIP_IS_MEAN)

@@ -7,6 +7,7 @@ only mark the beginning of the free belt. docs/explanation/estimators.md has the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,12 +24,13 @@ from gateway.estimators.determination import (
 )
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
+from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differs, is_due
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
 from gateway.physics.belt_shape import (
     MAX_ORDER,
-    belt_shape,
     curvature_orders,
     even_orders,
     gravity_orders,
@@ -52,12 +54,105 @@ EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0015, -0.0025, 0.0045, -0.04]
 _DAMPING_ERROR: Final = 0.5
 # Step of the derivative by the sensor's offset, over the belt radius.
 _OFFSET_STEP: Final = 1e-3
+_OFFSET_STEPS: Final[FloatArray] = np.array([[0.0], [-_OFFSET_STEP], [_OFFSET_STEP]])
+
+# Largest error of following the average by the response, in standard errors: a term of second order, (change / value)^2
+# of the value. A change of one standard error renews the solution in any case.
+_FOLLOWING_STDS: Final = 0.05
+# A pass that changes a number by more standard errors is followed by another.
+_CONVERGED_STDS: Final = 0.1
+_FURTHER_PASSES: Final = 2
+# Relative change of the revolutions' scatter, which weights the orders, from which the solution is renewed.
+_SCATTER_CHANGE: Final = 0.25
+_ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
 
 _WAVEFORMS_PER_BLOCK: Final = 32
 
 
+@dataclass(frozen=True, slots=True)
+class _Renewed:
+    """The solution at the latest renewal, and what it rests on.
+
+    Attributes:
+        values: (4,) numbers at load number 1.
+        fits: with their covariances.
+        response: (4, ORDER_COUNT) derivative of the numbers by the orders of the relative signal.
+        by_offset: (4,) derivative by the sensor's offset over the belt radius.
+        signal: (ORDER_COUNT,) orders of the relative signal.
+        count: revolutions averaged.
+        effective_count: of the average.
+        scatter: of the revolutions, mean square.
+        edges_rad: contact edges.
+        edges_std_rad: their standard errors.
+        omega_radps: angular speed.
+        conditions: of the revolution.
+        std: (4,) standard errors of the numbers at load number 1.
+    """
+
+    values: FloatArray
+    fits: WaveformFits
+    response: FloatArray
+    by_offset: FloatArray
+    signal: FloatArray
+    count: int
+    effective_count: float
+    scatter: float
+    edges_rad: tuple[float, float]
+    edges_std_rad: tuple[float, float]
+    omega_radps: float
+    conditions: TireConditions
+    std: FloatArray
+
+    def has_moved(self, values: FloatArray) -> bool:
+        """Return whether numbers that followed the average are too far from the solution to follow further."""
+        square = np.square(values - self.values)
+        allowed = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values))
+        return not bool((square <= allowed * self.std).all())
+
+    def is_outdated(self, block: RevolutionBlock, index: int) -> bool:
+        """Return whether to renew, by the count of revolutions and the conditions."""
+        count = block.averages.counts[index]
+        if count != self.count and (is_due(count) or not 0 < count - self.count <= LONGEST):
+            return True
+        now, then = block.conditions[index], self.conditions
+        offset_std = SHARE_OF_STD * then.sensor_offset_std_m
+        return (
+            any(
+                differs(edge, old, SHARE_OF_STD * std)
+                for edge, old, std in zip(
+                    block.averages.edges_rad[index], self.edges_rad, self.edges_std_rad, strict=True
+                )
+            )
+            or differs(block.averages.scatters[index], self.scatter, _SCATTER_CHANGE * self.scatter)
+            or differs(now.sensor_offset_std_m, then.sensor_offset_std_m, offset_std)
+            or differs(now.steady_std_mps2, then.steady_std_mps2, SHARE_OF_STD * then.steady_std_mps2)
+            or differs(now.gain_std, then.gain_std, SHARE_OF_STD * then.gain_std)
+            or differs(block.revolutions[index].omega_radps, self.omega_radps, SHARE_OF_STD * self.omega_radps)
+        )
+
+    def followed(self, orders: FloatArray, conditions: TireConditions) -> FloatArray:
+        """Return the numbers at load number 1 of a slightly different average, to first order, (4,)."""
+        offset = (conditions.sensor_offset_m - self.conditions.sensor_offset_m) / conditions.radius_m
+        result: FloatArray = self.values + self.response @ (orders - self.signal) + self.by_offset * offset
+        return result
+
+
+def relative_orders(spectra: ComplexArray, edges_rad: Sequence[tuple[float, float]]) -> FloatArray:
+    """Return the even orders of averages about their contact centres, over their means, (k, ORDER_COUNT)."""
+    edges = np.array(edges_rad)
+    angle = np.multiply.outer(0.5 * (edges[:, 0] + edges[:, 1]), _ORDERS)
+    orders = spectra.real * np.cos(angle) - spectra.imag * np.sin(angle)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        result: FloatArray = orders / orders[:, :1]
+    return result
+
+
 class WeakFormEstimator:
-    """Bs, Cw, Rs, Ts and their ratios to Cw from the running average, one pass per revolution."""
+    """Bs, Cw, Rs, Ts and their ratios to Cw from the running average.
+
+    The solution is renewed at the pace of `gateway.estimators.pace`; between renewals the numbers follow the average by
+    the solution's own response to its orders.
+    """
 
     def __init__(self) -> None:
         """Start cold."""
@@ -71,6 +166,7 @@ class WeakFormEstimator:
     def reset(self) -> None:
         """Forget the warm start."""
         self._warm: WeakFormSolution | None = None
+        self._renewed: _Renewed | None = None
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
@@ -79,21 +175,56 @@ class WeakFormEstimator:
         Q / (p0 R^2). Provisional until the average has settled, on a revolution with faults, and where the data do not
         determine a number, model error included. Never raises on values.
         """
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of every revolution."""
+        orders = relative_orders(block.averages.spectra, block.averages.edges_rad)
+        return [self._estimates(block, index, orders[index]) for index in range(len(block))]
+
+    def _estimates(self, block: RevolutionBlock, index: int, orders: FloatArray) -> tuple[Estimate, ...]:
+        renewed, conditions = self._renewed, block.conditions[index]
+        values, is_current = None, False
+        if renewed is not None:
+            values = renewed.followed(orders, conditions)
+            is_current = not (renewed.has_moved(values) or renewed.is_outdated(block, index))
+        if renewed is None or values is None or not is_current:
+            found = self._renew(block, index, orders, values)
+            if isinstance(found, Reason):
+                self._warm = self._renewed = None
+                return all_invalid(found)
+            renewed = self._renewed = found
+            values = renewed.values
+        count = block.averages.effective_counts[index]
+        fitted = renewed.fits.numbers(0, load_number(conditions), values, renewed.effective_count / count)
+        return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
+
+    def _renew(
+        self, block: RevolutionBlock, index: int, orders_here: FloatArray, followed: FloatArray | None
+    ) -> _Renewed | Reason:
+        """Solve the balance of the present average, or return why it cannot be.
+
+        `orders_here` are the relative orders, `followed` the numbers as they followed the average to here; None without
+        an earlier solution.
+        """
+        average, conditions = block.averages.at(index), block.conditions[index]
         reason = unusable(average, conditions)
         if reason:
-            return self._cold(reason)
-        half_angle = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
-        centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
+            return reason
+        edges = average.leading_edge_rad, average.trailing_edge_rad
+        half_angle, centre = 0.5 * (edges[1] - edges[0]), 0.5 * (edges[1] + edges[0])
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         max_order = MAX_ORDER if carried >= ORDER_COUNT - 1 else carried
         offset = conditions.sensor_offset_m / conditions.radius_m
         signal = orders_about(average.radial_mps2, centre, max_order)
         mean = float(signal[0].real)
-        orders = curvature_orders(signal.real[np.newaxis], offset)
+        sides = curvature_orders(np.repeat(signal.real[np.newaxis], 3, axis=0), offset + _OFFSET_STEPS)
+        by_offset_step = (sides[2] - sides[1])[:ORDER_COUNT] / (2.0 * _OFFSET_STEP)
+        orders = plain = sides[:1]
         if not np.isfinite(orders).all():
-            return self._cold(Reason(Code.NO_STEADY_VALUE))
+            return Reason(Code.NO_STEADY_VALUE)
         if (curvature := float(orders[0].sum())) > _MAX_CONTACT_CURVATURE:
-            return self._cold(Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE))
+            return Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
         std = relative_std(average.orders_std_mps2, mean, orders[0], max_order)[np.newaxis]
         begin = motion_begin(half_angle)
         try:
@@ -102,46 +233,63 @@ class WeakFormEstimator:
             if damping is not None:
                 orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
+            if self._renewed is not None and followed is not None:
+                limit = _CONVERGED_STDS * self._renewed.std
+                for _ in range(_FURTHER_PASSES):
+                    found = solution.unknowns[0, :4]
+                    if (np.abs(found - followed) <= limit).all():
+                        break
+                    followed, solution = found, solve_balance(orders, begin, std, solution, 1)
         except np.linalg.LinAlgError:
-            return self._cold(Reason(Code.NO_BELT_SHAPE))
+            return Reason(Code.NO_BELT_SHAPE)
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
-            return self._cold(Reason(Code.NO_BELT_SHAPE))
+            return Reason(Code.NO_BELT_SHAPE)
         self._warm = solution
-        systematic = systematic_errors(signal, conditions, damping)
-        fitted = fits_of(solution, std, systematic).numbers(0, load_number(conditions))
-        return number_estimates(self.name, fitted, conditions, doubt_about(revolution, average))
+        systematic = systematic_errors(mean, plain, by_offset_step, conditions, damping)
+        fits = fits_of(solution, std, systematic)
+        response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
+        response[:, max_order + 1 :] = 0.0
+        return _Renewed(
+            values=fits.values[0],
+            fits=fits,
+            response=response,
+            by_offset=response[:, 2:] @ by_offset_step[2:],
+            signal=orders_here,
+            count=average.count,
+            effective_count=average.effective_count,
+            scatter=block.averages.scatters[index],
+            edges_rad=edges,
+            edges_std_rad=(average.leading_edge_std_rad, average.trailing_edge_std_rad),
+            omega_radps=average.omega_radps,
+            conditions=conditions,
+            std=np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
+        )
 
-    def _cold(self, reason: Reason) -> tuple[Estimate, ...]:
-        self._warm = None
-        return all_invalid(reason)
 
-
-def systematic_errors(signal: ComplexArray, conditions: TireConditions, damping: SidewallDamping | None) -> FloatArray:
+def systematic_errors(
+    mean: float, plain: FloatArray, by_offset: FloatArray, conditions: TireConditions, damping: SidewallDamping | None
+) -> FloatArray:
     """Return changes of the relative signal's orders by one standard error each, (k, ORDER_COUNT).
 
     They are those of the sensor's offset, of the signal's steady value, of the correction for damping, and of gravity,
     which is subtracted with a gain of 1.
 
     Args:
-        signal: (MAX_ORDER + 1,) orders about the contact centre.
+        mean: of the signal.
+        plain: (1, MAX_ORDER + 1) curvature orders without the correction for damping.
+        by_offset: (ORDER_COUNT,) their derivative by the sensor's offset over the belt radius.
         conditions: with the standard errors of offset, steady value and gain.
         damping: None where it was not fitted.
     """
-    mean = float(signal[0].real)
     changes = np.zeros((5, ORDER_COUNT))
-    offset, step = conditions.sensor_offset_m / conditions.radius_m, _OFFSET_STEP
-    if conditions.sensor_offset_std_m:
-        sides = [curvature_orders(signal.real[np.newaxis], offset + side)[0] for side in (-step, step)]
-        slope = (sides[1] - sides[0])[:ORDER_COUNT] / (2.0 * step)
-        changes[0] = slope * (conditions.sensor_offset_std_m / conditions.radius_m)
+    changes[0] = by_offset * (conditions.sensor_offset_std_m / conditions.radius_m)
     # Column 0 of the response is that to a relative error of the steady value.
     changes[1, 0] = conditions.steady_std_mps2 / mean
     if damping is not None:
         changes[2] = _DAMPING_ERROR * damping.change[:ORDER_COUNT] / mean
         changes[4] = damping.by_bending[:ORDER_COUNT] / mean
     if conditions.gain_std:
-        shape = belt_shape(curvature_orders(signal.real[np.newaxis], offset))
-        gravity = gravity_orders(shape)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
+        gravity = gravity_orders(plain)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
         changes[3] = conditions.gain_std * gravity
     changes[[0, 2, 3, 4], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     return changes
@@ -167,13 +315,15 @@ class WaveformFits:
     deflection: FloatArray
     misfit: FloatArray
 
-    def numbers(self, index: int, load_number: float) -> FittedNumbers:
-        """Return one waveform's numbers at a load number."""
+    def numbers(
+        self, index: int, load_number: float, values: FloatArray | None = None, noise: float = 1.0
+    ) -> FittedNumbers:
+        """Return one waveform's numbers at a load number, with other `values` and a change of the noise's variance."""
         square = load_number**2
         return FittedNumbers(
-            self.values[index] * load_number,
+            (self.values[index] if values is None else values) * load_number,
             self.free[index],
-            self.noise[index] * square,
+            self.noise[index] * (noise * square),
             self.model[index] * square,
         )
 

@@ -66,7 +66,7 @@ class WeakFormSolution:
 
 @dataclass(frozen=True, slots=True)
 class _Weights:
-    """Rows' sensitivity to the orders, the orders' variance, and the Cholesky factor of the rows' covariance."""
+    """Rows' sensitivity to the orders, the orders' variance, and a triangular factor of the rows' covariance."""
 
     sensitivity: FloatArray
     variance: FloatArray
@@ -132,8 +132,9 @@ def _corrected(orders: FloatArray, correction: FloatArray) -> FloatArray:
 def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> _Weights:
     sensitivity = row_sensitivity(rows, unknowns)
     weighted = sensitivity * order_std[:, np.newaxis, :]
-    covariance: FloatArray = weighted @ weighted.transpose(0, 2, 1)
-    return _Weights(sensitivity, np.square(order_std), np.asarray(np.linalg.cholesky(covariance), dtype=np.float64))
+    # The product of `weighted` with its transpose is the covariance, but would square the condition number.
+    upper = np.asarray(np.linalg.qr(weighted.transpose(0, 2, 1), mode="r"), dtype=np.float64)
+    return _Weights(sensitivity, np.square(order_std), upper.transpose(0, 2, 1))
 
 
 def _cold_start(rows: BalanceRows) -> FloatArray:
@@ -180,10 +181,9 @@ def _solve_whitened(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray
     size = np.full(len(here), math.inf)
     for _ in range(_GAUSS_NEWTON_STEPS):
         jacobian, residual = _linearised(whitened, here)
-        scaled = jacobian * UNITS
-        transposed = scaled.transpose(0, 2, 1)
         try:
-            step = np.linalg.solve(transposed @ scaled, transposed @ residual[..., np.newaxis])[..., 0]
+            basis, upper = np.linalg.qr(jacobian * UNITS)
+            step = np.linalg.solve(upper, basis.transpose(0, 2, 1) @ residual[..., np.newaxis])[..., 0]
         except np.linalg.LinAlgError:
             break
         here = here - step * UNITS
@@ -228,9 +228,9 @@ def _inverse(jacobian: FloatArray) -> FloatArray:
     An unknown on its bound is not known to be 0: its possible values are part of the errors of the others.
     """
     scaled = jacobian * UNITS
-    transposed = scaled.transpose(0, 2, 1)
-    normal = transposed @ scaled
     # A small ridge, so that the matrix is never singular.
-    normal += (1e-14 * np.trace(normal, axis1=1, axis2=2))[:, np.newaxis, np.newaxis] * np.eye(UNKNOWNS)
-    inverse: FloatArray = np.linalg.solve(normal, transposed) * UNITS[:, np.newaxis]
+    ridge = 1e-7 * np.sqrt(np.sum(np.square(scaled), axis=(1, 2)))[:, np.newaxis, np.newaxis] * np.eye(UNKNOWNS)
+    basis, upper = np.linalg.qr(np.concatenate([scaled, ridge], axis=1))
+    rows = basis[:, : scaled.shape[1]].transpose(0, 2, 1)
+    inverse: FloatArray = np.linalg.solve(upper, rows) * UNITS[:, np.newaxis]
     return inverse

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.revolution_block import RevolutionBlock
 from gateway.estimators.tire_data import SOFTENING_PER_K, SOFTENING_STD_PER_K
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
@@ -65,6 +66,13 @@ class WearEstimator:
         Without a load Bs/Cw is used in place of Bs, because wear does not change the belt's width. Never raises on
         values.
         """
+        return self._estimates(revolution, conditions)
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of every revolution."""
+        return [self._estimates(*both) for both in zip(block.revolutions, block.conditions, strict=True)]
+
+    def _estimates(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
         wear = _wear(conditions)
         if wear.status is Status.INVALID:
             return (wear, *(Estimate.invalid(name, *wear.reasons) for name in NAMES[1:]))

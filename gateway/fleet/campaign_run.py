@@ -65,7 +65,7 @@ class CampaignProgress:
 
     @property
     def left_s(self) -> float | None:
-        """Time to the end at the mean rate of bytes so far; None before there is a rate to tell it by."""
+        """Time to the end at the mean rate of bytes so far; None before the rate is known."""
         if self.done_bytes <= 0 or self.elapsed_s <= 0.0:
             return None
         return self.elapsed_s * max(self.total_bytes - self.done_bytes, 0) / self.done_bytes
@@ -229,7 +229,7 @@ class CampaignRun:
         self.on_failure(path, failure)
 
     def _settle(self, path: Path, *, counts: bool = False) -> None:
-        """Take a file off the work that is left; the bytes of one that needed no estimate tell nothing of the rate."""
+        """Take a file off the work that is left; the bytes of one that needed no estimate do not count for the rate."""
         size = self._sizes.pop(path, 0)
         self.progress.files_left -= 1
         if counts:

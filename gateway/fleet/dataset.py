@@ -105,7 +105,7 @@ class Dataset:
     def __init__(self, root: Path, description: Description) -> None:
         self.root = root
         self.description = description
-        self.incoming = root / INCOMING
+        self.incoming = root.resolve() / INCOMING  # workers have other working folders
         self._done: dict[str, Key] = {}
         self._of_path: dict[str, set[str]] = {}
         self._failed: dict[str, tuple[Key, bool]] = {}

@@ -127,7 +127,7 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
         ac_coupled=False,
         faults=(Reason(Code.SAMPLES_LOST),),
     )
-    result = TireEstimates(UNKNOWN_WHEEL, estimators).take(revolution, 0.0, 0)
+    (result,) = TireEstimates(UNKNOWN_WHEEL, estimators).take_block([revolution], [0.0], [0], [None])
     taken = {*RECORDING_HEAD, *RECORDING_TAIL, *HEAD, *TAIL}
     return tuple(distinct_name(estimate.name, taken) for estimate in result.estimates)
 

@@ -38,6 +38,7 @@ _SINES: Final[FloatArray] = np.concatenate(
 # Weights of the trapezoidal rule over 0 to pi, which is exact for band-limited even functions.
 TRAPEZOID: Final[FloatArray] = np.full(HALF_STEPS + 1, STEP_RAD)
 TRAPEZOID[[0, -1]] *= 0.5
+_CLOSING: Final[FloatArray] = TRAPEZOID * _SINES[:, 1]
 # From values on the half circle to cosine orders.
 _ANALYSIS: Final[FloatArray] = COSINES * TRAPEZOID[:, np.newaxis] * (2.0 / math.pi)
 _ANALYSIS[:, 0] *= 0.5
@@ -102,7 +103,7 @@ def even_orders(waveform: FloatArray, centre_rad: FloatArray | float = 0.0, max_
     return orders
 
 
-def curvature_orders(signal_orders: FloatArray, offset: float = 0.0) -> FloatArray:
+def curvature_orders(signal_orders: FloatArray, offset: FloatArray | float = 0.0) -> FloatArray:
     """Return the cosine orders of kappa R from those of the signal, whose gain may be unknown.
 
     The mean of kappa R over a closed belt is 1, which determines the gain. With an offset, s = g k (1 - offset k) is
@@ -110,7 +111,7 @@ def curvature_orders(signal_orders: FloatArray, offset: float = 0.0) -> FloatArr
 
     Args:
         signal_orders: (b, MAX_ORDER + 1) of s; order 0 positive.
-        offset: e / R, the sensor's distance below the neutral layer over the belt radius.
+        offset: e / R, the sensor's distance below the neutral layer over the belt radius; (b, 1) or one for all.
 
     Returns:
         (b, MAX_ORDER + 1), order 0 is 1; NaN where the mean is not positive.
@@ -118,13 +119,13 @@ def curvature_orders(signal_orders: FloatArray, offset: float = 0.0) -> FloatArr
     mean = signal_orders[:, :1]
     with np.errstate(divide="ignore", invalid="ignore"):
         relative: FloatArray = np.where(mean > 0.0, signal_orders / mean, math.nan)
-    if offset == 0.0:
+    if not np.any(offset):
         return relative
     signal = relative @ COSINES.T
     curvature = signal
     for _ in range(_OFFSET_STEPS):
-        square = np.square(curvature) @ TRAPEZOID / math.pi
-        read = signal * (1.0 - offset * square)[:, np.newaxis]
+        square = (np.square(curvature) @ TRAPEZOID / math.pi)[:, np.newaxis]
+        read = signal * (1.0 - offset * square)
         # The root that tends to `read` as the offset tends to 0; the maximum keeps an impossible peak from being NaN.
         curvature = 2.0 * read / (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * offset * read, 0.0)))
     orders: FloatArray = curvature @ _ANALYSIS
@@ -137,14 +138,7 @@ def belt_shape(orders: FloatArray) -> BeltShape:
 
     Order 1 is adjusted until the integral of the tangent over the revolution vanishes.
     """
-    closed = orders.copy()
-    angle = closed @ _SINES.T
-    for _ in range(_CLOSURE_STEPS):
-        gap = np.cos(angle) @ TRAPEZOID
-        slope = -np.sin(angle) @ (TRAPEZOID * _SINES[:, 1])
-        change = -gap / slope
-        closed[:, 1] += change
-        angle += change[:, np.newaxis] * _SINES[:, 1]
+    closed, angle = _closed(orders)
     tangent = np.exp(1j * angle)
     return BeltShape(
         orders=closed,
@@ -156,13 +150,30 @@ def belt_shape(orders: FloatArray) -> BeltShape:
     )
 
 
-def gravity_orders(shape: BeltShape) -> FloatArray:
-    """Return the cosine orders of gravity along the belt's normal over g, (b, MAX_ORDER + 1).
+def _closed(orders: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return curvature orders with the order 1 that closes the belt, and the direction of the tangent."""
+    closed = orders.copy()
+    angle = closed @ _SINES.T
+    for _ in range(_CLOSURE_STEPS):
+        gap = np.cos(angle) @ TRAPEZOID
+        slope = -np.sin(angle) @ _CLOSING
+        change = -gap / slope
+        closed[:, 1] += change
+        angle += change[:, np.newaxis] * _SINES[:, 1]
+    return closed, angle
+
+
+def gravity_orders(orders: FloatArray) -> FloatArray:
+    """Return the cosine orders of gravity along the normal of a belt over g, (b, MAX_ORDER + 1).
 
     A sensor on the belt reads g cos(psi), psi being the angle of the normal from the vertical.
+
+    Args:
+        orders: (b, MAX_ORDER + 1) cosine orders of the curvature, as for `belt_shape`.
     """
-    orders: FloatArray = np.cos(shape.angle_rad) @ _ANALYSIS
-    return orders
+    _, angle = _closed(orders)
+    result: FloatArray = np.cos(angle) @ _ANALYSIS
+    return result
 
 
 def integrate_from_zero(values: ComplexArray) -> ComplexArray:

@@ -8,35 +8,35 @@ revolutions before it: its error shifts the two edges by amounts proportional to
 
 The average changes while it is built up. The shift of each new template against the one before it is measured and
 compensated, so that all contacts are timed at the same point of the belt.
+
+The template is renewed before revolutions of fixed numbers only. The contacts in between are matched with the same one,
+one at a time or many at once. Each is matched twice: first at the speed of the contacts as segmented, then at that of
+the first match and of those of the two contacts before it.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from gateway.pipeline.segmenter import ContactPair
-from gateway.signal.angle_resampling import GRID_SIZE, MARGIN_SAMPLES, Phase, fit_phase
-from gateway.signal.contact_template import (
-    ContactMatch,
-    ContactTemplate,
-    contact_template,
-    match_contact,
-    template_shift,
-)
+from gateway.signal.angle_resampling import MARGIN_SAMPLES, Phase, fit_phase
+from gateway.signal.contact_template import ContactSamples, ContactTemplate, contact_template, template_shift
 from gateway.signal.synchronous_average import AngleAverage
 from gateway.types import FloatArray
 
 # The timed point moves to the template's centre in steps of at most this many standard errors of the time. A sudden
 # correction would appear as a step of the speed.
 _ANCHOR_STEP: Final = 0.2
-# The template is extracted again after this many revolutions, or when their number has grown by this ratio.
-_TEMPLATE_INTERVAL: Final = 8
-_TEMPLATE_GROWTH: Final = 1.25
+# The template is extracted again after this many revolutions, earlier when their number has grown by this share.
+_TEMPLATE_INTERVAL: Final = 32
+_TEMPLATE_GROWTH: Final = 0.5
+# Least number of samples around a contact.
+_LEAST_SAMPLES: Final = 16
 # Updates from which the estimate of the edges' jitter is used, and least weight of an update of a running mean.
 _MIN_JITTER_UPDATES: Final = 8
 _LEAST_WEIGHT: Final = 0.05
@@ -87,21 +87,49 @@ class TimedPair:
 
 
 class _RunningMean:
-    """Running mean of a scalar or an array; a plain mean at first, then exponentially weighted."""
+    """Running mean of one or more values; a plain mean at first, then exponentially weighted."""
 
-    def __init__(self, start: float | FloatArray = 0.0, count: int = 0) -> None:
-        """Start at `start`, counted as `count` values."""
-        self.value: float | FloatArray = start
+    def __init__(self, start: tuple[float, ...], count: int = 0) -> None:
+        """Start at `start`, counted as `count` additions."""
+        self.values = start
         self.count = count
 
-    def add(self, value: float | FloatArray) -> None:
-        """Add a value."""
+    def add(self, *values: float) -> None:
+        """Add one of each."""
         self.count += 1
-        self.value = self.value + max(1.0 / self.count, _LEAST_WEIGHT) * (value - self.value)
+        weight = max(1.0 / self.count, _LEAST_WEIGHT)
+        self.values = tuple(mean + weight * (value - mean) for mean, value in zip(self.values, values, strict=True))
+
+
+class _Weights(NamedTuple):
+    """Combination of the two edges in the first match: weight of the trailing one, angle apart, points of the belt."""
+
+    share: float
+    apart_rad: float
+    leading_point_rad: float
+    trailing_point_rad: float
+
+
+class _Match(NamedTuple):
+    """One contact's match.
+
+    Attributes:
+        guess: sample position of the template's angle 0 that the shifts are relative to.
+        rate: rad/sample at the contact.
+        shift_rad: of the leading and the trailing edge.
+        residual: rms residual in the two halves, over the square of the angular speed.
+        covariances_rad2: (2, 2, 2) covariance of the shifts from the scatter in either half.
+    """
+
+    guess: float
+    rate: float
+    shift_rad: tuple[float, float]
+    residual: tuple[float, float]
+    covariances_rad2: FloatArray
 
 
 class ContactTimer:
-    """Refines the contacts of one wheel, revolution by revolution. Deterministic."""
+    """Refines the contacts of one wheel. Deterministic; the times do not depend on how many are refined at once."""
 
     def __init__(self) -> None:
         """Start without contacts or jitter."""
@@ -111,42 +139,99 @@ class ContactTimer:
         """Forget contacts and jitter, as after a gap in the samples."""
         self._last: TimedContact | None = None
         self._previous_period: float | None = None
-        self._rates: list[float] = []
+        # Times of the last contact's first match, and of the one before it; as segmented where there is none.
+        self._first_match: tuple[float, float | None] = (math.nan, None)
+        self._rates: tuple[float, ...] = ()
         # Relative variance of the speed extrapolated to a contact.
-        self._rate_error2 = _RunningMean(_RATE_ERROR_PRIOR**2, 1)
-        self._times: list[tuple[float, float]] = []
-        self._jitter = _RunningMean(np.zeros(3))
-        self._noise_share = _RunningMean(np.ones(2))
+        self._rate_error2 = _RunningMean((_RATE_ERROR_PRIOR**2,), 1)
+        self._times: tuple[tuple[float, float], ...] = ()
+        self._jitter = _RunningMean((0.0, 0.0, 0.0))
+        self._noise_share = _RunningMean((1.0, 1.0))
         self._template: ContactTemplate | None = None
-        self._template_count = 0
+        self._until_renewal = 0
+        self._average_count = 0
+        # Mean square of the average's scatter over the fourth power of its angular speed.
+        self._scatter2 = 0.0
         # Angles from the template's angle 0 to the points of the belt at which the two edges are timed; None before the
-        # first match. Mean angle between the times of the two.
-        self._points: FloatArray | None = None
-        self._apart_rad = _RunningMean()
+        # first template. Mean angle between the times of the two, and the weight of the later one.
+        self._points: tuple[float, float] | None = None
+        self._apart_rad = _RunningMean((0.0,))
+        self._share = 0.5
+        self._weights = _Weights(0.5, 0.0, 0.0, 0.0)
+
+    @property
+    def until_renewal(self) -> int:
+        """Number of revolutions that can be timed until the template is renewed; 0 when that is due."""
+        return self._until_renewal
+
+    def renew(self, average: AngleAverage | None, samples: float) -> None:
+        """Extract the template again; due when `until_renewal` is 0.
+
+        Args:
+            average: running average of all revolutions so far, None when there is none.
+            samples: length of a revolution in samples.
+        """
+        if average is None:
+            self._until_renewal = 1
+            return
+        count = average.count
+        self._until_renewal = min(max(int(_TEMPLATE_GROWTH * count), 1), _TEMPLATE_INTERVAL)
+        self._average_count = count
+        square = average.omega_radps**2
+        self._scatter2 = float(np.square(average.scatter_mps2).mean()) / square**2
+        latest = contact_template(
+            average.radial_mps2,
+            average.omega_radps,
+            samples,
+            np.square(average.orders_std_mps2) * average.effective_count,
+            average.scatter_mps2,
+        )
+        if latest is None:
+            self._points = None
+        elif self._points is not None and self._template is not None:
+            leading, trailing = template_shift(self._template, average.radial_mps2, average.omega_radps).tolist()
+            self._points = self._points[0] + leading, self._points[1] + trailing
+        else:
+            self._points = latest.middle_rad, latest.middle_rad
+            self._apart_rad = _RunningMean((0.0,))
+        self._template = latest
+        if self._points is not None:
+            self._weights = _Weights(self._share, self._apart_rad.values[0], *self._points)
 
     def time(
         self,
-        pair: ContactPair,
-        average: AngleAverage | None,
+        pairs: Sequence[ContactPair],
+        rates_hz: Sequence[float],
         read: Callable[[int, int], FloatArray],
         missing: Callable[[int, int], int],
-        rate_hz: float,
-    ) -> TimedPair:
-        """Refine a revolution's contacts.
+    ) -> list[TimedPair]:
+        """Refine the contacts of consecutive revolutions.
 
         Args:
-            pair: contacts as segmented.
-            average: running average of the revolutions before it, None when there is none.
+            pairs: contacts as segmented, at most `until_renewal`.
+            rates_hz: sampling rate at each.
             read: returns the radial axis, positive inward, of samples first to end (exclusive).
             missing: returns how many of these samples were lost.
-            rate_hz: sampling rate.
         """
+        self._until_renewal -= len(pairs)
+        matches = self._matches(pairs, rates_hz, read, missing)
+        return [self._timed_pair(pair, match) for pair, match in zip(pairs, matches, strict=True)]
+
+    def _timed_pair(self, pair: ContactPair, match: _Match | None) -> TimedPair:
         start, previous = self._last, self._previous_period
         if start is None or start.found != pair.start.centre:
-            self._times.clear()
+            self._times = ()
             start = TimedContact(pair.start.centre, pair.start.centre, pair.start.centre_std)
             previous = pair.previous_period
-        end = self._refine(pair, start.centre, previous, average, read, missing, rate_hz)
+        if match is None:
+            self._times = ()
+            end = TimedContact(pair.end.centre, pair.end.centre, pair.end.centre_std)
+        else:
+            end = self._timed(pair.end.centre, match)
+            if self._average_count < _SCATTER_KNOWN:
+                point_std = 0.5 * _CROSSING_STD_RAD / match.rate
+                coarse_std = math.hypot(pair.end.centre_std, point_std)
+                end = replace(end, centre_std=max(end.centre_std, coarse_std))
         refined = math.isfinite(start.trailing_rad), math.isfinite(end.leading_rad)
         period_std = math.hypot(start.centre_std, end.centre_std)
         if not all(refined):
@@ -159,102 +244,141 @@ class ContactTimer:
         self._update_rate_error(self._previous_period)
         return TimedPair(start, end, previous, period_std)
 
-    def _refine(
+    def _matches(
         self,
-        pair: ContactPair,
-        start: float,
-        previous: float | None,
-        average: AngleAverage | None,
+        pairs: Sequence[ContactPair],
+        rates_hz: Sequence[float],
         read: Callable[[int, int], FloatArray],
         missing: Callable[[int, int], int],
-        rate_hz: float,
-    ) -> TimedContact:
-        guess = pair.end.centre
-        coarse = TimedContact(guess, guess, pair.end.centre_std)
-        if average is None or pair.end.predicted:
-            self._times.clear()
-            return coarse
-        phase = fit_phase(start, guess, start - previous if previous is not None else None)
-        template = self._template_of(average, phase.samples)
-        rate = phase.rate + phase.acceleration * phase.samples
-        match = None
-        if template is not None:
-            before, after = (rate**-1.0 * float(template.angles_rad[at]) for at in (0, -1))
+    ) -> list[_Match | None]:
+        """Match the later contacts of the revolutions with the template, twice."""
+        found: list[_Match | None] = [None] * len(pairs)
+        template = self._template
+        passages: list[Phase] = []
+        places: list[int] = []
+        samples: list[FloatArray] = []
+        firsts: list[int] = []
+        for place, pair in enumerate(pairs):
+            if template is None or pair.end.predicted:
+                continue
+            start, guess = pair.start.centre, pair.end.centre
+            passage = _passage(start, guess, pair.previous_period)
+            before, after = (float(template.whole.angles_rad[at]) / passage.rate for at in (0, -1))
             first = max(math.floor(guess + before) - MARGIN_SAMPLES, math.ceil(start))
             last = min(math.ceil(guess + after) + MARGIN_SAMPLES, pair.decided_at)
-            if last > first and not missing(first, last):
-                passage = Phase(guess - first, guess - first + phase.samples, rate, phase.acceleration)
-                variance = np.square(average.orders_std_mps2) * average.effective_count
-                match = match_contact(template, read(first, last), passage, rate_hz, variance, GRID_SIZE)
-        if match is None or template is None:
-            self._times.clear()
-            return coarse
-        timed = self._timed(guess, first, match, template, float(np.square(average.scatter_mps2).mean()))
-        if average.count < _SCATTER_KNOWN:
-            point_std = 0.5 * _CROSSING_STD_RAD / rate
-            return replace(timed, centre_std=max(timed.centre_std, math.hypot(coarse.centre_std, point_std)))
-        return timed
+            if last - first >= _LEAST_SAMPLES and not missing(first, last):
+                places.append(place)
+                firsts.append(first)
+                passages.append(_moved(passage, -first))
+                samples.append(read(first, last))
+        times = [pair.end.centre for pair in pairs]
+        if template is None or not places:
+            self._follow(pairs, times)
+            return found
+        around = ContactSamples(template, samples, passages)
+        own_hz = [rates_hz[place] for place in places]
+        shift, _, fits, _ = around.match(passages, own_hz)
+        share, apart, *points = self._weights
+        guesses: dict[int, float] = {}
+        for at, (place, passage) in enumerate(zip(places, passages, strict=True)):
+            if fits[at]:
+                leading, trailing = shift[at].tolist()
+                guesses[place] = passage.start + firsts[at] + 0.5 * (leading + trailing) / passage.rate
+                leading, trailing = leading + points[0], trailing + points[1]
+                centre = leading + share * (trailing - leading - apart) + 0.5 * apart
+                times[place] = passage.start + firsts[at] + centre / passage.rate
+        rolling = self._follow(pairs, times)
+        passages = [
+            _moved(_passage(*rolling[place], at=guesses[place]), -first) if place in guesses else passage
+            for place, first, passage in zip(places, firsts, passages, strict=True)
+        ]
+        shift, residual, again, covariances = around.match(passages, own_hz)
+        limit = around.largest_shift_rad
+        for at, (place, passage) in enumerate(zip(places, passages, strict=True)):
+            early = (passage.start + firsts[at] - pairs[place].end.centre) * passage.rate
+            leading, trailing = shift[at].tolist()
+            if fits[at] and again[at] and max(abs(early + leading), abs(early + trailing)) < limit:
+                one, other = residual[at].tolist()
+                found[place] = _Match(
+                    passage.start + firsts[at], passage.rate, (leading, trailing), (one, other), covariances[at]
+                )
+        return found
 
-    def _template_of(self, average: AngleAverage, samples: float) -> ContactTemplate | None:
-        """Return the template, extracted again when the average has changed enough."""
-        grown = average.count >= _TEMPLATE_GROWTH * self._template_count
-        if self._template is None or grown or average.count - self._template_count >= _TEMPLATE_INTERVAL:
-            latest = contact_template(average.radial_mps2, average.omega_radps, samples, average.scatter_mps2)
-            if self._points is not None and self._template is not None and latest is not None:
-                self._points = self._points + template_shift(self._template, average.radial_mps2, average.omega_radps)
-            else:
-                self._points = None
-            self._template = latest
-            self._template_count = average.count
-        return self._template
+    def _follow(self, pairs: Sequence[ContactPair], times: Sequence[float]) -> list[tuple[float, float, float | None]]:
+        """Return start, end and period before of each revolution by the times of the first match of their ends."""
+        rolling: list[tuple[float, float, float | None]] = []
+        before = self._last.found if self._last is not None else math.nan
+        start, previous = self._first_match
+        for pair, end in zip(pairs, times, strict=True):
+            if before != pair.start.centre:
+                start, previous = pair.start.centre, pair.previous_period
+            rolling.append((start, end, previous))
+            before, start, previous = pair.end.centre, end, end - start
+        self._first_match = start, previous
+        return rolling
 
-    def _timed(
-        self, found: float, first: int, match: ContactMatch, template: ContactTemplate, scatter2: float
-    ) -> TimedContact:
+    def _timed(self, found: float, match: _Match) -> TimedContact:
         """Combine the two edges with the weights of least variance."""
-        if self._points is None:
-            self._points = np.full(2, template.middle_rad)
-            self._apart_rad = _RunningMean()
+        template, points = self._template, self._points
+        assert template is not None
+        assert points is not None
         edges = template.edges
-        seen = np.array([match.leading, match.trailing]) + first
-        leading, trailing = (seen + self._points / match.rate).tolist()
+        sample = 1.0 / match.rate
+        seen = match.guess + match.shift_rad[0] * sample, match.guess + match.shift_rad[1] * sample
+        leading, trailing = seen[0] + points[0] * sample, seen[1] + points[1] * sample
         self._update_jitter(leading, trailing)
         self._apart_rad.add((trailing - leading) * match.rate)
-        apart = float(self._apart_rad.value) / match.rate
+        apart = self._apart_rad.values[0] * sample
         # The scatter of the average includes the jitter of the edges; the residual of the match does not.
-        if scatter2 > 0.0:
-            self._noise_share.add(np.square(match.residual_mps2) / scatter2)
-        noise = np.tensordot(self._noise_share.value, match.covariances, 1)
-        angles = np.array([edges.leading_rad, edges.trailing_rad]) / match.rate
-        rate_error2 = float(self._rate_error2.value)
-        stretch = rate_error2 * (np.outer(angles, angles) + (_RATE_SHIFT_RAD / match.rate) ** 2)
-        variance = noise
+        if self._scatter2 > 0.0:
+            self._noise_share.add(*(residual**2 / self._scatter2 for residual in match.residual))
+        n00, n01, n11 = self._noise(match)
+        angles = edges.leading_rad * sample, edges.trailing_rad * sample
+        rate_error2, common2 = self._rate_error2.values[0], (_RATE_SHIFT_RAD * sample) ** 2
+        s00, s01, s11 = (
+            rate_error2 * (angles[one] * angles[other] + common2) for one, other in ((0, 0), (0, 1), (1, 1))
+        )
+        v00, v01, v11 = n00, n01, n11
         if self._jitter.count >= _MIN_JITTER_UPDATES:
             # The common part of both edges is due to speed and is no error. Each edge has at least its noise.
-            jitter = np.asarray(self._jitter.value)
-            common = min(float(noise[0, 1]), jitter[1])
-            own = jitter[[0, 2]] - jitter[1] - (np.diag(stretch) - stretch[0, 1])
-            variance = common + np.diag(np.maximum(np.diag(noise) - noise[0, 1], own))
-        variance = variance + stretch
-        total = float(variance.trace() - 2.0 * variance[0, 1])
-        share = float(variance[0, 0] - variance[0, 1]) / total if total > 0.0 and math.isfinite(total) else 0.5
-        weights = np.array([1.0 - share, share])
-        centre_std = math.sqrt(max(float(weights @ (noise + stretch) @ weights), float(weights @ variance @ weights)))
+            j00, j01, j11 = self._jitter.values
+            v01 = min(n01, j01)
+            v00 = v01 + max(n00 - n01, j00 - j01 - (s00 - s01))
+            v11 = v01 + max(n11 - n01, j11 - j01 - (s11 - s01))
+        v00, v01, v11 = v00 + s00, v01 + s01, v11 + s11
+        n00, n01, n11 = n00 + s00, n01 + s01, n11 + s11
+        total = v00 + v11 - 2.0 * v01
+        share = (v00 - v01) / total if total > 0.0 and math.isfinite(total) else 0.5
+        own, mixed, other = (1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2
+        centre_std = math.sqrt(max(own * n00 + mixed * n01 + other * n11, own * v00 + mixed * v01 + other * v11))
         # A change of the weights must not move the timed point: only the distance's deviation from its mean counts.
         centre = leading + share * (trailing - leading - apart) + 0.5 * apart
-        step = template.middle_rad - float(self._points.mean())
+        step = template.middle_rad - 0.5 * (points[0] + points[1])
         limit = _ANCHOR_STEP * centre_std * match.rate
-        self._points = self._points + min(max(step, -limit), limit)
-        other_load = _OTHER_LOAD_SHARE * 0.5 * float(seen[1] - seen[0]) * match.rate
-        edge_stds = np.hypot(np.sqrt(np.diag(noise + stretch)) * match.rate, other_load)
+        step = min(max(step, -limit), limit)
+        self._points = points[0] + step, points[1] + step
+        self._share = share
+        other_load = _OTHER_LOAD_SHARE * 0.5 * (seen[1] - seen[0]) * match.rate
+        stds = (math.hypot(math.sqrt(variance) * match.rate, other_load) for variance in (n00, n11))
+        leading_std, trailing_std = stds
         return TimedContact(
             found=found,
             centre=centre,
             centre_std=centre_std,
-            leading_rad=edges.leading_rad + (float(seen[0]) - centre) * match.rate,
-            trailing_rad=edges.trailing_rad + (float(seen[1]) - centre) * match.rate,
-            leading_std_rad=math.hypot(edges.leading_std_rad, float(edge_stds[0])),
-            trailing_std_rad=math.hypot(edges.trailing_std_rad, float(edge_stds[1])),
+            leading_rad=edges.leading_rad + (seen[0] - centre) * match.rate,
+            trailing_rad=edges.trailing_rad + (seen[1] - centre) * match.rate,
+            leading_std_rad=math.hypot(edges.leading_std_rad, leading_std),
+            trailing_std_rad=math.hypot(edges.trailing_std_rad, trailing_std),
+        )
+
+    def _noise(self, match: _Match) -> tuple[float, float, float]:
+        """Return the covariance of the edges' times from noise, samples^2: leading, both, trailing."""
+        (in_leading, in_trailing), square = self._noise_share.values, match.rate**-2.0
+        ((a00, a01), (_, a11)), ((b00, b01), (_, b11)) = match.covariances_rad2.tolist()
+        return (
+            (in_leading * a00 + in_trailing * b00) * square,
+            (in_leading * a01 + in_trailing * b01) * square,
+            (in_leading * a11 + in_trailing * b11) * square,
         )
 
     def _update_rate_error(self, period: float) -> None:
@@ -263,7 +387,7 @@ class ContactTimer:
         The speed at the contact between two revolutions is about the mean of theirs. The extrapolation from the two
         revolutions before the contact differs from it by half of the second difference of three mean speeds.
         """
-        self._rates = [*self._rates[-2:], 1.0 / period]
+        self._rates = (*self._rates[-2:], 1.0 / period)
         if len(self._rates) == 3:
             before, last, now = self._rates
             self._rate_error2.add((0.5 * (now - 2.0 * last + before) / last) ** 2)
@@ -274,7 +398,19 @@ class ContactTimer:
         Changes of speed are common to both edges, jitter is not. With the mean products of second differences over 6,
         the variance of the leading edge is leading times leading minus leading times trailing; likewise for trailing.
         """
-        self._times = [*self._times[-2:], (leading, trailing)]
+        self._times = (*self._times[-2:], (leading, trailing))
         if len(self._times) == 3:
             one, other = (a - 2.0 * b + c for a, b, c in zip(*self._times, strict=True))
-            self._jitter.add(np.array([one * one, one * other, other * other]) / 6.0)
+            self._jitter.add(one * one / 6.0, one * other / 6.0, other * other / 6.0)
+
+
+def _passage(start: float, end: float, previous_period: float | None, *, at: float | None = None) -> Phase:
+    """Return the phase around the later contact of a revolution, angle 0 at `at`, or else at that contact."""
+    phase = fit_phase(start, end, start - previous_period if previous_period is not None else None)
+    zero = end if at is None else at
+    return Phase(zero, zero + phase.samples, phase.rate + phase.acceleration * phase.samples, phase.acceleration)
+
+
+def _moved(phase: Phase, samples: float) -> Phase:
+    """Return a phase in other sample numbers."""
+    return Phase(phase.start + samples, phase.end + samples, phase.rate, phase.acceleration)

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from gateway.signal.angle_resampling import MARGIN_SAMPLES
-from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn
+from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn_of
 from gateway.signal.dips import box_offsets, dip_score
 from gateway.signal.segmentation import Contact, refine_contact
 from gateway.types import FloatArray
@@ -50,6 +50,13 @@ _STRETCH_BAND: Final = (0.8, 1.25)
 _MAX_PERIOD_GROWTH: Final = 1.45
 # Depth of contacts below which a wheel is slow enough to stop or reverse within a revolution.
 _SLOW_MPS2: Final = 250.0
+# Samples behind a contact before which it is not searched: share of its duration within which the maximum of its score
+# must have score on either side; distance of its edges from the centre over its duration; and what its timing needs
+# beyond the edges, in turns and samples.
+_SCORE_SHARE: Final = 0.3
+_EDGE_SHARE: Final = 0.6
+_BEYOND_TURNS: Final = 0.056
+_BEYOND_SAMPLES: Final = 6.0
 # A contact whose duration deviates by this share from the expected one has a disturbed edge.
 _DISTURBED_SHARE: Final = 0.15
 # Weights of an update of the tracked properties, which follow pressure and load, and of the jitter.
@@ -104,8 +111,8 @@ def consistent(run: list[Contact], contact: Contact) -> bool:
         return False
     if len(run) < 2:
         return True
-    before = float(turn(run[-2].depth_mps2, last.depth_mps2, last.centre - run[-2].centre))
-    after = float(turn(last.depth_mps2, contact.depth_mps2, contact.centre - last.centre))
+    before = turn_of(run[-2].depth_mps2, last.depth_mps2, last.centre - run[-2].centre)
+    after = turn_of(last.depth_mps2, contact.depth_mps2, contact.centre - last.centre)
     return 1.0 / _RUN_TURN_RATIO < after / before < _RUN_TURN_RATIO
 
 
@@ -196,7 +203,7 @@ class ContactTrack:
 
     def _turn_of(self, start: Contact, end: Contact, turns: int = 1) -> float:
         period_s = (end.centre - start.centre) / turns / self._rate_hz
-        return float(turn(start.depth_mps2, end.depth_mps2, period_s))
+        return turn_of(start.depth_mps2, end.depth_mps2, period_s)
 
     @property
     def known(self) -> Known | None:
@@ -210,7 +217,9 @@ class ContactTrack:
         self._period = self._expected_period()
         self._width = max(3.0, self._duty * self._period)
         outer = box_offsets(self._width)[2]
-        beyond = max(0.25 * self._width + outer + 1, MARGIN_SAMPLES + 2)
+        # Far enough that the dip's score has its maximum in view, and that the contact's timing sees both of its edges.
+        edges = _EDGE_SHARE * self._width + _BEYOND_TURNS * self._period + _BEYOND_SAMPLES
+        beyond = max(_SCORE_SHARE * self._width + outer + 2, edges, MARGIN_SAMPLES + 2)
         self.next_index = math.ceil(self.contact.centre + self._period + beyond)
         longest = LONGEST_PERIOD_S * self._rate_hz
         wait = min(INTERVAL_RATIO * self._period, longest)
@@ -226,7 +235,7 @@ class ContactTrack:
         for _ in range(3):
             period = 1.0 / max(speed + 0.5 * gain * (last + period), speed / INTERVAL_RATIO)
         longest = min(last * _MAX_PERIOD_GROWTH, LONGEST_PERIOD_S * self._rate_hz)
-        return float(np.clip(period, last / INTERVAL_RATIO, longest))
+        return min(max(period, last / INTERVAL_RATIO), longest)
 
     def _nearest(self) -> float:
         """Return the least number of samples to the next contact."""
@@ -236,8 +245,13 @@ class ContactTrack:
         """Search the next contact in the samples before `next_index`; None when the wheel is lost."""
         last, end = self.contact, self.next_index
         first = min(max(int(last.centre + self._nearest()) - box_offsets(self._width)[2], int(last.centre)), end)
-        radial = read(first, end) * self._sign
-        candidates, waiting = self._candidates(np.concatenate(([0.0], np.cumsum(radial))), first)
+        radial = read(first, end)
+        if self._sign < 0:
+            radial = -radial
+        prefix = np.empty(len(radial) + 1)
+        prefix[0] = 0.0
+        np.cumsum(radial, out=prefix[1:])
+        candidates, waiting = self._candidates(prefix, first)
         if waiting and end < self._give_up_at:
             self.next_index = end + max(1, round(0.5 * self._width))
             return []
@@ -292,14 +306,14 @@ class ContactTrack:
             places, period, turns, expected = places[good], period[good], turns[good], expected[good]
             if not len(places):
                 continue
-            breaks = np.flatnonzero(np.diff(places) > max(1, round(0.5 * width))) + 1
+            breaks = np.flatnonzero(places[1:] - places[:-1] > max(1, round(0.5 * width))) + 1
             for lo, hi in pairwise((0, *breaks.tolist(), len(places))):
                 at = lo + int(np.argmax(score[places[lo:hi]]))
                 top = int(places[at])
                 depth_off = math.log(score[top] / expected[at]) / _DEPTH_LOG_STD
                 time_off = (period[at] / self._period - turns[at]) / (spread * turns[at])
                 cost = float(depth_off**2 + time_off**2 + _UNSEEN_COST * (turns[at] - 1.0))
-                found.append((cost, float(first + offset + top), width, top + 0.3 * width >= len(score)))
+                found.append((cost, float(first + offset + top), width, top + _SCORE_SHARE * width >= len(score)))
         found.sort()
         return [(at, width) for _, at, width, _ in found[:_MAX_CANDIDATES]], bool(found) and found[0][3]
 
@@ -396,4 +410,4 @@ class ContactTrack:
 
     def period_std(self, start: Contact, end: Contact) -> float:
         """Return the standard error of the time between two contacts, in samples."""
-        return float(np.hypot(start.centre_std, end.centre_std).clip(min=self._jitter2**0.5))
+        return max(math.hypot(start.centre_std, end.centre_std), math.sqrt(self._jitter2))

@@ -32,6 +32,11 @@ def old_pressure_s(readings: Sequence[Reading], at_us: float) -> float | None:
         readings: the latest, in the order of their times.
         at_us: hub time.
     """
+    for tick_us, reading, _ in reversed(readings):
+        if tick_us <= at_us and reading.pressure_pa is not None:
+            if (at_us - tick_us) * 1e-6 <= ENVIRONMENT_LEAST_S:
+                return None
+            break
     taken = [tick_us for tick_us, reading, _ in readings if tick_us <= at_us and reading.pressure_pa is not None]
     if not taken:
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -15,15 +16,24 @@ from gateway.pipeline.contact_timing import TimedPair
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import ContactPair
 from gateway.reasons import Code, Reason
-from gateway.signal.angle_resampling import GRID_SIZE, MARGIN_SAMPLES, Phase, fit_phase, resample_revolution
+from gateway.signal.angle_resampling import (
+    GRID_SIZE,
+    MARGIN_SAMPLES,
+    Phase,
+    Scale,
+    fit_phase,
+    resample_revolutions,
+)
 from gateway.signal.clipping import is_clipped
 from gateway.signal.contact_edges import find_contact_edges
-from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std
-from gateway.signal.speed_normalisation import normalise_radial
-from gateway.types import FloatArray
+from gateway.signal.order_spectrum import ORDER_COUNT, band_noise, highest_order, sample_std, spectrum_coefficients
+from gateway.signal.speed_normalisation import normalise_revolutions
+from gateway.types import ComplexArray, FloatArray
 
 # Revolutions with a larger share of lost samples are not averaged, because these are only interpolated.
 _MAX_MISSING_FRACTION: Final = 0.0
+# Revolutions worked on at once; more no longer fit into the processor's cache.
+_TOGETHER: Final = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +47,6 @@ class SensorReading:
         saturation_counts: |count| at or above which a sample is saturated.
         ac_coupled: whether the sensor passes no steady value.
         rate_hz: sampling rate.
-        sign: +1 or -1, makes the radial axis positive inward.
     """
 
     columns: tuple[int, ...]
@@ -46,11 +55,10 @@ class SensorReading:
     saturation_counts: int
     ac_coupled: bool
     rate_hz: float
-    sign: int = 1
 
     @classmethod
     def from_hello(cls, hello: Hello) -> Self:
-        """Return the conversion that a hello describes, at its nominal rate and sign."""
+        """Return the conversion that a hello describes, at its nominal rate."""
         columns = tuple(axis for axis in Axis if hello.axes >> axis & 1)
         return cls(
             columns=columns,
@@ -72,16 +80,16 @@ class SensorReading:
         return self.columns.index(Axis.RADIAL)
 
     def radial_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
-        """Return the radial axis of samples (n, channels), positive inward, (n,)."""
+        """Return the radial axis of samples (n, channels), nominally positive inward, (n,)."""
         column = self.radial_column
-        radial: FloatArray = (counts[:, column] - self.offset_counts[column]) * self.scale_mps2[column]
-        return radial * self.sign
+        radial: FloatArray = counts[:, column] - self.offset_counts[column]
+        radial *= self.scale_mps2[column]
+        return radial
 
     def samples_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
-        """Return samples (n, channels) as accelerations, the radial axis, if there is one, positive inward."""
-        samples: FloatArray = (counts - self.offset_counts) * self.scale_mps2
-        if Axis.RADIAL in self.columns:
-            samples[:, self.radial_column] *= self.sign
+        """Return samples (n, channels) as accelerations, in the directions that the sensor states."""
+        samples: FloatArray = counts - self.offset_counts
+        samples *= self.scale_mps2
         return samples
 
     def is_saturated(self, counts: NDArray[np.integer[Any]]) -> bool:
@@ -89,92 +97,128 @@ class SensorReading:
         return bool(counts.max() >= self.saturation_counts or counts.min() <= -self.saturation_counts)
 
 
-def revolution_in_angle(
-    pair: ContactPair,
-    timed: TimedPair,
-    buffer: SampleBuffer,
-    reading: SensorReading,
-    *,
-    radius_m: float,
-    index: int,
-    start_s: float,
-    contribution_mps2: FloatArray | None = None,
-    uncorrected: Reason | None = None,
-) -> Revolution:
-    """Extract one revolution from the buffer and transform it to the angle domain.
+@dataclass(frozen=True, slots=True)
+class TimedRevolution:
+    """A revolution between two timed contacts, still in samples.
 
-    Args:
+    Attributes:
         pair: the contacts that bound it, as segmented.
         timed: the same contacts, refined.
-        buffer: raw samples, holding at least the revolution.
-        reading: conversion of the samples, with the measured rate and the sign found.
-        radius_m: belt radius, restores the steady value of an AC-coupled signal.
         index: running number of the revolution.
         start_s: hub time of the first contact centre.
+        rate_hz: measured sampling rate.
+        sign: +1 or -1, makes the radial axis positive inward.
         contribution_mps2: (3, GRID_SIZE) contribution of known effects to the axes, which is subtracted; None if none.
         uncorrected: reason why no contribution is subtracted although effects are known.
+    """
+
+    pair: ContactPair
+    timed: TimedPair
+    index: int
+    start_s: float
+    rate_hz: float
+    sign: int
+    contribution_mps2: FloatArray | None = None
+    uncorrected: Reason | None = None
+
+
+def revolutions_in_angle(
+    revolutions: Sequence[TimedRevolution], buffer: SampleBuffer, reading: SensorReading, radius_m: float
+) -> list[Revolution]:
+    """Extract revolutions from the buffer and transform them to the angle domain.
+
+    The arrays of the revolutions are rows of common arrays. The numbers of each do not depend on the others.
+
+    Args:
+        revolutions: in order of time.
+        buffer: raw samples, holding at least these revolutions.
+        reading: conversion of the samples.
+        radius_m: belt radius, restores the steady value of an AC-coupled signal.
 
     Returns:
-        the revolution, with its defects in `faults`.
+        the revolutions, with their defects in `faults`.
     """
-    period = timed.end.centre - timed.start.centre
-    counts, first = _surrounding_counts(pair, timed, buffer)
-    axes, phase = _axes_in_angle(counts, first, timed, reading)
-    if contribution_mps2 is not None:
-        axes -= contribution_mps2
-    omega_radps = 2.0 * math.pi * reading.rate_hz / period
-    radial = normalise_radial(
-        axes[Axis.RADIAL], phase, ac_coupled=reading.ac_coupled, steady_mps2=radius_m * omega_radps**2
-    ).radial_mps2
-    noise_coefficient = coefficient_std(radial, period)
-    edges, edge_fault = _edges(timed, radial, period, noise_coefficient)
-    order_max = highest_order(period)
-    missing = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre)) / period
-    radial_counts = counts[:, reading.radial_column]
-    saturated = reading.is_saturated(radial_counts)
-    clipped = not saturated and is_clipped(radial_counts * reading.sign)
-    return Revolution(
-        index=index,
-        start_s=start_s,
-        period_s=period / reading.rate_hz,
-        omega_radps=omega_radps,
-        omega_dot_radps2=phase.acceleration * reading.rate_hz**2,
-        radial_mps2=radial,
-        axes_mps2=axes,
-        orders_mps2=order_coefficients(radial, order_max),
-        order_max=order_max,
-        leading_edge_rad=edges[0],
-        trailing_edge_rad=edges[1],
-        leading_edge_std_rad=edges[2],
-        trailing_edge_std_rad=edges[3],
-        noise_mps2=sample_std(noise_coefficient, period, GRID_SIZE),
-        missing_fraction=missing,
-        saturated=saturated,
+    axes = np.empty((len(revolutions), len(Axis), GRID_SIZE))
+    radial = np.empty((len(revolutions), GRID_SIZE))
+    orders = np.empty((len(revolutions), ORDER_COUNT), np.complex128)
+    found: list[Revolution] = []
+    for begin in range(0, len(revolutions), _TOGETHER):
+        part = slice(begin, begin + _TOGETHER)
+        found += _in_angle(revolutions[part], buffer, reading, radius_m, axes[part], radial[part], orders[part])
+    return found
+
+
+def _in_angle(
+    revolutions: Sequence[TimedRevolution],
+    buffer: SampleBuffer,
+    reading: SensorReading,
+    radius_m: float,
+    axes: FloatArray,
+    radial: FloatArray,
+    orders: ComplexArray,
+) -> Iterator[Revolution]:
+    """Yield the revolutions, with their rows of the arrays, which are filled first."""
+    counts, phases = zip(*(_samples_and_phase(one, buffer) for one in revolutions), strict=True)
+    axes.fill(math.nan)
+    scale = Scale(reading.offset_counts, reading.scale_mps2)
+    axes[:, list(reading.columns)] = resample_revolutions(counts, phases, GRID_SIZE, scale)
+    for row, revolution in zip(axes, revolutions, strict=True):
+        if revolution.sign < 0:
+            np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
+        if revolution.contribution_mps2 is not None:
+            row -= revolution.contribution_mps2
+    omegas_radps = [2.0 * math.pi * one.rate_hz / phase.samples for one, phase in zip(revolutions, phases, strict=True)]
+    radial[:] = normalise_revolutions(
+        axes[:, Axis.RADIAL],
+        phases,
         ac_coupled=reading.ac_coupled,
-        faults=_faults(pair, missing, saturated, clipped, edge_fault),
-        period_std_s=timed.period_std / reading.rate_hz,
-        rate_hz=reading.rate_hz,
-        uncorrected=uncorrected,
-    )
+        steady_mps2=radius_m * np.square(omegas_radps),
+    ).radial_mps2
+    spectra = np.fft.rfft(radial, axis=1)
+    orders[:] = spectrum_coefficients(spectra)
+    for place, (revolution, phase) in enumerate(zip(revolutions, phases, strict=True)):
+        period = phase.samples
+        noise_coefficient = band_noise(spectra[place], period)
+        order_max = highest_order(period)
+        orders[place, order_max + 1 :] = complex(math.nan, math.nan)
+        timed = revolution.timed
+        edges, edge_fault = _edges(timed, radial[place], period, noise_coefficient)
+        lost = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre))
+        saturated = reading.is_saturated(counts[place])
+        clipped = not saturated and is_clipped(counts[place][:, reading.radial_column], revolution.sign)
+        yield Revolution(
+            index=revolution.index,
+            start_s=revolution.start_s,
+            period_s=period / revolution.rate_hz,
+            omega_radps=omegas_radps[place],
+            omega_dot_radps2=phase.acceleration * revolution.rate_hz**2,
+            radial_mps2=radial[place],
+            axes_mps2=axes[place],
+            orders_mps2=orders[place],
+            order_max=order_max,
+            leading_edge_rad=edges[0],
+            trailing_edge_rad=edges[1],
+            leading_edge_std_rad=edges[2],
+            trailing_edge_std_rad=edges[3],
+            noise_mps2=sample_std(noise_coefficient, period, GRID_SIZE),
+            missing_fraction=lost / period,
+            saturated=saturated,
+            ac_coupled=reading.ac_coupled,
+            faults=_faults(revolution.pair, lost / period, saturated, clipped, edge_fault),
+            period_std_s=timed.period_std / revolution.rate_hz,
+            rate_hz=revolution.rate_hz,
+            uncorrected=revolution.uncorrected,
+        )
 
 
-def _surrounding_counts(pair: ContactPair, timed: TimedPair, buffer: SampleBuffer) -> tuple[NDArray[np.int16], int]:
-    """Return the samples of a revolution with margins for the interpolation, and the number of the first."""
-    first = max(math.floor(timed.start.centre) - MARGIN_SAMPLES - 1, buffer.tail)
-    last = min(math.ceil(timed.end.centre) + MARGIN_SAMPLES + 2, pair.decided_at, buffer.head)
-    return buffer.view(first, last), first
-
-
-def _axes_in_angle(
-    counts: NDArray[np.int16], first: int, timed: TimedPair, reading: SensorReading
-) -> tuple[FloatArray, Phase]:
-    """Return the three axes on the angle grid, (3, GRID_SIZE), NaN where the sensor has none, and the phase."""
+def _samples_and_phase(revolution: TimedRevolution, buffer: SampleBuffer) -> tuple[NDArray[np.int16], Phase]:
+    """Return the samples of a revolution with margins for the interpolation, and its phase in their positions."""
+    pair, timed = revolution.pair, revolution.timed
     start, end = timed.start.centre, timed.end.centre
+    first = max(math.floor(start) - MARGIN_SAMPLES - 1, buffer.tail)
+    last = min(math.ceil(end) + MARGIN_SAMPLES + 2, pair.decided_at, buffer.head)
     previous = start - timed.previous_period - first if timed.previous_period is not None else None
-    phase = fit_phase(start - first, end - first, previous)
-    axes = np.full((len(Axis), GRID_SIZE), np.nan)
-    axes[list(reading.columns)] = resample_revolution(reading.samples_mps2(counts), phase)
-    return axes, phase
+    return buffer.view(first, last), fit_phase(start - first, end - first, previous)
 
 
 def _edges(

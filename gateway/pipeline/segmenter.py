@@ -25,9 +25,10 @@ LOOK_BACK_S: Final = 3.4 * LONGEST_PERIOD_S
 STANDSTILL_S: Final = 2.0
 # A search uses the known properties of the wheel for this long.
 _TRUST_KNOWN_S: Final = 6.0
-# After this number of contacts, and then at this interval, an independent search over the last periods checks them.
+# After this number of contacts an independent search over the last periods checks them, and then at intervals that
+# double from the second number to the third.
 _FIRST_CHECK_CONTACTS: Final = 4
-_CHECK_INTERVAL_CONTACTS: Final = 48
+_CHECK_INTERVAL_CONTACTS: Final = (48, 192)
 _CHECK_PERIODS: Final = 3.6
 
 
@@ -45,6 +46,7 @@ class Segmenter:
         self._search_at = origin + self._step
         self._paired_until = float(origin)
         self._until_check = _FIRST_CHECK_CONTACTS
+        self._check_interval = _CHECK_INTERVAL_CONTACTS[0]
         self._known: Known | None = None
 
     @property
@@ -113,7 +115,7 @@ class Segmenter:
         self.sign = sign
         self.state = WheelState.ROLLING
         track = self._track = ContactTrack(contacts, self._rate_hz, sign)
-        self._until_check = _FIRST_CHECK_CONTACTS
+        self._until_check, self._check_interval = _FIRST_CHECK_CONTACTS, _CHECK_INTERVAL_CONTACTS[0]
         pairs: list[ContactPair] = []
         previous: float | None = None
         for start, following in pairwise(contacts):
@@ -158,7 +160,8 @@ class Segmenter:
         span = round(_CHECK_PERIODS * track.periods[-1])
         if self._until_check > 0 or span > SEARCH_WINDOW_S * self._rate_hz:
             return
-        self._until_check = _CHECK_INTERVAL_CONTACTS
+        self._until_check = self._check_interval
+        self._check_interval = min(2 * self._check_interval, _CHECK_INTERVAL_CONTACTS[1])
         contact = track.contact
         first = max(int(contact.centre) - span, self._origin)
         found, sign = find_contacts(read(first, end), self._rate_hz)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,42 +39,69 @@ _REVOLUTIONS: Final = 10
 _RINGING_SHARE: Final = 0.025
 _RINGING_RATIO: Final = 30.0
 
+_BINS: Final = np.arange(_FFT_SIZE // 2 + 1.0)
+_ROWS_AT_ONCE: Final = 256
+
 _FROZEN_READINGS: Final = 10
 _FROZEN_PA: Final = 5_000.0
 
 
-def ringing_spectrum(
-    radial_mps2: FloatArray, revolution: Revolution, frequency_hz: FloatArray, side: int
-) -> FloatArray:
-    """Return the squared amplitude of oscillation beside the contact, (f,), NaN where it is not known.
+class _Stretch(NamedTuple):
+    """What turns a stretch of a waveform into its spectrum: trend to remove, window, factor of the power."""
+
+    trend: FloatArray
+    window: FloatArray
+    factor: float
+
+
+@lru_cache(maxsize=8)
+def _stretch(count: int) -> _Stretch:
+    """Return the constants of a stretch of `count` points; the trend is (count, degree + 1) orthonormal columns."""
+    place = np.linspace(-1.0, 1.0, count)
+    trend = np.linalg.qr(np.polynomial.chebyshev.chebvander(place, _TREND_DEGREE))[0]
+    window = np.hanning(count)
+    return _Stretch(trend, window, float((2.0 / window.sum()) ** 2))
+
+
+def ringing_spectra(revolutions: Sequence[Revolution], frequency_hz: FloatArray) -> FloatArray:
+    """Return the squared amplitude of oscillation of the radial axis beside the contact, (k, 2, f), NaN where unknown.
+
+    The first is behind the contact, where a loose sensor rings, the second before it, where the ringing has decayed.
 
     Args:
-        radial_mps2: (n,) one axis on the angle grid.
-        revolution: its contact edges and speed.
+        revolutions: their waveforms, contact edges and speeds.
         frequency_hz: (f,) frequencies.
-        side: +1 behind the contact, where a loose sensor rings, -1 before it, where the ringing has decayed.
     """
-    theta = np.linspace(-math.pi, math.pi, len(radial_mps2), endpoint=False)
-    if side > 0:
-        begin = revolution.trailing_edge_rad + _EDGE_MARGIN_RAD
-    else:
-        begin = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _RANGE_RAD
-    inside = (theta >= begin) & (theta < begin + _RANGE_RAD)
-    count = int(inside.sum())
-    unknown: FloatArray = np.full(len(frequency_hz), math.nan)
-    if count < 8 * _TREND_DEGREE:
-        return unknown
-    place = np.linspace(-1.0, 1.0, count)
-    signal = radial_mps2[inside]
-    signal = signal - np.polynomial.chebyshev.chebval(
-        place, np.polynomial.chebyshev.chebfit(place, signal, _TREND_DEGREE)
-    )
-    window = np.hanning(count)
-    power = np.square(np.abs(np.fft.rfft(signal * window, _FFT_SIZE)) * 2.0 / window.sum())
-    step_s = revolution.period_s / len(radial_mps2)
-    spectrum: FloatArray = np.interp(frequency_hz, np.fft.rfftfreq(_FFT_SIZE, step_s), power)
-    spectrum[(frequency_hz < _LOWEST_ORDER / revolution.period_s) | (frequency_hz > 0.2 / step_s)] = math.nan
-    return spectrum
+    spectra = np.full((len(revolutions), 2, len(frequency_hz)), math.nan)
+    of_length: dict[int, list[tuple[int, int, FloatArray]]] = {}
+    for place, revolution in enumerate(revolutions):
+        n = len(revolution.radial_mps2)
+        behind = revolution.trailing_edge_rad + _EDGE_MARGIN_RAD
+        before = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _RANGE_RAD
+        for side, begin in enumerate((behind, before)):
+            if math.isfinite(begin):
+                first, end = (
+                    min(max(math.ceil((angle + math.pi) * n / (2.0 * math.pi)), 0), n)
+                    for angle in (begin, begin + _RANGE_RAD)
+                )
+                if end - first >= 8 * _TREND_DEGREE:
+                    of_length.setdefault(end - first, []).append((place, side, revolution.radial_mps2[first:end]))
+    for count, parts in of_length.items():
+        stretch = _stretch(count)
+        signals = np.stack([signal for _, _, signal in parts])
+        signals -= (signals @ stretch.trend) @ stretch.trend.T
+        signals *= stretch.window
+        transforms = np.fft.rfft(signals, _FFT_SIZE, axis=1)
+        powers = (np.square(transforms.real) + np.square(transforms.imag)) * stretch.factor
+        for (place, side, _), power in zip(parts, powers, strict=True):
+            revolution = revolutions[place]
+            step_s = revolution.period_s / len(revolution.radial_mps2)
+            low, high = _LOWEST_ORDER / revolution.period_s, 0.2 / step_s
+            known = slice(*np.searchsorted(frequency_hz, (low, math.nextafter(high, math.inf))).tolist())
+            # Bins of the transform are 1 / (size step) apart.
+            at = frequency_hz[known] * (_FFT_SIZE * step_s)
+            spectra[place, side, known] = np.interp(at, _BINS, power)
+    return spectra
 
 
 def tilt_rad(mean_mps2: FloatArray) -> tuple[Axis, float] | None:
@@ -127,8 +155,8 @@ class SensorHealth:
         self._still: tuple[tuple[int, int], ...] = ()
         self._mean: FloatArray = np.full(len(Axis), math.nan)
         self._frequency_hz: FloatArray = np.arange(_LOWEST_HZ, 0.4 * rate_hz, _STEP_HZ)
-        self._behind: FloatArray = np.full(len(self._frequency_hz), math.nan)
-        self._before = self._behind
+        # Averaged squared amplitudes behind and before the contact.
+        self._spectra: FloatArray = np.full((2, len(self._frequency_hz)), math.nan)
         self._used = 0
         self._ringing: tuple[float, float] | None = None
         self._pressure_pa: float | None = None
@@ -140,12 +168,12 @@ class SensorHealth:
         """Add (n, channels) raw samples that follow those of the last call."""
         if not len(counts):
             return
-        low, high = counts.min(axis=0), counts.max(axis=0)
+        low, high, total = _extremes_and_sum(counts)
         if self._lowest is None or self._highest is None:
             self._lowest, self._highest, self._count = low, high, 0
             self._sum[:] = 0.0
         self._lowest, self._highest = np.minimum(low, self._lowest), np.maximum(high, self._highest)
-        self._sum += counts.sum(axis=0, dtype=np.float64)
+        self._sum += total
         self._count += len(counts)
         if self._count < self._window:
             return
@@ -155,24 +183,36 @@ class SensorHealth:
         self._mean[list(self._columns)] = (self._sum / self._count - self._offset) * self._scale
         self._lowest = self._highest = None
 
-    def revolution(self, revolution: Revolution) -> None:
-        """Add a revolution. Those with faults are skipped; of the others every fourth is enough for a loose sensor."""
-        if revolution.faults or revolution.index % _USED_EVERY:
-            return
-        steady = revolution.radial_mps2.mean()
-        if not steady > _LEAST_MEAN_MPS2:
-            return
-        behind, before = (
-            ringing_spectrum(revolution.radial_mps2, revolution, self._frequency_hz, side) / steady**2
-            for side in (1, -1)
-        )
-        self._behind, self._before = _averaged(self._behind, behind), _averaged(self._before, before)
+    def revolutions(self, revolutions: Sequence[Revolution]) -> list[Reason | None]:
+        """Add revolutions; return the fault, after each, that makes every shape doubtful, None without one.
+
+        Those with faults are skipped; of the others every fourth is enough for a loose sensor.
+        """
+        used = [
+            place
+            for place, revolution in enumerate(revolutions)
+            if not (revolution.faults or revolution.index % _USED_EVERY)
+        ]
+        steady = [float(revolutions[place].radial_mps2.mean()) for place in used]
+        fast = [(place, mean) for place, mean in zip(used, steady, strict=True) if mean > _LEAST_MEAN_MPS2]
+        doubts: list[Reason | None] = []
+        spectra = ringing_spectra([revolutions[place] for place, _ in fast], self._frequency_hz)
+        for (place, mean), spectrum in zip(fast, spectra, strict=True):
+            doubts += [self.doubt()] * (place - len(doubts))
+            self._add_spectrum(spectrum / mean**2)
+        return doubts + [self.doubt()] * (len(revolutions) - len(doubts))
+
+    def _add_spectrum(self, fresh: FloatArray) -> None:
+        """Add the squared amplitudes of a revolution behind and before the contact, (2, f), over the steady value's."""
+        self._spectra = _averaged(self._spectra, fresh)
         self._used += 1
         self._ringing = None
-        known = np.isfinite(self._behind) & np.isfinite(self._before)
-        if self._used < _REVOLUTIONS or not known.any():
+        if self._used < _REVOLUTIONS:
             return
-        after, ahead = self._behind[known], self._before[known]
+        known = np.isfinite(self._spectra).all(axis=0)
+        after, ahead = self._spectra[:, known]
+        if not (after > _RINGING_SHARE**2).any():
+            return
         rings = (after > _RINGING_SHARE**2) & (after > _RINGING_RATIO * (ahead + np.median(ahead)))
         if rings.any():
             strongest = int(np.argmax(np.where(rings, after, 0.0)))
@@ -232,4 +272,22 @@ class SensorHealth:
 def _averaged(average: FloatArray, fresh: FloatArray) -> FloatArray:
     """Return the running average; where one is NaN, the other is taken."""
     mixed: FloatArray = average + _AVERAGING * (fresh - average)
-    return np.where(np.isnan(average), fresh, np.where(np.isnan(fresh), average, mixed))
+    unknown = np.isnan(mixed)
+    if unknown.any():
+        mixed[unknown] = np.where(np.isnan(average), fresh, average)[unknown]
+    return mixed
+
+
+def _extremes_and_sum(counts: NDArray[np.int16]) -> tuple[NDArray[np.int16], NDArray[np.int16], FloatArray]:
+    """Return the least, the greatest and the sum of each channel of (n, channels) samples."""
+    channels = counts.shape[1]
+    rows = len(counts) // _ROWS_AT_ONCE
+    if not rows:
+        return counts.min(axis=0), counts.max(axis=0), counts.sum(axis=0, dtype=np.float64)
+    # Long rows are reduced many times faster than those of three values.
+    whole = counts[: rows * _ROWS_AT_ONCE].reshape(rows, -1)
+    rest = counts[rows * _ROWS_AT_ONCE :]
+    low = np.concatenate((whole.min(axis=0).reshape(-1, channels), rest)).min(axis=0)
+    high = np.concatenate((whole.max(axis=0).reshape(-1, channels), rest)).max(axis=0)
+    total = whole.sum(axis=0, dtype=np.int64).reshape(-1, channels).sum(axis=0) + rest.sum(axis=0, dtype=np.int64)
+    return low, high, total.astype(np.float64)

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import deque
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 # Distance of the support points of the sample clock, and their number in a fit.
 _SAMPLE_WINDOW_S: Final = 0.5
@@ -37,8 +40,8 @@ class SampleClock:
         self._window = max(1, round(_SAMPLE_WINDOW_S * nominal_rate_hz))
         self._indices: list[int] = []
         self._ticks_us: list[int] = []
-        self._fit_at = -1
-        self._fit = (nominal_rate_hz, 0, 0.0)
+        # Fits by their last sample: times are asked for in no fixed order.
+        self._fits: dict[int, tuple[float, int, float]] = {}
 
     def stamp(self, index: int, tick_us: int) -> None:
         """Add the hub time `tick_us` (unwrapped) of sample `index`."""
@@ -46,16 +49,29 @@ class SampleClock:
             return
         self._indices.append(index)
         self._ticks_us.append(tick_us)
-        if len(self._indices) > 2 * _SAMPLE_WINDOWS:
+        # A time is asked for by up to some ten windows later: what it needs is still held then.
+        if len(self._indices) > 3 * _SAMPLE_WINDOWS:
             del self._indices[:_SAMPLE_WINDOWS], self._ticks_us[:_SAMPLE_WINDOWS]
-            self._fit_at = -1
+
+    def stamp_blocks(self, first: int, block: int, ticks_us: Sequence[int]) -> None:
+        """Add the hub times of the first samples of blocks of `block` samples, the first of which is `first`."""
+        place = 0
+        while place < len(ticks_us):
+            index = first + place * block
+            due = self._indices[-1] + self._window if self._indices else index
+            if index >= due:
+                self.stamp(index, ticks_us[place])
+                place += 1
+            else:
+                place = -((first - due) // block)
 
     def _fitted(self, index: float) -> tuple[float, int, float]:
         """Return rate in Hz, anchor sample and the anchor's hub time in us, from the time stamps up to `index`."""
         until = max(1, bisect_right(self._indices, index))
         last = self._indices[until - 1]
-        if last == self._fit_at:
-            return self._fit
+        known = self._fits.get(last)
+        if known is not None:
+            return known
         indices = np.array(self._indices[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         ticks = np.array(self._ticks_us[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         rate = self.nominal_rate_hz
@@ -66,8 +82,10 @@ class SampleClock:
             if abs(measured / rate - 1.0) <= _MAX_RATE_ERROR:
                 rate = measured
         anchor_us = float(ticks.mean() + (last - indices.mean()) * 1e6 / rate)
-        self._fit_at, self._fit = last, (rate, last, anchor_us)
-        return self._fit
+        while len(self._fits) >= _SAMPLE_WINDOWS:
+            del self._fits[next(iter(self._fits))]
+        self._fits[last] = rate, last, anchor_us
+        return self._fits[last]
 
     def rate_hz(self, index: float) -> float:
         """Return the sampling rate, Hz, estimated from samples up to `index`."""
@@ -89,8 +107,8 @@ class HostClock:
         self._open: dict[int, tuple[int, int, int]] = {}
         self._open_from = 0
         self._first: tuple[int, int] | None = None
-        self._fit_key: tuple[int, int] | None = None
-        self._fit = (0.0, 0.0)
+        # The latest fits by their newest window: last point, offset in ns and drift in ns/us.
+        self._fits: dict[int, tuple[tuple[int, int, int], float, float]] = {}
         self.latency_s: float | None = None
 
     def stamp(self, tick_us: int, host_ns: int) -> None:
@@ -109,6 +127,18 @@ class HostClock:
             self._open_from = window - _CLOSED_AFTER_WINDOWS + 1
             self._closed.extend(self._open.pop(done) for done in sorted(self._open) if done < self._open_from)
 
+    def stamp_all(self, ticks_us: NDArray[np.int64], hosts_ns: NDArray[np.int64]) -> None:
+        """Add the arrivals of frames, (n,) each, in their order, n > 0."""
+        if self._first is None:
+            self.stamp(int(ticks_us[0]), int(hosts_ns[0]))
+        windows = ticks_us // _HOST_WINDOW_US
+        delays_ns = hosts_ns - ticks_us * 1000
+        edges = [0, *(np.flatnonzero(windows[1:] != windows[:-1]) + 1).tolist(), len(windows)]
+        for begin, end in pairwise(edges):
+            # Of the frames of one window only the earliest counts.
+            earliest = begin + int(delays_ns[begin:end].argmin())
+            self.stamp(int(ticks_us[earliest]), int(hosts_ns[earliest]))
+
     def measure_latency(self, tick_us: int, host_ns: int) -> None:
         """Set the latency: delay of this frame relative to the fastest frames."""
         self.latency_s = max(0.0, (host_ns - self.host_ns(tick_us)) * 1e-9)
@@ -117,15 +147,19 @@ class HostClock:
         """Return the host time of hub time `tick_us`, with the least delay of the link included; 0 if unknown."""
         if self._first is None:
             return 0
-        newest = tick_us // _HOST_WINDOW_US - _USED_AFTER_WINDOWS
-        used = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]
-        if not used:
-            return self._first[1] + round((tick_us - self._first[0]) * 1000.0)
-        key = (used[0][0], used[-1][0])
-        if key != self._fit_key:
-            self._fit_key, self._fit = key, self._line(used)
-        offset_ns, drift = self._fit
-        _, base_us, base_ns = used[-1]
+        newest = int(tick_us // _HOST_WINDOW_US) - _USED_AFTER_WINDOWS
+        fit = self._fits.get(newest)
+        if fit is None:
+            used = [point for point in self._closed if point[0] <= newest][-_HOST_WINDOWS:]
+            if not used:
+                return self._first[1] + round((tick_us - self._first[0]) * 1000.0)
+            fit = used[-1], *self._line(used)
+            # Windows that can still be closed belong to no fit that is kept.
+            if newest < self._open_from:
+                while len(self._fits) >= _HOST_WINDOWS:
+                    del self._fits[next(iter(self._fits))]
+                self._fits[newest] = fit
+        (_, base_us, base_ns), offset_ns, drift = fit
         return base_ns + round(tick_us * 1000.0 + offset_ns + drift * (tick_us - base_us))
 
     @staticmethod

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -13,21 +13,134 @@ import numpy as np
 from firmware_protocol.messages import Axis, Environment
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
 from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
-from gateway.signal.synchronous_average import RunningAverage
-from gateway.types import FloatArray
+from gateway.signal.synchronous_average import AverageSteps, RunningAverage
+from gateway.types import ComplexArray, FloatArray
 
 # Environment readings kept for revolutions that are not complete yet.
 _ENVIRONMENT_DEPTH: Final = 64
+# Revolutions worked on together, which bounds the memory.
+_LONGEST_BLOCK: Final = 64
 # Estimators that known effects, which are locked to the wheel's angle, do not change.
 _UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
 # Estimate that rests on the times of contacts alone.
 _SPEED: Final = "speed_mps"
+
+
+class Given(Mapping[str, "Named"]):
+    """Estimates of one revolution so far, by estimator."""
+
+    def __init__(self) -> None:
+        self._named: dict[str, Named] = {}
+
+    def add(self, estimator: str, estimates: Sequence[Estimate]) -> None:
+        """Add the estimates of an estimator."""
+        self._named[estimator] = Named(estimates)
+
+    def __getitem__(self, estimator: str) -> Named:
+        return self._named[estimator]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._named)
+
+    def __len__(self) -> int:
+        return len(self._named)
+
+
+class Named(Mapping[str, Estimate]):
+    """Estimates by name; there are few, and few are looked up."""
+
+    def __init__(self, estimates: Sequence[Estimate]) -> None:
+        self._estimates = estimates
+
+    def __getitem__(self, name: str) -> Estimate:
+        for estimate in self._estimates:
+            if estimate.name == name:
+                return estimate
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return (estimate.name for estimate in self._estimates)
+
+    def __len__(self) -> int:
+        return len(self._estimates)
+
+
+class _PausedSteps:
+    """The running average after each of revolutions of which some have faults and leave it unchanged."""
+
+    def __init__(
+        self,
+        revolutions: Sequence[Revolution],
+        taken: Sequence[int],
+        steps: AverageSteps | None,
+        before: AverageSteps | None,
+    ) -> None:
+        self._revolutions = revolutions
+        self._steps, self._before = steps, before
+        # Step after each revolution, -1 before the first.
+        self._step = np.searchsorted(np.array(taken, dtype=np.intp), np.arange(len(revolutions)), side="right") - 1
+
+    def _one(self, index: int) -> tuple[AverageSteps, int]:
+        if self._before is not None:
+            return self._before, len(self._before.counts) - 1
+        # Without any average the revolution stands for itself, in spite of its faults.
+        return _average(RunningAverage(), [self._revolutions[index]]), 0
+
+    @cached_property
+    def _parts(self) -> list[tuple[AverageSteps, int]]:
+        return [
+            (self._steps, int(step)) if self._steps is not None and step >= 0 else self._one(index)
+            for index, step in enumerate(self._step)
+        ]
+
+    @cached_property
+    def edges_rad(self) -> Sequence[tuple[float, float]]:
+        return [steps.edges_rad[place] for steps, place in self._parts]
+
+    @cached_property
+    def counts(self) -> Sequence[int]:
+        return [steps.counts[place] for steps, place in self._parts]
+
+    @cached_property
+    def effective_counts(self) -> Sequence[float]:
+        return [steps.effective_counts[place] for steps, place in self._parts]
+
+    @cached_property
+    def scatters(self) -> Sequence[float]:
+        return [steps.scatters[place] for steps, place in self._parts]
+
+    @cached_property
+    def spectra(self) -> ComplexArray:
+        return np.stack([steps.spectra[place] for steps, place in self._parts])
+
+    def at(self, index: int) -> AngleAverage:
+        steps, place = self._parts[index]
+        return steps.at(place)
+
+
+def _average(average: RunningAverage, revolutions: Sequence[Revolution]) -> AverageSteps:
+    """Add revolutions to an average; return it after each."""
+    radial = np.stack([revolution.radial_mps2 for revolution in revolutions])
+    finite = np.isfinite(radial).all(axis=1)
+    if not finite.all():
+        radial[~finite] = 0.0
+    return average.update_block(
+        radial,
+        np.stack([revolution.orders_mps2 for revolution in revolutions]),
+        [revolution.omega_radps for revolution in revolutions],
+        edges_rad=[(revolution.leading_edge_rad, revolution.trailing_edge_rad) for revolution in revolutions],
+        edges_std_rad=[
+            (revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad) for revolution in revolutions
+        ],
+        noise_mps2=[revolution.noise_mps2 for revolution in revolutions],
+    )
 
 
 class _Series:
@@ -66,6 +179,8 @@ class TireEstimates:
         # Revolutions with and without known effects subtracted are averaged separately.
         self._series = {False: self._current}
         self._environment: deque[tuple[int, Environment, float]] = deque(maxlen=_ENVIRONMENT_DEPTH)
+        # Conditions made from the latest reading that was used.
+        self._stated: tuple[tuple[int, Environment, float] | None, TireConditions | None] = None, None
         self.last: RevolutionResult | None = None
         self.rejected = 0
         self.evidence: Evidence | None = None
@@ -84,83 +199,139 @@ class TireEstimates:
         """Add a pressure and temperature reading with its hub time and the error that sensor health gives it."""
         self._environment.append((tick_us, environment, pressure_error_pa))
 
-    def take(
-        self, revolution: Revolution, end_us: float, host_ns: int, doubt: Reason | None = None
-    ) -> RevolutionResult:
-        """Estimate one revolution that ended at hub time `end_us`; a `doubt` makes all but the speed provisional."""
-        uncorrected = revolution.uncorrected is not None
+    def take_block(
+        self,
+        revolutions: Sequence[Revolution],
+        ends_us: Sequence[float],
+        hosts_ns: Sequence[int],
+        doubts: Sequence[Reason | None],
+    ) -> list[RevolutionResult]:
+        """Estimate consecutive revolutions; the size of the blocks does not change the results.
+
+        The running average is known at the end of a block only. Whoever uses it must end blocks at places that do not
+        depend on how the samples arrived. Environment readings up to the last end must have been given.
+
+        Args:
+            revolutions: in order; their arrays may be rows of stacked arrays.
+            ends_us: hub time of the end of each.
+            hosts_ns: host time of the end of each, ns since the epoch.
+            doubts: about the sensor; makes all estimates of that revolution but the speed provisional.
+
+        Returns:
+            One result per revolution.
+        """
+        results: list[RevolutionResult] = []
+        first = 0
+        for end in range(1, len(revolutions) + 1):
+            corrected = revolutions[first].uncorrected is None
+            whole = end < len(revolutions) and (revolutions[end].uncorrected is None) is corrected
+            if not whole or end - first == _LONGEST_BLOCK:
+                rows = slice(first, end)
+                results += self._take_alike(revolutions[rows], ends_us[rows], hosts_ns[rows], doubts[rows])
+                first = end
+        return results
+
+    def _take_alike(
+        self,
+        revolutions: Sequence[Revolution],
+        ends_us: Sequence[float],
+        hosts_ns: Sequence[int],
+        doubts: Sequence[Reason | None],
+    ) -> list[RevolutionResult]:
+        """Estimate revolutions of one series: all with known effects subtracted, or none."""
+        uncorrected = revolutions[0].uncorrected is not None
         if uncorrected not in self._series:
             self._series[uncorrected] = _Series(self._names)
-        self._current = self._series[uncorrected]
-        average = self._take_in(revolution)
-        conditions, estimates = self._estimate(revolution, average, self.conditions(end_us), doubt)
-        old_s = old_pressure_s(self._environment, end_us)
-        if old_s is not None:
-            estimates = rest_on_old_pressure(estimates, old_s)
-        self.last = RevolutionResult(self._setup.position, host_ns, revolution, conditions, estimates)
-        return self.last
+        self._current = series = self._series[uncorrected]
+        averages = self._take_in(revolutions)
+        arrays = RevolutionArrays(revolutions)
+        stated = [self.conditions(end_us) for end_us in ends_us]
+        measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
+        given = [Given() for _ in revolutions]
+        evidences = [
+            assess(found, at, at.radius_m * revolution.omega_radps**2, ac_coupled=revolution.ac_coupled)
+            for found, at, revolution in zip(measured, stated, revolutions, strict=True)
+        ]
+        self.evidence = evidences[-1]
+        conditions = [
+            evidence.applied_to(at, by_others) for evidence, at, by_others in zip(evidences, stated, given, strict=True)
+        ]
+        block = RevolutionBlock(revolutions, arrays, averages, conditions)
+        stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
+        estimates: list[list[Estimate]] = [[] for _ in revolutions]
+        for estimator in series.estimators:
+            if estimator is series.calibration:
+                made = series.calibration.estimates(stated_block)
+            elif isinstance(estimator, BlockEstimator):
+                made = estimator.update_block(block)
+            else:
+                made = [
+                    estimator.update(revolution, averages.at(index), conditions[index])
+                    for index, revolution in enumerate(revolutions)
+                ]
+            is_affected = uncorrected and estimator.name not in _UNAFFECTED
+            for index, found in enumerate(made):
+                evidence, doubt = evidences[index], doubts[index]
+                if is_affected:
+                    why = revolutions[index].uncorrected
+                    assert why is not None
+                    found = tuple(_doubted(estimate, why) for estimate in found)
+                if evidence.says_anything:
+                    found = tuple(evidence.qualified(estimate) for estimate in found)
+                if doubt is not None:
+                    found = tuple(
+                        estimate if estimate.name == _SPEED else _provisional(estimate, doubt) for estimate in found
+                    )
+                given[index].add(estimator.name, found)
+                estimates[index] += found
+        results = []
+        for index, revolution in enumerate(revolutions):
+            final = self._finished(estimates[index], given[index], ends_us[index])
+            results.append(
+                RevolutionResult(self._setup.position, hosts_ns[index], revolution, conditions[index], final)
+            )
+        self.last = results[-1]
+        return results
 
-    def _estimate(
-        self, revolution: Revolution, average: AngleAverage, stated: TireConditions, doubt: Reason | None
-    ) -> tuple[TireConditions, tuple[Estimate, ...]]:
-        """Run the estimators in order; each gets the estimates of those before it, and the conditions in use.
+    def _finished(self, estimates: list[Estimate], given: Given, end_us: float) -> tuple[Estimate, ...]:
+        """Return the estimates of a revolution with distinct names, and with the doubt of an old pressure.
 
         A name that an earlier estimator has used is prefixed with the estimator's: `ring-paper:Bs`.
         """
-        calibration = self._current.calibration
-        calibrated = calibration.update(revolution, average, stated)
-        self.evidence = evidence = assess(
-            calibration.measured,
-            stated,
-            stated.radius_m * revolution.omega_radps**2,
-            ac_coupled=revolution.ac_coupled,
-        )
-        conditions = evidence.applied_to(stated)
-        given: dict[str, dict[str, Estimate]] = {}
-        seeing = replace(conditions, given=MappingProxyType(given))
-        estimates: list[Estimate] = []
-        taken: set[str] = set()
-        for estimator in self._current.estimators:
-            is_calibration = estimator is calibration
-            made = calibrated if is_calibration else estimator.update(revolution, average, seeing)
-            if revolution.uncorrected is not None and estimator.name not in _UNAFFECTED:
-                made = tuple(_doubted(estimate, revolution.uncorrected) for estimate in made)
-            made = tuple(evidence.qualified(estimate) for estimate in made)
-            if doubt is not None:
-                made = tuple(
-                    estimate if estimate.name == _SPEED else _provisional(estimate, doubt) for estimate in made
-                )
-            found = {estimate.name: estimate for estimate in made}
-            given[estimator.name] = found
-            for name, estimate in found.items():
-                estimates.append(replace(estimate, name=f"{estimator.name}:{name}") if name in taken else estimate)
-            taken.update(found)
-        return conditions, tuple(estimates)
+        if len({estimate.name for estimate in estimates}) < len(estimates):
+            estimates, taken = [], set[str]()
+            for estimator, named in given.items():
+                for name, estimate in named.items():
+                    own = replace(estimate, name=f"{estimator}:{name}") if name in taken else estimate
+                    estimates.append(own)
+                taken.update(named)
+        final = tuple(estimates)
+        old_s = old_pressure_s(self._environment, end_us)
+        return final if old_s is None else rest_on_old_pressure(final, old_s)
 
-    def _take_in(self, revolution: Revolution) -> AngleAverage:
-        """Update the running average, or leave it unchanged when the revolution has faults."""
-        latest = self._current.average.latest
-        if revolution.faults:
-            self.rejected += 1
-            if latest is not None:
-                return latest
-        target = self._current.average if not revolution.faults else RunningAverage()
-        finite = np.isfinite(revolution.radial_mps2).all()
-        return target.update(
-            revolution.radial_mps2 if finite else np.zeros_like(revolution.radial_mps2),
-            revolution.orders_mps2,
-            revolution.omega_radps,
-            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-            noise_mps2=revolution.noise_mps2,
-        )
+    def _take_in(self, revolutions: Sequence[Revolution]) -> AverageSteps:
+        """Update the running average with the revolutions that have no faults; return it after each revolution."""
+        taken = [index for index, revolution in enumerate(revolutions) if not revolution.faults]
+        self.rejected += len(revolutions) - len(taken)
+        before = self._current.average.steps
+        steps = _average(self._current.average, [revolutions[index] for index in taken]) if taken else None
+        if steps is not None and len(taken) == len(revolutions):
+            return steps
+        return _PausedSteps(revolutions, taken, steps, before)
 
     def conditions(self, tick_us: float) -> TireConditions:
         """Return the conditions of the tire at hub time `tick_us`."""
-        pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
-        pressure_std = self._setup.pressure_std_pa
         # The latest reading before that time.
         taken = next((entry for entry in reversed(self._environment) if entry[0] <= tick_us), None)
+        reading, conditions = self._stated
+        if conditions is None or reading is not taken:
+            conditions = self._conditions(taken)
+            self._stated = taken, conditions
+        return conditions
+
+    def _conditions(self, taken: tuple[int, Environment, float] | None) -> TireConditions:
+        pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
+        pressure_std = self._setup.pressure_std_pa
         if taken is not None:
             _, reading, pressure_error = taken
             pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure

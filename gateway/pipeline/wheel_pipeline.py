@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from gateway.constants import AXIS_NAMES
 from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.missing_revolutions import MissingRevolutions
 from gateway.pipeline.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
-from gateway.pipeline.revolution import SensorReading, revolution_in_angle
+from gateway.pipeline.revolution import SensorReading, TimedRevolution, revolutions_in_angle
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.pipeline.sensor_health import SensorHealth
@@ -25,6 +25,7 @@ from gateway.pipeline.timebase import HostClock, SampleClock
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
+from gateway.signal.angle_resampling import MARGIN_SAMPLES
 from gateway.types import FloatArray
 
 BUFFER_S: Final = 8.0
@@ -32,6 +33,8 @@ BUFFER_S: Final = 8.0
 _MAX_GAP_S: Final = 0.25
 # Tolerance between the time stamp and the sample number of a late block. If it is exceeded, the hub has restarted.
 _LATE_TOLERANCE_US: Final = 250_000
+# Readings of pressure and temperature that may come while revolutions wait; with more, an earlier one could be lost.
+_MOST_WAITING: Final = 32
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
 _NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
 
@@ -45,8 +48,19 @@ class _Sensor:
     health: SensorHealth
 
 
+class _Decided(NamedTuple):
+    """A revolution that the segmenter has found, not worked on yet; `sign` makes its radial axis positive inward."""
+
+    pair: ContactPair
+    sign: int
+
+
 class WheelPipeline:
-    """The synchronous pipeline of one wheel. Not thread-safe; never reads a clock."""
+    """The synchronous pipeline of one wheel. Not thread-safe; never reads a clock.
+
+    Revolutions are found while samples are added, and worked on in blocks: as late as `complete` is called, or as their
+    samples or what holds for them would be lost. The results do not depend on the size of the blocks.
+    """
 
     def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
         """Make the wheel's estimators; buffers are allocated at the first hello."""
@@ -58,6 +72,10 @@ class WheelPipeline:
         self._buffer: SampleBuffer | None = None
         self._segmenter: Segmenter | None = None
         self._clock: SampleClock | None = None
+        self._host: HostClock | None = None
+        self._decided: list[_Decided] = []
+        self._results: list[RevolutionResult] = []
+        self._environments_waiting = 0
         self._samples = self._lost = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
         self.blocks_before_hello = 0
@@ -67,6 +85,7 @@ class WheelPipeline:
         known = self._sensor
         if known is not None and known.hello == hello:
             return
+        self._revolve()
         reading = SensorReading.from_hello(hello)
         same_layout = (
             known is not None
@@ -91,18 +110,37 @@ class WheelPipeline:
 
     def environment(self, tick_us: int, environment: Environment) -> None:
         """Take a pressure and temperature reading with its hub time."""
+        if self._decided:
+            self._environments_waiting += 1
+            # The revolutions found before this reading must not see it, nor lose an earlier one.
+            if self._environments_waiting > _MOST_WAITING or tick_us < self._end_us():
+                self._revolve()
         pressure_error_pa = self._sensor.health.environment(environment) if self._sensor is not None else 0.0
         self._tire.environment(tick_us, environment, pressure_error_pa)
 
     def restart(self) -> None:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
+        self._revolve()
         self._sensor = None
         self._tire.forget_environment()
 
     def samples(
         self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16], host: HostClock
     ) -> list[RevolutionResult]:
-        """Take consecutive samples and return the revolutions they complete.
+        """Add consecutive samples and return the revolutions they complete; see `add`."""
+        self.add(first_sample, ticks_us, axes, counts, host)
+        return self.complete()
+
+    def complete(self) -> list[RevolutionResult]:
+        """Return the revolutions that were completed since the last call."""
+        self._revolve()
+        results, self._results = self._results, []
+        return results
+
+    def add(
+        self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16], host: HostClock
+    ) -> None:
+        """Add consecutive samples.
 
         Args:
             first_sample: the hub's running number of the first, low 32 bits.
@@ -115,7 +153,10 @@ class WheelPipeline:
         known = sensor is not None and axes == sensor.hello.axes and sensor.reading.has_radial
         if sensor is None or buffer is None or clock is None or not known:
             self.blocks_before_hello += 1
-            return []
+            return
+        if host is not self._host:
+            self._revolve()
+            self._host = host
         if self._segmenter is None:
             buffer.reset(first_sample)
             self._looked_at = first_sample
@@ -126,46 +167,69 @@ class WheelPipeline:
         if step < 0:
             expected_us = clock.hub_us(first)
             if first >= buffer.tail and abs(ticks_us[0] - expected_us) < _LATE_TOLERANCE_US:
+                self._revolve()
                 repaired = buffer.patch(first, counts)
                 self._lost -= repaired
                 self._samples += repaired
-                return []
+                return
             self._begin_at(first_sample)
-            return self.samples(first_sample, ticks_us, axes, counts, host)
+            self.add(first_sample, ticks_us, axes, counts, host)
+            return
         if step > _MAX_GAP_S * sensor.hello.rate_hz:
             # Numbers for which the hub's clock shows no time are a jump of the firmware's, not lost samples.
             if not is_jump(step, ticks_us[0] - clock.hub_us(buffer.head), sensor.hello.rate_hz):
                 self._lost += step
-            before = self._finish_segment(host)
+            self._finish_segment()
             self._begin_at(first)
-            return before + self.samples(first_sample, ticks_us, axes, counts, host)
+            self.add(first_sample, ticks_us, axes, counts, host)
+            return
         if step > 0:
             self._lost += step
+            self._make_room(step)
             buffer.bridge(step, counts[0], self._segmenter.oldest_needed)
-        block = len(counts) // len(ticks_us)
-        for place, tick_us in enumerate(ticks_us):
-            clock.stamp(first + place * block, tick_us)
+        clock.stamp_blocks(first, len(counts) // len(ticks_us), ticks_us)
         self._samples += len(counts)
-        results: list[RevolutionResult] = []
         # At most as many samples at once as the buffer can take without overwriting samples that the segmenter needs.
         piece = buffer.capacity - round(LOOK_BACK_S * sensor.hello.rate_hz) - 1
         for begin in range(0, len(counts), piece):
-            buffer.append(counts[begin : begin + piece], self._segmenter.oldest_needed)
+            fresh = counts[begin : begin + piece]
+            self._make_room(len(fresh))
+            buffer.append(fresh, self._segmenter.oldest_needed)
             if self._segmenter.next_index <= buffer.head:
                 self._count_saturated()
-                pairs = self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head)
-                results += [self._revolve(pair, host) for pair in pairs]
+                self._take(self._segmenter.advance(self._read_radial, buffer.missing_between, buffer.head))
             self._missing.samples(buffer.head, self._read_radial, self._saturated_share)
-        return results
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more samples will come."""
         if self._segmenter is None:
-            return []
-        results = self._finish_segment(host)
+            return self.complete()
+        self._host = host
+        self._finish_segment()
         assert self._buffer is not None
         self._missing.finish(self._buffer.head, self._read_radial, self._saturated_share)
-        return results
+        return self.complete()
+
+    def _take(self, pairs: Sequence[ContactPair]) -> None:
+        """Keep revolutions that the segmenter has found."""
+        assert self._segmenter is not None
+        for pair in pairs:
+            self._decided.append(_Decided(pair, self._segmenter.sign))
+            self._missing.came(pair.end.centre)
+
+    def _make_room(self, count: int) -> None:
+        """Work on the waiting revolutions if so many more samples would overwrite theirs."""
+        if self._decided:
+            assert self._buffer is not None
+            oldest = int(self._decided[0].pair.start.centre) - 4 * MARGIN_SAMPLES
+            if self._buffer.head + count - self._buffer.capacity > oldest:
+                self._revolve()
+
+    def _end_us(self) -> float:
+        """Return a hub time at which the last waiting revolution had ended, however its contact will be timed."""
+        assert self._clock is not None
+        end = self._decided[-1].pair.end
+        return self._clock.hub_us(end.centre + 0.5 * end.duration)
 
     def _count_saturated(self) -> None:
         """Check the samples since the last call; once per revolution is cheaper than once per frame."""
@@ -182,6 +246,7 @@ class WheelPipeline:
     def _begin_at(self, head: int) -> None:
         assert self._buffer is not None
         assert self._sensor is not None
+        self._revolve()
         self._count_saturated()
         self._looked_at = head
         self._buffer.reset(head)
@@ -195,13 +260,12 @@ class WheelPipeline:
         self._segmenter = Segmenter(rate_hz, head)
         self._missing.begin(head, rate_hz, is_dc=not self._sensor.reading.ac_coupled)
 
-    def _finish_segment(self, host: HostClock) -> list[RevolutionResult]:
+    def _finish_segment(self) -> None:
         buffer, segmenter = self._buffer, self._segmenter
         assert buffer is not None
         assert segmenter is not None
         self._count_saturated()
-        pairs = segmenter.finish(self._read_radial, buffer.missing_between, buffer.head)
-        return [self._revolve(pair, host) for pair in pairs]
+        self._take(segmenter.finish(self._read_radial, buffer.missing_between, buffer.head))
 
     def _read_radial(self, first: int, end: int) -> FloatArray:
         sensor, buffer = self._sensor, self._buffer
@@ -218,40 +282,55 @@ class WheelPipeline:
         limit = sensor.reading.saturation_counts
         return float(((radial >= limit) | (radial <= -limit)).mean()) if len(radial) else 0.0
 
-    def _revolve(self, pair: ContactPair, host: HostClock) -> RevolutionResult:
-        sensor, buffer, clock, segmenter = self._sensor, self._buffer, self._clock, self._segmenter
+    def _revolve(self) -> None:
+        """Work on the waiting revolutions, in blocks that end where the timing's template is renewed."""
+        waiting, self._decided = self._decided, []
+        self._environments_waiting = 0
+        done = 0
+        while done < len(waiting):
+            pair, sign = waiting[done]
+            if not self._timer.until_renewal:
+                assert self._sensor is not None
+                average = self._tire.average_as_measured(ac_coupled=self._sensor.reading.ac_coupled)
+                self._timer.renew(average, pair.end.centre - pair.start.centre)
+            end = done + 1
+            most = min(done + self._timer.until_renewal, len(waiting))
+            while end < most and waiting[end].sign == sign:
+                end += 1
+            self._revolve_block([one.pair for one in waiting[done:end]], sign)
+            done = end
+
+    def _revolve_block(self, pairs: Sequence[ContactPair], sign: int) -> None:
+        sensor, buffer, clock, host = self._sensor, self._buffer, self._clock, self._host
         assert sensor is not None
         assert buffer is not None
         assert clock is not None
-        assert segmenter is not None
-        reading = replace(sensor.reading, sign=segmenter.sign, rate_hz=clock.rate_hz(pair.end.centre))
-        timed = self._timer.time(
-            pair,
-            self._tire.average_as_measured(ac_coupled=reading.ac_coupled),
-            lambda first, end: reading.radial_mps2(buffer.view(first, end)),
+        assert host is not None
+        reading = sensor.reading
+        rates_hz = [clock.rate_hz(pair.end.centre) for pair in pairs]
+        all_timed = self._timer.time(
+            pairs,
+            rates_hz,
+            lambda first, end: sign * reading.radial_mps2(buffer.view(first, end)),
             buffer.missing_between,
-            reading.rate_hz,
         )
-        end_us = clock.hub_us(timed.end.centre)
-        omega_radps = 2.0 * math.pi * reading.rate_hz / (timed.end.centre - timed.start.centre)
-        contribution, uncorrected = self._tire.contribution(
-            omega_radps, end_us, sensor_id=sensor.hello.sensor_id, ac_coupled=reading.ac_coupled
-        )
-        in_angle = revolution_in_angle(
-            pair,
-            timed,
-            buffer,
-            reading,
-            radius_m=self.setup.radius_m,
-            index=self._revolutions,
-            start_s=clock.hub_us(timed.start.centre) * 1e-6,
-            contribution_mps2=contribution,
-            uncorrected=uncorrected,
-        )
-        self._revolutions += 1
-        self._missing.came(pair.end.centre)
-        sensor.health.revolution(in_angle)
-        return self._tire.take(in_angle, end_us, host.host_ns(end_us), sensor.health.doubt())
+        revolutions: list[TimedRevolution] = []
+        ends_us: list[float] = []
+        for pair, timed, rate_hz in zip(pairs, all_timed, rates_hz, strict=True):
+            end_us = clock.hub_us(timed.end.centre)
+            omega_radps = 2.0 * math.pi * rate_hz / (timed.end.centre - timed.start.centre)
+            contribution, uncorrected = self._tire.contribution(
+                omega_radps, end_us, sensor_id=sensor.hello.sensor_id, ac_coupled=reading.ac_coupled
+            )
+            start_s = clock.hub_us(timed.start.centre) * 1e-6
+            revolutions.append(
+                TimedRevolution(pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected)
+            )
+            ends_us.append(end_us)
+            self._revolutions += 1
+        in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m)
+        doubts = sensor.health.revolutions(in_angle)
+        self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
 
     @property
     def average_mps2(self) -> FloatArray | None:

@@ -80,26 +80,44 @@ class Pipeline:
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions they complete."""
-        results: list[RevolutionResult] = []
         newest: tuple[_Hub, int] | None = None
         for frame in frames:
-            if not self.limit.admits(link, frame.hub, frame.wheel):
+            stamped = self._stamped(link, frame, host_ns)
+            if stamped is None:
                 continue
-            hub = self._hub(link, frame)
-            tick_us = hub.unwrap(frame.tick_us)
-            hub.host.stamp(tick_us, host_ns)
-            newest = hub, tick_us
+            hub, tick_us = newest = stamped
             message = frame.message
             if isinstance(message, SampleBlock):
                 wheel = self._wheel(link, frame.hub, frame.wheel)
                 if wheel is None:
                     continue
-                results += wheel.samples(message.first_sample, (tick_us,), message.axes, message.counts, hub.host)
+                wheel.add(message.first_sample, (tick_us,), message.axes, message.counts, hub.host)
             else:
                 self._slow(link, frame, tick_us)
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
-        return results
+        return self._completed()
+
+    def _slow_frame(self, link: str, frame: Frame, host_ns: int) -> None:
+        """Take a frame without samples."""
+        stamped = self._stamped(link, frame, host_ns)
+        if stamped is not None:
+            hub, tick_us = stamped
+            self._slow(link, frame, tick_us)
+            hub.host.measure_latency(tick_us, host_ns)
+
+    def _stamped(self, link: str, frame: Frame, host_ns: int) -> tuple[_Hub, int] | None:
+        """Return the hub of a frame and the hub time, unwrapped, once the clocks know them; None if not admitted."""
+        if not self.limit.admits(link, frame.hub, frame.wheel):
+            return None
+        hub = self._hub(link, frame)
+        tick_us = hub.unwrap(frame.tick_us)
+        hub.host.stamp(tick_us, host_ns)
+        return hub, tick_us
+
+    def _completed(self) -> list[RevolutionResult]:
+        """Return the revolutions that were completed since the last call, wheel by wheel."""
+        return [result for wheel in self._wheels.values() for result in wheel.complete()]
 
     def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> list[RevolutionResult]:
         """Take a block of decoded frames of a dump; the results are those of `frames`, wheel by wheel.
@@ -109,7 +127,6 @@ class Pipeline:
             batch: the block.
             host_ns: (frames,) arrival time of each.
         """
-        results: list[RevolutionResult] = []
         groups = _Groups(batch, lambda hub, wheel: self.limit.admits(link, hub, wheel))
         slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
         begin = 0
@@ -120,7 +137,7 @@ class Pipeline:
                 ticks_us = self._stamp(link, batch, slice(begin, stop), groups.is_used[begin:stop], host_ns)
                 for group, part in groups.in_stream_order(begin, stop):
                     own_ticks_us = ticks_us[group.frame_index[part] - begin]
-                    results += self._group(link, group, part, own_ticks_us)
+                    self._group(link, group, part, own_ticks_us)
             if stop < len(batch.type):
                 frame = Frame(
                     int(batch.type[stop]),
@@ -130,9 +147,9 @@ class Pipeline:
                     int(batch.tick_us[stop]),
                     batch.message(stop),
                 )
-                self.frames(link, (frame,), int(host_ns[stop]))
+                self._slow_frame(link, frame, int(host_ns[stop]))
             begin = stop + 1
-        return results
+        return self._completed()
 
     def _stamp(
         self, link: str, batch: FrameBatch, part: slice, is_used: NDArray[np.bool_], host_ns: NDArray[np.int64]
@@ -148,26 +165,23 @@ class Pipeline:
             first = hub.unwrap(int(ticks[own[0]]))
             steps = np.diff(ticks[own].astype(np.uint32)).astype(np.int32).astype(np.int64)
             unwrapped[own] = first + np.concatenate(([0], np.cumsum(steps)))
-            for tick_us, arrival_ns in zip(unwrapped[own].tolist(), arrivals[own].tolist(), strict=True):
-                hub.host.stamp(tick_us, arrival_ns)
+            hub.host.stamp_all(unwrapped[own], arrivals[own])
             hub.last_us = int(unwrapped[own[-1]])
         return unwrapped
 
-    def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> list[RevolutionResult]:
+    def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> None:
         wheel = self._wheel(link, group.hub, group.wheel)
         if wheel is None:
-            return []
+            return
         host = self._hubs[(link, group.hub)].host
         first = np.asarray(group.first_sample[part]).astype(np.uint32)
         counts = group.counts[part]
         block = counts.shape[1]
         breaks = np.flatnonzero(np.diff(first) != block) + 1
-        results: list[RevolutionResult] = []
         edges = [0, *breaks.tolist(), len(first)]
         for lo, hi in pairwise(edges):
             run = counts[lo:hi].reshape(-1, counts.shape[2])
-            results += wheel.samples(int(first[lo]), ticks_us[lo:hi].tolist(), group.axes, run, host)
-        return results
+            wheel.add(int(first[lo]), ticks_us[lo:hi].tolist(), group.axes, run, host)
 
     def _hub(self, link: str, frame: Frame) -> _Hub:
         hub = self._known_hub(link, frame.hub)

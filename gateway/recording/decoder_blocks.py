@@ -13,8 +13,8 @@ from firmware_protocol.counters import LinkCounters
 from firmware_protocol.signing import Gate
 from gateway.io.source import Chunk
 
-# Below 0.5 MiB the cost per block is noticeable.
-_BLOCK_BYTES: Final = 1 << 20
+# A wheel's revolutions in a block are worked on together: 80 of a car's at 100 km/h.
+_BLOCK_BYTES: Final = 1 << 21
 _BLOCK_CHUNKS: Final = 1 << 16
 
 

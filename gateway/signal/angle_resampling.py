@@ -11,11 +11,15 @@ interpolated first and limited to the grid's band, so that noise above the band 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from functools import cache
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
-from scipy.ndimage import map_coordinates, spline_filter1d
+from numpy.typing import NDArray
+from scipy.ndimage import spline_filter1d
+from scipy.sparse import csr_array
 
 from gateway.types import FloatArray
 
@@ -33,6 +37,14 @@ _MAX_PERIOD_RATIO: Final = 3.0
 # Finest sampling, in samples per grid point, that is interpolated on the grid directly: content above the grid's band
 # then aliases only into orders above a quarter of the grid size.
 _MAX_DENSITY: Final = 1.5
+
+# Samples by which a row of samples is continued by reflection: as many as the interpolation reads before the first, and
+# enough behind the last that rows of different lengths get their own coefficients to the last bit.
+LEFT_PAD: Final = 3
+_RIGHT_PAD: Final = {3: 28, 5: 44}
+
+# Revolutions interpolated at once; more no longer fit into the processor's cache.
+_TOGETHER: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,16 +87,20 @@ class Phase:
         return result
 
 
+@cache
 def angle_grid(n: int = GRID_SIZE) -> FloatArray:
-    """Return theta_k = -pi + 2 pi k / n, (n,)."""
+    """Return theta_k = -pi + 2 pi k / n, (n,), read-only."""
     grid: FloatArray = -math.pi + (2.0 * math.pi / n) * np.arange(n, dtype=np.float64)
+    grid.setflags(write=False)
     return grid
 
 
+@cache
 def elapsed_angles(n: int = GRID_SIZE) -> FloatArray:
-    """Return the angle since the revolution's start of every grid point: theta modulo 2 pi, (n,)."""
+    """Return the angle since the revolution's start of every grid point: theta modulo 2 pi, (n,), read-only."""
     half = n // 2
     grid: FloatArray = (2.0 * math.pi / n) * np.roll(np.arange(n, dtype=np.float64), half)
+    grid.setflags(write=False)
     return grid
 
 
@@ -106,20 +122,26 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     period = end - start
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"a revolution cannot run from sample {start} to {end}")
-    accelerations = [
-        # Constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi).
-        4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after)
-        for before, after in (
-            (start - previous if previous is not None else math.nan, period),
-            (period, following - end if following is not None else math.nan),
-        )
-        if before > 0.0 and after > 0.0 and 1.0 / _MAX_PERIOD_RATIO < before / after < _MAX_PERIOD_RATIO
-    ]
-    acceleration = sum(accelerations) / len(accelerations) if accelerations else 0.0
+    known: list[float] = []
+    if previous is not None:
+        known += _accelerations(start - previous, period)
+    if following is not None:
+        known += _accelerations(period, following - end)
+    acceleration = sum(known) / len(known) if known else 0.0
     # The speed must stay positive over the whole revolution: |a| T < 2 * mean speed.
     limit = 3.6 * math.pi / period**2
     acceleration = min(max(acceleration, -limit), limit)
     return Phase(start, end, 2.0 * math.pi / period - 0.5 * acceleration * period, acceleration)
+
+
+def _accelerations(before: float, after: float) -> tuple[float, ...]:
+    """Return the constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi).
+
+    Empty where these are not the periods of neighbouring revolutions.
+    """
+    if not (before > 0.0 and after > 0.0 and 1.0 / _MAX_PERIOD_RATIO < before / after < _MAX_PERIOD_RATIO):
+        return ()
+    return (4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after),)
 
 
 def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SIZE) -> FloatArray:
@@ -137,27 +159,171 @@ def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SI
     Raises:
         ValueError: the samples do not cover the revolution, or `n` is odd or below 8.
     """
+    result: FloatArray = resample_revolutions([samples_mps2], [phase], n)[0]
+    return result
+
+
+def resample_revolutions(
+    samples_mps2: Sequence[NDArray[Any]], phases: Sequence[Phase], n: int = GRID_SIZE, scale: Scale | None = None
+) -> FloatArray:
+    """Resample revolutions on the angle grid; each as `resample_revolution` does, whatever the others are.
+
+    Args:
+        samples_mps2: for each revolution (m, axes) samples, m may differ.
+        phases: phase of each, in positions of its rows.
+        n: grid size, even.
+        scale: converts the samples to accelerations, None when they are.
+
+    Returns:
+        (revolutions, axes, n).
+
+    Raises:
+        ValueError: the samples do not cover a revolution, or `n` is odd or below 8.
+    """
     if n < 8 or n % 2:
         raise ValueError(f"the angle grid needs an even size of at least 8, not {n}")
-    rows = samples_mps2.shape[0]
-    if phase.start < 0.0 or phase.end > rows - 1 or rows < 6:
-        raise ValueError(f"{rows} samples do not cover a revolution from {phase.start:.1f} to {phase.end:.1f}")
-    density = max(1, math.ceil(phase.samples / (_MAX_DENSITY * n)))
-    positions = np.clip(phase.positions(elapsed_angles(n * density)), phase.start, phase.end)
-    first = max(0, math.floor(phase.start) - MARGIN_SAMPLES)
-    last = min(rows, math.ceil(phase.end) + MARGIN_SAMPLES + 1)
-    # Axes first, so that filter and interpolation run along contiguous memory.
-    samples = np.ascontiguousarray(samples_mps2[first:last].T, dtype=np.float64)
-    order: Literal[3, 5] = 3 if phase.samples >= _CUBIC_FROM_SAMPLES else 5
-    coefficients = spline_filter1d(samples, order=order, axis=1, mode="mirror")
-    positions = (positions - first)[np.newaxis]
-    fine = np.empty((samples.shape[0], n * density))
-    for axis in range(samples.shape[0]):
-        map_coordinates(coefficients[axis], positions, output=fine[axis], order=order, mode="mirror", prefilter=False)
-    if density == 1:
-        return fine
-    # The inverse transform of the first n/2 + 1 bins is the fine curve without the orders above the grid's band.
-    spectrum = np.fft.rfft(fine, axis=1)[:, : n // 2 + 1]
-    spectrum[:, -1] = 0.0
-    result: FloatArray = np.fft.irfft(spectrum, n=n, axis=1) / density
+    result = np.empty((len(phases), samples_mps2[0].shape[1], n))
+    # Revolutions of one spline order and one fineness of the grid are interpolated together.
+    alike: dict[tuple[Literal[3, 5], int], list[int]] = {}
+    for place, (samples, phase) in enumerate(zip(samples_mps2, phases, strict=True)):
+        rows = samples.shape[0]
+        if phase.start < 0.0 or phase.end > rows - 1 or rows < 6:
+            raise ValueError(f"{rows} samples do not cover a revolution from {phase.start:.1f} to {phase.end:.1f}")
+        order: Literal[3, 5] = 3 if phase.samples >= _CUBIC_FROM_SAMPLES else 5
+        alike.setdefault((order, max(1, math.ceil(phase.samples / (_MAX_DENSITY * n)))), []).append(place)
+    for (order, density), places in alike.items():
+        together = max(1, _TOGETHER // density)
+        for begin in range(0, len(places), together):
+            part = places[begin : begin + together]
+            of_part = [samples_mps2[place] for place in part], [phases[place] for place in part]
+            result[part] = _resample_alike(*of_part, n, order, density, scale)
     return result
+
+
+def _resample_alike(
+    samples_mps2: Sequence[NDArray[Any]],
+    phases: Sequence[Phase],
+    n: int,
+    order: Literal[3, 5],
+    density: int,
+    scale: Scale | None,
+) -> FloatArray:
+    """Return (revolutions, axes, n) of revolutions that are interpolated in the same way."""
+    firsts = [max(0, math.floor(phase.start) - MARGIN_SAMPLES) for phase in phases]
+    parts = [
+        samples[first : math.ceil(phase.end) + MARGIN_SAMPLES + 1]
+        for samples, first, phase in zip(samples_mps2, firsts, phases, strict=True)
+    ]
+    coefficients = spline_coefficients(parts, order, scale)
+    starts, ends, rates, accelerations = np.array(
+        [
+            (phase.start - first, phase.end - first, phase.rate, phase.acceleration)
+            for phase, first in zip(phases, firsts, strict=True)
+        ]
+    ).T[:, :, np.newaxis]
+    angles = elapsed_angles(n * density)
+    # 2 c / (b + sqrt(b^2 + 2 a c)) avoids cancellation and division by a vanishing acceleration.
+    positions = (2.0 * accelerations) * angles
+    positions += rates * rates
+    np.sqrt(positions, out=positions)
+    positions += rates
+    np.divide(2.0 * angles, positions, out=positions)
+    positions += starts
+    np.maximum(positions, starts, out=positions)
+    np.minimum(positions, ends, out=positions)
+    fine = read_spline(coefficients, positions, order)
+    by_axis = fine.transpose(0, 2, 1)
+    if density == 1:
+        return by_axis
+    # The inverse transform of the first n/2 + 1 bins is the fine curve without the orders above the grid's band.
+    spectrum = np.fft.rfft(by_axis, axis=2)[:, :, : n // 2 + 1]
+    spectrum[:, :, -1] = 0.0
+    result: FloatArray = np.fft.irfft(spectrum, n=n, axis=2)
+    result /= density
+    return result
+
+
+class Scale(NamedTuple):
+    """Conversion of counts to accelerations: (counts - offset_counts) mps2, (axes,) each."""
+
+    offset_counts: FloatArray
+    mps2: FloatArray
+
+
+def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], scale: Scale | None = None) -> FloatArray:
+    """Return the B-spline coefficients of stretches of samples, (parts, length, axes), at `LEFT_PAD` in each row.
+
+    Each stretch is continued by reflection at both of its ends. The result does not depend on the other stretches.
+
+    Args:
+        parts: for each stretch (m, axes) samples, m may differ, at least `LEFT_PAD` + 1.
+        order: of the spline.
+        scale: converts the samples to accelerations, None when they are.
+    """
+    longest = max(map(len, parts))
+    rows = np.empty((len(parts), LEFT_PAD + longest + _RIGHT_PAD[order], parts[0].shape[1]))
+    for row, part in zip(rows, parts, strict=True):
+        end = LEFT_PAD + len(part)
+        row[LEFT_PAD:end] = part
+        row[:LEFT_PAD] = row[2 * LEFT_PAD : LEFT_PAD : -1]
+        while end < len(row):
+            more = min(len(row) - end, len(part) - 1)
+            row[end : end + more] = row[end - 2 : end - 2 - more : -1]
+            end += more
+    if scale is not None:
+        rows -= scale.offset_counts
+        rows *= scale.mps2
+    coefficients: FloatArray = spline_filter1d(rows, order=order, axis=1, mode="mirror")
+    return coefficients
+
+
+def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[3, 5]) -> FloatArray:
+    """Return the values of splines, (parts, k, axes).
+
+    Args:
+        coefficients: (parts, length, axes) from `spline_coefficients`.
+        positions: (parts, k) in samples of each part, from 0 to its last sample.
+        order: of the spline.
+    """
+    count, length, axes = coefficients.shape
+    taps = order + 1
+    before = order // 2
+    flat = positions.reshape(-1)
+    base = np.floor(flat)
+    powers = np.empty((taps, len(flat)))
+    powers[0] = 1.0
+    np.subtract(flat, base, out=powers[1])
+    for power in range(2, taps):
+        np.multiply(powers[power - 1], powers[1], out=powers[power])
+    at = base.astype(np.int32).reshape(count, -1)
+    at += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
+    # One sparse matrix reads all axes of all parts.
+    matrix = csr_array(
+        (
+            (powers.T @ _BASIS[order]).reshape(-1),
+            np.add.outer(at.reshape(-1), np.arange(taps, dtype=np.int32)).reshape(-1),
+            np.arange(0, taps * len(flat) + 1, taps, dtype=np.int32),
+        ),
+        shape=(len(flat), count * length),
+    )
+    values: FloatArray = matrix @ coefficients.reshape(count * length, axes)
+    return values.reshape(count, -1, axes)
+
+
+def _basis(order: int) -> FloatArray:
+    """Return the powers of the place between two samples in each of the B-spline's pieces, (order + 1, order + 1).
+
+    Row p, column j: factor of t^p in the weight of coefficient j, from the lowest one that the place reads.
+    """
+    rows = np.zeros((order + 1, order + 1))
+    for column in range(order + 1):
+        # beta(x) = sum over k of (-1)^k binomial(order + 1, k) (x + (order + 1) / 2 - k)_+^order / order!
+        for k in range(order - column + 1):
+            shifted = order - column - k
+            factor = (-1.0) ** k * math.comb(order + 1, k) / math.factorial(order)
+            for power in range(order + 1):
+                rows[power, column] += factor * math.comb(order, power) * float(shifted) ** (order - power)
+    return rows
+
+
+_BASIS: Final = {order: _basis(order) for order in (3, 5)}

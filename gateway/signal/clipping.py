@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc
 
-from gateway.types import FloatArray
+from gateway.signal.short_medians import median
 
 # Part of the overshoot's height in which it is a parabola, and least number of counts in it.
 _PARABOLA_SHARE: Final = 0.05
@@ -33,56 +33,78 @@ _LEAST_NOISE: Final = 1.5
 # steady value by two g.
 _DEEP_SHARE: Final = 0.2
 _DEEP_COUNTS: Final = 50
+# So few samples at an extreme are no pile, whatever the noise below 30,000 counts: the last of them has a probability
+# above that of chance.
+_NO_PILE: Final = 2
 # Probability of a pile by chance from which a revolution is clipped.
 _CHANCE: Final = 1e-10
 
 
-def is_clipped(counts: NDArray[np.integer[Any]]) -> bool:
+def is_clipped(counts: NDArray[np.integer[Any]], sign: int = 1) -> bool:
     """Return whether one revolution is clipped at its maximum or at its minimum.
 
     Args:
-        counts: (n,) raw values of one revolution, positive inward.
+        counts: (n,) raw values of one revolution.
+        sign: +1 when they are positive inward, -1 when they are negative.
     """
-    below_top = int(counts.max()) - counts.astype(np.int64)
-    if _is_cut_deeply(below_top) or _peak_is_cut(below_top):
+    ascending = np.sort(counts)
+    if sign < 0:
+        ascending = -ascending[::-1].astype(np.int32)
+    at_bottom = int(np.searchsorted(ascending, ascending[0], side="right"))
+    if _is_cut_deeply(ascending) or _peak_is_cut(ascending):
         return True
-    noise = _noise_counts(below_top)
-    return _noise_is_cut(below_top, noise) or _noise_is_cut(below_top.max() - below_top, noise)
-
-
-def _is_cut_deeply(below_top: NDArray[np.int64]) -> bool:
-    """Return whether a large part of the revolution lies at the top, as when the steady value itself is cut."""
-    return bool(np.count_nonzero(below_top == 0) > _DEEP_SHARE * len(below_top) and below_top.max() > _DEEP_COUNTS)
-
-
-def _peak_is_cut(below_top: NDArray[np.int64]) -> bool:
-    """Return whether more samples lie near the top than a smooth peak has, by counts below the top, (n,)."""
-    near = math.floor(_PARABOLA_SHARE * float(np.median(below_top)))
-    if near < _LEAST_COUNTS:
+    at_top = len(ascending) - int(np.searchsorted(ascending, ascending[-1]))
+    if max(at_top, at_bottom) <= _NO_PILE:
         return False
-    levels = 2 ** np.arange(max(1, math.floor(math.log2(0.25 * near)) + 1)) - 1
-    within = np.array([np.count_nonzero(below_top <= level) for level in (*levels, near)])
-    shares = _FLATNESS * np.sqrt((levels + 1.0) / (near + 1.0))
-    return _beyond_chance(within[:-1], int(within[-1]), shares)
-
-
-def _noise_is_cut(depth: NDArray[np.int64], noise: float) -> bool:
-    """Return whether more samples lie at an extreme than noise leaves there, by counts from the extreme, (n,)."""
+    noise = _noise_counts(counts)
     if noise < _LEAST_NOISE:
         return False
     near = math.floor(_NOISE_RANGE * noise)
-    within = np.array([np.count_nonzero(depth == 0)])
-    return _beyond_chance(within, int(np.count_nonzero(depth <= near)), np.array([_FLATNESS / (near + 1.0)]))
+    near_top = len(ascending) - int(np.searchsorted(ascending, int(ascending[-1]) - near))
+    near_bottom = int(np.searchsorted(ascending, int(ascending[0]) + near, side="right"))
+    share = _FLATNESS / (near + 1.0)
+    return _beyond_chance(at_top, near_top, share) or _beyond_chance(at_bottom, near_bottom, share)
 
 
-def _beyond_chance(within: NDArray[np.integer[Any]], of: int, shares: FloatArray) -> bool:
-    """Return whether any number of samples is too large for its largest share of `of`."""
+def _is_cut_deeply(ascending: NDArray[np.integer[Any]]) -> bool:
+    """Return whether a large part of the revolution lies at the top, as when the steady value itself is cut."""
+    top = int(ascending[-1])
+    if top - int(ascending[0]) <= _DEEP_COUNTS:
+        return False
+    at_top = len(ascending) - int(np.searchsorted(ascending, top))
+    return at_top > _DEEP_SHARE * len(ascending)
+
+
+def _peak_is_cut(ascending: NDArray[np.integer[Any]]) -> bool:
+    """Return whether more samples lie near the top than a smooth peak has."""
+    n, top = len(ascending), int(ascending[-1])
+    middle = 0.5 * (int(ascending[(n - 1) // 2]) + int(ascending[n // 2]))
+    near = math.floor(_PARABOLA_SHARE * (top - middle))
+    if near < _LEAST_COUNTS:
+        return False
+    levels = [2**power - 1 for power in range(max(1, math.floor(math.log2(0.25 * near)) + 1))]
+    # Counts at or above each level.
+    within = (n - np.searchsorted(ascending, np.array([top - level for level in (*levels, near)]))).tolist()
+    of = within.pop()
+    return any(
+        _beyond_chance(count, of, _FLATNESS * math.sqrt((level + 1.0) / (near + 1.0)))
+        for count, level in zip(within, levels, strict=True)
+    )
+
+
+def _beyond_chance(within: int, of: int, share: float) -> bool:
+    """Return whether a number of samples is too large for its largest share of `of`."""
+    share = min(share, 1.0)
+    within = max(within, 1)
+    # Numbers up to the expected one are likely, and so are those that are all there are, if the share to that power is.
+    if within <= share * of or share**within >= _CHANCE:
+        return False
     # The binomial probability of at least this number.
-    chances = betainc(np.maximum(within, 1), of - within + 1.0, np.minimum(shares, 1.0))
-    return bool((chances < _CHANCE).any())
+    return float(betainc(within, of - within + 1.0, share)) < _CHANCE
 
 
-def _noise_counts(counts: NDArray[np.int64]) -> float:
+def _noise_counts(counts: NDArray[np.integer[Any]]) -> float:
     """Return the standard deviation of white noise, from the second differences."""
-    second = np.abs(np.diff(counts, n=2))
-    return float(np.median(second)) / (0.6745 * math.sqrt(6.0)) if len(second) else 0.0
+    wide = counts.astype(np.int32)
+    second = np.abs(wide[2:] - 2 * wide[1:-1] + wide[:-2])
+    return median(second) / (0.6745 * math.sqrt(6.0)) if len(second) else 0.0

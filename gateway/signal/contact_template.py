@@ -13,17 +13,17 @@ fitted by least squares; the latter absorb load, speed and the high-pass filter 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.ndimage import map_coordinates, spline_filter1d
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.signal.angle_resampling import Phase, angle_grid
+from gateway.signal.angle_resampling import Phase, angle_grid, read_spline, spline_coefficients
 from gateway.signal.contact_edges import ContactEdges, find_contact_edges, smoothing_order
 from gateway.signal.segmentation import refine_contact
-from gateway.types import FloatArray
+from gateway.types import BoolArray, FloatArray
 
 # The template extends this far beyond the edges, to include the full slope of the overshoots.
 _BEYOND_RAD: Final = 0.35
@@ -31,7 +31,6 @@ _BEYOND_RAD: Final = 0.35
 _MIN_BEYOND_RAD: Final = 0.12
 # Samples at either end of the data that are affected by the end condition of the interpolation.
 _END_SAMPLES: Final = 4
-_ITERATIONS: Final = 2
 _MIN_POINTS: Final = 16
 # A contact that deviates from the average by more than these is rejected as damaged or not a contact: range of the
 # gain, largest shift over the contact's width, largest rms residual over the template's span.
@@ -42,19 +41,31 @@ _MAX_RESIDUAL_SHARE: Final = 0.2
 _HALF_LEVEL_SHARE: Final = 0.85
 # The derivative keeps orders below this.
 _DERIVATIVE_ORDERS: Final = 160
+_UNKNOWN: Final = np.full((2, 2, 2), math.nan)
 
 
 @dataclass(frozen=True, slots=True)
-class _Fit:
-    """Least-squares solution over some of the template's points.
+class _Region:
+    """Consecutive points of a template, and the least-squares solution over them.
 
     Attributes:
+        angles_rad: (m,) angles of the points.
+        values: (m,) average over the square of its angular speed.
+        model: (m, 5) derivative of `values` by shift of the leading half, of the trailing half, gain, offset and ramp.
+        gravity_mps2: (m,) g cos(psi).
         rows: (5, m) matrix from the change of the samples to shifts, gain, offset and ramp.
-        power: (2, 2, 2, orders) cross spectra of the two shifts' rows in the leading and in the trailing half.
+        middle: number of points in the leading half.
+        covariances_rad2: (orders, 2, 2, 2) covariance of the two shifts from the revolution-to-revolution scatter in
+            the leading half, and from that in the trailing half, with scatter up to each order.
     """
 
+    angles_rad: FloatArray
+    values: FloatArray
+    model: FloatArray
+    gravity_mps2: FloatArray
     rows: FloatArray
-    power: FloatArray
+    middle: int
+    covariances_rad2: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,53 +74,60 @@ class ContactTemplate:
 
     Attributes:
         first: index of its first point on the angle grid.
-        angles_rad: (m,) angles of its points.
-        values: (m,) average over the square of its angular speed.
-        model: (m, 5) derivative of `values` by shift of the leading half, of the trailing half, gain, offset and ramp.
-        weights: (m, 5) smoothed form of `model`, by which the samples are weighted.
-        fit: solution over all points.
-        gravity_mps2: (m,) g cos(psi).
+        size: number of points of the grid.
+        whole: all of its points.
+        weights: (m, 5) smoothed form of the model, by which the samples are weighted.
+        variance: (orders,) variance of one real order coefficient over the fourth power of the angular speed.
         edges: contact edges of the average.
         middle_rad: midway between the half-level crossings; the segmenter defines the contact centre this way.
-        span: range of the smoothed `values`.
+        span: range of the smoothed values.
     """
 
     first: int
-    angles_rad: FloatArray
-    values: FloatArray
-    model: FloatArray
+    size: int
+    whole: _Region
     weights: FloatArray
-    fit: _Fit
-    gravity_mps2: FloatArray
+    variance: FloatArray
     edges: ContactEdges
     middle_rad: float
     span: float
 
+    def part(self, begin: int, end: int) -> _Region:
+        """Return the region of the points `begin` to `end` (exclusive)."""
+        if end - begin == len(self.whole.values):
+            return self.whole
+        whole, points = self.whole, slice(begin, end)
+        return _region(
+            self.first + begin,
+            self.size,
+            (whole.angles_rad[points], whole.values[points], whole.model[points], whole.gravity_mps2[points]),
+            self.weights[points],
+            self.variance,
+        )
 
-@dataclass(frozen=True, slots=True)
-class ContactMatch:
-    """A contact timed against a template.
+
+class ContactMatches(NamedTuple):
+    """Contacts timed against a template.
 
     Attributes:
-        leading: sample position of the template's angle 0 according to the leading edge.
-        trailing: likewise according to the trailing edge.
-        covariances: (2, 2, 2) covariance of the two in samples^2, from the revolution-to-revolution scatter in the
-            leading half of the contact region, and from that in the trailing half.
-        rate: rad/sample at the contact.
-        residual_mps2: (2,) rms residual of the fit in the two halves.
+        shift_rad: (k, 2) angle by which the leading and the trailing edge come later than the passage says.
+        residual: (k, 2) rms residual of the fit in the two halves, over the square of the angular speed.
+        fits: (k,) False where the samples do not cover the contact or do not resemble the template.
+        covariances_rad2: for each contact (2, 2, 2) covariance of the two shifts from the scatter in the leading half,
+            and from that in the trailing half.
     """
 
-    leading: float
-    trailing: float
-    covariances: FloatArray
-    rate: float
-    residual_mps2: FloatArray
+    shift_rad: FloatArray
+    residual: FloatArray
+    fits: BoolArray
+    covariances_rad2: list[FloatArray]
 
 
 def contact_template(
     radial_mps2: FloatArray,
     omega_radps: float,
     samples_per_revolution: float,
+    order_variance_mps4: FloatArray,
     scatter_mps2: FloatArray | None = None,
 ) -> ContactTemplate | None:
     """Extract the template from an average.
@@ -118,6 +136,8 @@ def contact_template(
         radial_mps2: (n,) averaged radial waveform on the angle grid, gravity removed.
         omega_radps: its angular speed.
         samples_per_revolution: time samples per revolution.
+        order_variance_mps4: (61,) revolution-to-revolution variance of one real order coefficient, NaN where unknown;
+            orders above the last known one are assumed to have its variance.
         scatter_mps2: (n,) standard deviation of the waveform from revolution to revolution; None when not known.
 
     Returns:
@@ -155,79 +175,106 @@ def contact_template(
     curvature = values * (omega_radps**2 / mean)
     turn = np.cumsum(curvature) - 0.5 * curvature
     turn -= turn[n // 2 - first]
+    gravity = STANDARD_GRAVITY_MPS2 * np.cos(turn * step)
+    variance = _extended_variance(order_variance_mps4, n // 2 + 1) / omega_radps**4
     return ContactTemplate(
         first=first,
-        angles_rad=angles,
-        values=values,
-        model=model,
+        size=n,
+        whole=_region(first, n, (angles, values, model, gravity), weights, variance),
         weights=weights,
-        fit=_fit(model, weights, angles, first, n),
-        gravity_mps2=STANDARD_GRAVITY_MPS2 * np.cos(turn * step),
+        variance=variance,
         edges=edges,
         middle_rad=(contact.centre - 0.5 * n) * step,
         span=float(np.ptp(smooth[part])),
     )
 
 
-def match_contact(
-    template: ContactTemplate,
-    samples_mps2: FloatArray,
-    passage: Phase,
-    rate_hz: float,
-    order_variance_mps4: FloatArray,
-    n: int,
-) -> ContactMatch | None:
-    """Time one contact.
+class ContactSamples:
+    """Samples around contacts, prepared for matching with a template."""
 
-    Args:
-        template: from the running average.
-        samples_mps2: (m,) radial axis around the contact, positive inward, uniform in time.
-        passage: angle against sample position, 0 at the approximate centre; in positions of `samples_mps2`.
-        rate_hz: sampling rate.
-        order_variance_mps4: (61,) revolution-to-revolution variance of one real order coefficient, NaN where unknown;
-            orders above the last known one are assumed to have its variance.
-        n: size of the angle grid.
+    def __init__(
+        self, template: ContactTemplate, samples_mps2: Sequence[FloatArray], passages: Sequence[Phase]
+    ) -> None:
+        """Interpolate the samples.
 
-    Returns:
-        the match; None when the samples do not cover the contact or do not resemble the template.
-    """
-    where = passage.positions(template.angles_rad)
-    begin, end = np.searchsorted(where, (_END_SAMPLES, len(samples_mps2) - 1 - _END_SAMPLES)).tolist()
-    part = slice(begin, end)
-    angles, where = template.angles_rad[part], where[part]
-    low, high = template.edges.leading_rad - _MIN_BEYOND_RAD, template.edges.trailing_rad + _MIN_BEYOND_RAD
-    if end - begin < _MIN_POINTS or angles[0] > low or angles[-1] < high:
-        return None
-    model, values, fit = template.model[part], template.values[part], template.fit
-    if end - begin < len(template.values):
-        fit = _fit(model, template.weights[part], angles, template.first + begin, n)
-    coefficients = spline_filter1d(samples_mps2, order=5, mode="mirror")
-    scale = 1.0 / (passage.rate * rate_hz) ** 2
-    factor = scale / (1.0 + (2.0 * passage.acceleration / passage.rate**2) * angles)
-    level = template.gravity_mps2[part] * factor + values
-    common, shift = 0.0, np.zeros(2)
-    for _ in range(_ITERATIONS):
-        moved = where + common / passage.rate
-        read = map_coordinates(coefficients, moved[np.newaxis], order=5, mode="mirror", prefilter=False)
-        change = read * factor - level
-        fitted = fit.rows @ change
-        gain = 1.0 + float(fitted[2])
-        if not _GAIN_RANGE[0] < gain < _GAIN_RANGE[1]:
-            return None
-        shift = common + fitted[:2] / gain
-        common = 0.5 * float(shift[0] + shift[1])
-    residual2 = np.square(change - model @ fitted)
-    width = template.edges.trailing_rad - template.edges.leading_rad
-    misfit = math.sqrt(float(residual2.mean()))
-    if not (np.abs(shift).max() < _MAX_SHIFT_SHARE * width and misfit < _MAX_RESIDUAL_SHARE * template.span):
-        return None
-    middle = int(np.searchsorted(angles, 0.0))
-    residual = np.sqrt([residual2[:middle].mean(), residual2[middle:].mean()]) / scale
-    orders = min(fit.power.shape[-1], math.ceil(math.pi / passage.rate) + 1)
-    variances = _extended_variance(order_variance_mps4, orders)
-    covariances = fit.power[..., : len(variances)] @ variances * (scale / passage.rate) ** 2
-    leading, trailing = (passage.start + shift / passage.rate).tolist()
-    return ContactMatch(leading, trailing, covariances, passage.rate, residual)
+        Args:
+            template: from the running average.
+            samples_mps2: for each contact (m,) radial axis around it, positive inward, uniform in time.
+            passages: for each contact angle against sample position, 0 at the approximate centre; in positions of its
+                samples.
+        """
+        self._template = template
+        self._coefficients = spline_coefficients([samples[:, np.newaxis] for samples in samples_mps2], 5)
+        self._last = np.array([len(samples) - 1.0 for samples in samples_mps2])[:, np.newaxis]
+        where = _places(template.whole.angles_rad, *_arrays(passages))
+        begins = (where < _END_SAMPLES).sum(axis=1).tolist()
+        ends = (where < self._last - _END_SAMPLES).sum(axis=1).tolist()
+        edges, angles = template.edges, template.whole.angles_rad
+        low, high = edges.leading_rad - _MIN_BEYOND_RAD, edges.trailing_rad + _MIN_BEYOND_RAD
+        # Contacts by the points of the template that their samples cover; nearly always all of them.
+        covered: dict[tuple[int, int], list[int]] = {}
+        for place, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+            if end - begin >= _MIN_POINTS and angles[begin] <= low and angles[end - 1] >= high:
+                covered.setdefault((begin, end), []).append(place)
+        self._groups = [(template.part(*points), np.array(places)) for points, places in covered.items()]
+
+    def match(self, passages: Sequence[Phase], rates_hz: Sequence[float]) -> ContactMatches:
+        """Time the contacts.
+
+        Args:
+            passages: as in the constructor, or nearer to the contacts.
+            rates_hz: sampling rate at each.
+        """
+        template, count = self._template, len(passages)
+        arrays, rates = _arrays(passages), np.array(rates_hz)[:, np.newaxis]
+        shift, residual = np.full((count, 2), math.nan), np.full((count, 2), math.nan)
+        fits = np.zeros(count, np.bool_)
+        covariances = [_UNKNOWN] * count
+        for region, places in self._groups:
+            of_group = slice(None) if len(places) == count else places
+            start, rate, acceleration = (values[of_group] for values in arrays)
+            angles = region.angles_rad
+            where = np.clip(_places(angles, start, rate, acceleration), 0.0, self._last[of_group])
+            read = read_spline(self._coefficients[of_group], where, 5)[:, :, 0]
+            factor = 1.0 / (np.square(rates[of_group]) * (rate * rate + (2.0 * acceleration) * angles))
+            change = (read - region.gravity_mps2) * factor - region.values
+            fitted = change @ region.rows.T
+            gain = 1.0 + fitted[:, 2]
+            moved = fitted[:, :2] / gain[:, np.newaxis]
+            rest2 = np.square(change - fitted @ region.model.T)
+            misfit2 = rest2.mean(axis=1)
+            fits[of_group] = (
+                (_GAIN_RANGE[0] < gain)
+                & (gain < _GAIN_RANGE[1])
+                & (misfit2 < (_MAX_RESIDUAL_SHARE * template.span) ** 2)
+            )
+            shift[of_group] = moved
+            residual[of_group] = np.sqrt(
+                np.stack((rest2[:, : region.middle].mean(axis=1), rest2[:, region.middle :].mean(axis=1)), axis=1)
+            )
+            highest = np.minimum(np.ceil(math.pi / rate[:, 0]), len(region.covariances_rad2) - 1).astype(np.int64)
+            for place, order in zip(places.tolist(), highest.tolist(), strict=True):
+                covariances[place] = region.covariances_rad2[order]
+        return ContactMatches(shift, residual, fits, covariances)
+
+    @property
+    def largest_shift_rad(self) -> float:
+        """Largest shift of a contact that is one of the template's."""
+        edges = self._template.edges
+        return _MAX_SHIFT_SHARE * (edges.trailing_rad - edges.leading_rad)
+
+
+def _arrays(passages: Sequence[Phase]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return start, rate and acceleration of the passages, (k, 1) each."""
+    values = np.array([(passage.start, passage.rate, passage.acceleration) for passage in passages])
+    return values[:, :1], values[:, 1:2], values[:, 2:]
+
+
+def _places(angles_rad: FloatArray, start: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:
+    """Return the sample positions of angles, (k, m)."""
+    speed2 = rate * rate + (2.0 * acceleration) * angles_rad
+    places: FloatArray = start + 2.0 * angles_rad / (rate + np.sqrt(np.maximum(speed2, 0.0)))
+    return places
 
 
 def template_shift(template: ContactTemplate, radial_mps2: FloatArray, omega_radps: float) -> FloatArray:
@@ -238,20 +285,32 @@ def template_shift(template: ContactTemplate, radial_mps2: FloatArray, omega_rad
         radial_mps2: (n,) the other average, of the same tire.
         omega_radps: its angular speed.
     """
-    part = slice(template.first, template.first + len(template.values))
-    fitted = template.fit.rows @ (radial_mps2[part] / omega_radps**2 - template.values)
+    whole = template.whole
+    part = slice(template.first, template.first + len(whole.values))
+    fitted = whole.rows @ (radial_mps2[part] / omega_radps**2 - whole.values)
     shift: FloatArray = fitted[:2] / (1.0 + fitted[2])
     return shift
 
 
-def _fit(model: FloatArray, weights: FloatArray, angles: FloatArray, first: int, n: int) -> _Fit:
+def _region(
+    first: int,
+    n: int,
+    points: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    weights: FloatArray,
+    variance: FloatArray,
+) -> _Region:
     """Solve the normal equations for consecutive points, starting at index `first` of the angle grid."""
+    angles, values, model, gravity = points
     rows: FloatArray = np.linalg.lstsq(weights.T @ model, weights.T, rcond=None)[0].astype(np.float64)
     padded = np.zeros((2, 2, n))
     padded[:, :, first : first + len(angles)] = np.stack([angles < 0.0, angles >= 0.0])[:, np.newaxis] * rows[:2]
     spectrum = np.fft.rfft(padded, axis=-1)
+    # Cross spectra of the two shifts' rows in each half.
     power = (spectrum[:, :, np.newaxis] * spectrum[:, np.newaxis].conj()).real
-    return _Fit(rows, power)
+    covariances = np.cumsum(power * variance, axis=-1)
+    return _Region(
+        angles, values, model, gravity, rows, int(np.searchsorted(angles, 0.0)), np.moveaxis(covariances, -1, 0).copy()
+    )
 
 
 def _extended_variance(variance: FloatArray, orders: int) -> FloatArray:

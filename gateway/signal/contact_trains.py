@@ -84,6 +84,11 @@ def turn(depth: FloatArray | float, other: FloatArray | float, period_s: FloatAr
     return np.asarray(period_s * (np.sqrt(depth) + np.sqrt(other)) * (0.25 / np.pi), np.float64)
 
 
+def turn_of(depth: float, other: float, period_s: float) -> float:
+    """Return what `turn` does, of one pair of contacts."""
+    return period_s * (math.sqrt(depth) + math.sqrt(other)) * (0.25 / math.pi)
+
+
 def least_level(depth: FloatArray | float) -> FloatArray:
     """Return the least height of a revolution's mean above the contact level, given the shallower contact's depth."""
     return np.asarray(_LEVEL_SHARE * depth - _LEVEL_GRAVITY_MPS2, np.float64)

@@ -5,12 +5,14 @@ A multi-scale search: each scale is a box filter of the width of one contact dur
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from gateway.signal.short_medians import median
 from gateway.types import FloatArray
 
 MIN_DEPTH_MPS2: Final = 4.0
@@ -91,8 +93,10 @@ def noise_std_mps2(signal: FloatArray) -> float:
     """Return the standard deviation of a signal's white noise, from the median of second differences (robust)."""
     if len(signal) < 8:
         return 0.0
-    second = signal[2:] - 2.0 * signal[1:-1] + signal[:-2]
-    return float(np.median(np.abs(second)) / (0.6745 * 6.0**0.5))
+    second = signal[1:-1] * -2.0
+    second += signal[2:]
+    second += signal[:-2]
+    return median(np.abs(second, out=second)) / (0.6745 * math.sqrt(6.0))
 
 
 @dataclass(frozen=True, slots=True)

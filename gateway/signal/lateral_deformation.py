@@ -11,7 +11,6 @@ slope of the streamline is then a row times x, and its variance is row C row'.
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import Final
 
@@ -87,13 +86,13 @@ def line_row(first_rad: float, last_rad: float, orders: range, radius_m: float) 
     return result
 
 
-def remove_roll(lateral: FloatArray, radial: FloatArray, roll_rad: float) -> FloatArray:
-    """Return the lateral axis corrected for roll tilt, for arrays of any one shape.
+def remove_roll(lateral: FloatArray, radial: FloatArray, roll_rad: FloatArray | float) -> FloatArray:
+    """Return the lateral axis corrected for roll tilt, for arrays of any one shape that the tilt broadcasts to.
 
     A sensor rolled by tau reads cos(tau) lateral + sin(tau) radial on its lateral axis and cos(tau) radial - sin(tau)
     lateral on its radial axis. Gravity is included in both, so its contribution is removed as well.
     """
-    result: FloatArray = math.cos(roll_rad) * lateral - math.sin(roll_rad) * radial
+    result: FloatArray = np.cos(roll_rad) * lateral - np.sin(roll_rad) * radial
     return result
 
 

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.signal.short_medians import median
 from gateway.types import ComplexArray, FloatArray
 
 ORDER_COUNT: Final = 61
@@ -38,12 +39,17 @@ def order_coefficients(waveform: FloatArray, order_max: int = ORDER_COUNT - 1) -
     Returns:
         (..., 61) complex, in the unit of the waveform.
     """
-    n = waveform.shape[-1]
-    spectrum = np.fft.rfft(waveform, axis=-1)[..., :ORDER_COUNT] * _SIGNS * (2.0 / n)
-    spectrum[..., 0] *= 0.5
-    spectrum[..., order_max + 1 :] = complex(math.nan, math.nan)
-    result: ComplexArray = spectrum
-    return result
+    coefficients = spectrum_coefficients(np.fft.rfft(waveform, axis=-1))
+    coefficients[..., order_max + 1 :] = complex(math.nan, math.nan)
+    return coefficients
+
+
+def spectrum_coefficients(spectrum: ComplexArray) -> ComplexArray:
+    """Return the coefficients of orders 0 to 60, (..., 61), from discrete Fourier transforms (..., n / 2 + 1)."""
+    n = 2 * (spectrum.shape[-1] - 1)
+    coefficients: ComplexArray = spectrum[..., :ORDER_COUNT] * _SIGNS * (2.0 / n)
+    coefficients[..., 0] *= 0.5
+    return coefficients
 
 
 def coefficient_std(waveform: FloatArray, samples_per_revolution: float) -> float:
@@ -59,15 +65,21 @@ def coefficient_std(waveform: FloatArray, samples_per_revolution: float) -> floa
     Returns:
         Standard deviation of a cosine or sine coefficient, in the unit of the waveform; NaN when the waveform is.
     """
-    n = waveform.shape[-1]
+    return band_noise(np.fft.rfft(waveform), samples_per_revolution)
+
+
+def band_noise(spectrum: ComplexArray, samples_per_revolution: float) -> float:
+    """Return what `coefficient_std` does, from the (n / 2 + 1,) discrete Fourier transform of the waveform."""
+    n = 2 * (spectrum.shape[0] - 1)
     nyquist = min(n, samples_per_revolution) / 2.0
     # Above 0.7 of the band, the roll-off of the interpolation attenuates the noise.
     high = max(3, min(n // 2, math.floor(0.7 * nyquist)))
     low = min(150, max(1, math.floor(0.45 * nyquist)))
-    band = np.fft.rfft(waveform)[low:high]
+    band = spectrum[low:high]
     power = band.real**2 + band.imag**2
     # |C|^2 = 2 sigma^2 * (chi-square of two degrees / 2), whose median is ln 2.
-    return float(math.sqrt(float(np.median(power)) / (2.0 * math.log(2.0))) * 2.0 / n)
+    coefficient: float = math.sqrt(median(power) / (2.0 * math.log(2.0))) * 2.0 / n
+    return coefficient
 
 
 def sample_std(coefficient_std_mps2: float, samples_per_revolution: float, n: int) -> float:

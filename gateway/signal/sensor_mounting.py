@@ -19,12 +19,14 @@ import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import ComplexArray, FloatArray, IntArray
 
 # Highest order used: above it there is noise but no signal of a tire's slope.
 HIGHEST_ORDER: Final = 60
 # First orders of the bands whose disagreement shows what the equations do not describe.
 _BANDS: Final = (0, 2, 4, 6, 9, 13, 18, 24, 31, 39, 48)
+# Products of e, tilt and left-hand side by band, three products with the zero-g offset, and the number of equations.
+MOUNTING_SIZE: Final = 6 * len(_BANDS) + 4
 
 # Prior of the constant in the mean of the lateral axis: zero-g offset after the calibration in the hello (0.1 g) and
 # gravity times camber (1 m/s^2 is 6 deg).
@@ -49,6 +51,8 @@ class BeltKinematics:
         signal_order_1: cosine order 1 of the signal of the closed belt, about the contact centre and over the mean. It
             follows from closure and does not depend on the measured order 1.
         gravity_order_1: cosine order 1 of cos(inclination).
+        known_spectra: (2, HIGHEST_ORDER + 1) Fourier sums times 2 / n of sin(inclination) and 1 - cos(inclination):
+            gravity along the belt over g, and the reaction to angular acceleration over R times it.
     """
 
     along: ComplexArray
@@ -56,6 +60,7 @@ class BeltKinematics:
     mean_square: float
     signal_order_1: float
     gravity_order_1: float
+    known_spectra: ComplexArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,51 +68,57 @@ class MountingRows:
     """Linear equations of (e in m, tan of the pitch, zero-g offset in m/s^2), summed by bands of orders.
 
     Attributes:
-        normal: (k, 3, 3) normal matrix of each band; the third row and column are zero without the mean.
-        right: (k, 3) right-hand side.
-        square: sum of squares of the left-hand side.
-        count: number of equations.
+        sums: (k, MOUNTING_SIZE) of k sets of equations. Products of the factors of e and tilt with each other and with
+            the left-hand side, by band; products with the factor of the zero-g offset, which has an equation in order 0
+            only; and the number of equations. Sets are combined by adding them.
     """
 
-    normal: FloatArray
-    right: FloatArray
-    square: float
-    count: float
-
-    def and_then(self, other: MountingRows, keep: float) -> MountingRows:
-        """Return these equations, weighted with `keep`, combined with others for the same unknowns."""
-        return MountingRows(
-            keep * self.normal + other.normal,
-            keep * self.right + other.right,
-            keep * self.square + other.square,
-            keep * self.count + other.count,
-        )
+    sums: FloatArray
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
-        """Return the unknowns and their standard errors, (3,) each; NaN for unknowns without equations.
+        """Return the unknowns of each set and their standard errors, (k, 3) each; NaN for unknowns without equations.
 
         The errors are the larger of two: those of white residuals, and those from the disagreement of the bands
         (cluster-robust covariance). The second does not shrink with the number of revolutions where the residual
         repeats, as that of a tread does.
         """
-        solution, stds = np.full((2, 3), math.nan)
-        total, right = self.normal.sum(axis=0), self.right.sum(axis=0)
-        known = np.diag(total) > 0.0
-        size = int(known.sum())
-        scale = 1.0 / np.sqrt(np.diag(total)[known])
-        scaling = np.outer(scale, scale)
-        try:
-            inverse = np.linalg.inv(total[np.ix_(known, known)] * scaling) * scaling
-        except np.linalg.LinAlgError:
-            return solution, stds
-        solution[known] = inverse @ right[known]
-        white = max(self.square - float(solution[known] @ right[known]), 0.0) / max(self.count - size, 1.0)
-        left = self.right[:, known] - self.normal[:, known][:, :, known] @ solution[known]
-        bands = len(self.normal)
-        by_band = inverse @ left.T
-        clustered = np.sum(np.square(by_band), axis=1) * (bands / max(bands - size, 1.0))
-        stds[known] = np.sqrt(np.maximum(np.diag(inverse) * white, clustered))
-        return solution, stds
+        bands = len(_BANDS)
+        products = self.sums[:, : 6 * bands].reshape(-1, 6, bands)
+        tilt_zero, zero_zero, zero_right, count = self.sums[:, 6 * bands :].T
+        total = products.sum(axis=2)
+        offset_offset, offset_tilt, tilt_tilt, offset_right, tilt_right, square = total.T
+        diagonal = np.stack([offset_offset, tilt_tilt, zero_zero], axis=1)
+        known = diagonal > 0.0
+        scale = 1.0 / np.sqrt(np.where(known, diagonal, 1.0))
+        # Inverse of the scaled normal matrix: order 0 has no factor of e, so one correlation is zero.
+        with_tilt = offset_tilt * scale[:, 0] * scale[:, 1]
+        with_zero = tilt_zero * scale[:, 1] * scale[:, 2]
+        determinant = 1.0 - with_tilt**2 - with_zero**2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = np.empty((len(known), 3, 3))
+            inverse[:, 0, 0] = 1.0 - with_zero**2
+            inverse[:, 0, 1] = inverse[:, 1, 0] = -with_tilt
+            inverse[:, 0, 2] = inverse[:, 2, 0] = with_tilt * with_zero
+            inverse[:, 1, 1] = 1.0
+            inverse[:, 1, 2] = inverse[:, 2, 1] = -with_zero
+            inverse[:, 2, 2] = 1.0 - with_tilt**2
+            inverse *= scale[:, :, np.newaxis] * scale[:, np.newaxis, :]
+            inverse /= np.where(determinant > 0.0, determinant, math.nan)[:, np.newaxis, np.newaxis]
+            right = np.stack([offset_right, tilt_right, zero_right], axis=1) * known
+            solution = (inverse @ right[:, :, np.newaxis])[:, :, 0] * known
+            size = known.sum(axis=1)
+            white = np.maximum(square - np.sum(solution * right, axis=1), 0.0) / np.maximum(count - size, 1.0)
+            offset, tilt, zero = solution.T[:, :, np.newaxis]
+            left = np.zeros((len(known), 3, bands))
+            left[:, 0] = products[:, 3] - products[:, 0] * offset - products[:, 1] * tilt
+            left[:, 1] = products[:, 4] - products[:, 1] * offset - products[:, 2] * tilt
+            left[:, 1, 0] -= tilt_zero * zero[:, 0]
+            left[:, 2, 0] = zero_right - tilt_zero * tilt[:, 0] - zero_zero * zero[:, 0]
+            left *= known[:, :, np.newaxis]
+            clustered = np.sum(np.square(inverse @ left), axis=2) * (bands / np.maximum(bands - size, 1))[:, np.newaxis]
+            variance = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) * white[:, np.newaxis], clustered)
+            stds = np.sqrt(variance)
+        return np.where(known, solution, math.nan), np.where(known, stds, math.nan)
 
 
 def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:
@@ -142,64 +153,68 @@ def belt_kinematics(radial_mps2: FloatArray, offset: float, centre_rad: float) -
     turn = np.cumsum(curvature) - 0.5 * curvature
     inclination = (turn - float(np.interp(0.0, theta, turn))) * step
     cosine, sine = np.cos(inclination), np.sin(inclination)
-    spectrum = np.fft.rfft(curvature)[: HIGHEST_ORDER + 1] * (2.0 / n)
+    spectra = np.fft.rfft(np.stack([curvature, sine, 1.0 - cosine]), axis=1)[:, : HIGHEST_ORDER + 1] * (2.0 / n)
     # One Newton step suffices: order 1 is wrong only by a small residual of gravity.
+    even = np.cos(theta)
     closing = float(cosine.sum()) / float(sine @ np.sin(theta))
-    closed = curvature + closing * np.cos(theta)
+    closed = curvature + closing * even
     signal = closed * (1.0 - offset * closed)
     return BeltKinematics(
-        along=-1j * np.arange(HIGHEST_ORDER + 1.0) * spectrum,
+        along=-1j * np.arange(HIGHEST_ORDER + 1.0) * spectra[0],
         inclination_rad=inclination,
         mean_square=float(np.square(curvature).mean()),
-        signal_order_1=2.0 * float(signal @ np.cos(theta)) / float(signal.sum()),
-        gravity_order_1=2.0 / n * float(cosine @ np.cos(theta)),
+        signal_order_1=2.0 * float(signal @ even) / float(signal.sum()),
+        gravity_order_1=2.0 / n * float(cosine @ even),
+        known_spectra=spectra[1:],
     )
 
 
 def mounting_rows(
-    circumferential_mps2: FloatArray,
-    radial_mps2: FloatArray,
+    spectra_mps2: ComplexArray,
     belt: BeltKinematics,
-    omega_radps: float,
-    omega_dot_radps2: float,
+    omega_radps: FloatArray,
+    omega_dot_radps2: FloatArray,
     radius_m: float,
-    order_max: int,
+    order_max: IntArray,
     *,
     with_mean: bool = True,
 ) -> MountingRows:
-    """Return the equations of one revolution.
+    """Return the equations of k revolutions, one set each.
 
     Args:
-        circumferential_mps2: (n,) as measured, on the angle grid.
-        radial_mps2: (n,) as measured.
+        spectra_mps2: (k, 2, 61) of the circumferential and the radial axis as measured, in the angle domain: Fourier
+            sums times 2 / n.
         belt: kinematics of the belt, from an average.
-        omega_radps: mean angular speed.
-        omega_dot_radps2: angular acceleration.
+        omega_radps: (k,) mean angular speed.
+        omega_dot_radps2: (k,) angular acceleration.
         radius_m: belt radius.
-        order_max: highest order in the sampled band.
+        order_max: (k,) highest order in the sampled band.
         with_mean: False omits order 0, for AC-coupled sensors.
     """
-    n = len(radial_mps2)
-    angle = belt.inclination_rad
-    known = STANDARD_GRAVITY_MPS2 * np.sin(angle) + omega_dot_radps2 * radius_m * (1.0 - np.cos(angle))
-    count = min(HIGHEST_ORDER, order_max) + 1
-    measured = np.fft.rfft(np.stack([circumferential_mps2 - known, radial_mps2]), axis=1)[:, :count] * (2.0 / n)
-    rows = np.zeros((4, count), np.complex128)
-    rows[:2] = measured
-    rows[2] = omega_radps**2 * belt.along[:count]
-    rows[3, 0] = 2.0
+    reaction = (omega_dot_radps2 * radius_m)[:, np.newaxis] * belt.known_spectra[1]
+    left = spectra_mps2[:, 0] - STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] - reaction
+    by_tilt = spectra_mps2[:, 1].copy()
+    by_offset = np.square(omega_radps)[:, np.newaxis] * belt.along
     # The mean is one equation; every other order is two, of the same weight.
-    rows[:, 0] *= math.sqrt(0.5) if with_mean else 0.0
-    begins = [begin for begin in _BANDS if begin < count]
-    products = np.add.reduceat((rows[:, np.newaxis] * rows.conj()).real, begins, axis=2)
-    products = np.concatenate([products, np.zeros((4, 4, len(_BANDS) - len(begins)))], axis=2).transpose(2, 0, 1)
-    order = [2, 1, 3]
-    return MountingRows(
-        products[:, order][:, :, order],
-        products[:, order, 0],
-        float(products[:, 0, 0].sum()),
-        2 * count - 1 - (not with_mean),
-    )
+    count = np.minimum(HIGHEST_ORDER, order_max) + 1
+    used = (np.arange(HIGHEST_ORDER + 1) < count[:, np.newaxis]).astype(np.float64)
+    used[:, 0] = math.sqrt(0.5) if with_mean else 0.0
+    left *= used
+    by_tilt *= used
+    by_offset = by_offset * used
+    pairs = ((by_offset, by_offset), (by_offset, by_tilt), (by_tilt, by_tilt), (by_offset, left), (by_tilt, left))
+    products = np.empty((len(left), 6, HIGHEST_ORDER + 1))
+    for row, (one, other) in enumerate((*pairs, (left, left))):
+        products[:, row] = one.real * other.real
+        products[:, row] += one.imag * other.imag
+    sums = np.empty((len(left), MOUNTING_SIZE))
+    sums[:, :-4] = np.add.reduceat(products, _BANDS, axis=2).reshape(len(left), -1)
+    by_zero = 2.0 * used[:, 0]
+    sums[:, -4] = by_tilt[:, 0].real * by_zero
+    sums[:, -3] = by_zero**2
+    sums[:, -2] = left[:, 0].real * by_zero
+    sums[:, -1] = 2 * count - 1 - (not with_mean)
+    return MountingRows(sums)
 
 
 class RollCalibration:
@@ -217,14 +232,14 @@ class RollCalibration:
             offset_std_mps2: prior standard error of the constant in the lateral mean.
             horizon_revolutions: length of the memory in revolutions.
         """
-        self._prior = np.diag([math.tan(_ROLL_PRIOR_STD_RAD) ** -2, offset_std_mps2**-2])
+        self._prior = math.tan(_ROLL_PRIOR_STD_RAD) ** -2, offset_std_mps2**-2
         self._keep = 1.0 - 1.0 / horizon_revolutions
         self.reset()
 
     def reset(self) -> None:
         """Forget everything."""
-        self._information = np.zeros((2, 2))
-        self._weighted = np.zeros(2)
+        # Of the normal matrix ((aa, ab), (ab, bb)) and the right-hand side (a, b).
+        self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
         self.count = 0
         self._roll_rad, self._roll_std_rad, self._offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
 
@@ -232,16 +247,21 @@ class RollCalibration:
         """Add the means of one revolution as measured; ignored if the radial mean is not positive (AC coupling)."""
         if not (math.isfinite(mean_lateral_mps2) and mean_radial_mps2 > 0.0):
             return
-        row = np.array([mean_radial_mps2, 1.0]) / REVOLUTION_STD_MPS2
-        self._information = self._keep * self._information + np.outer(row, row)
-        self._weighted = self._keep * self._weighted + row * (mean_lateral_mps2 / REVOLUTION_STD_MPS2)
+        keep, weight = self._keep, REVOLUTION_STD_MPS2**-2
+        aa, ab, bb, a, b = self._sums
+        aa = keep * aa + weight * mean_radial_mps2 * mean_radial_mps2
+        ab = keep * ab + weight * mean_radial_mps2
+        bb = keep * bb + weight
+        a = keep * a + weight * mean_radial_mps2 * mean_lateral_mps2
+        b = keep * b + weight * mean_lateral_mps2
+        self._sums = aa, ab, bb, a, b
         self.count += 1
-        (aa, ab), (_, bb) = self._information + self._prior
+        aa += self._prior[0]
+        bb += self._prior[1]
         determinant = aa * bb - ab * ab
-        a, b = self._weighted
         self._roll_rad = math.atan((bb * a - ab * b) / determinant)
         self._roll_std_rad = math.sqrt(bb / determinant)
-        self._offset_mps2 = float((aa * b - ab * a) / determinant)
+        self._offset_mps2 = (aa * b - ab * a) / determinant
 
     @property
     def roll_rad(self) -> float:

@@ -7,15 +7,17 @@ normal from the vertical, kappa the belt's curvature and V = R Omega(t), which c
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Final
 
 import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.signal.angle_resampling import Phase, angle_grid
+from gateway.signal.angle_resampling import Phase, angle_grid, elapsed_angles
 from gateway.signal.contact_edges import contact_interior
-from gateway.types import FloatArray
+from gateway.types import BoolArray, FloatArray
 
 _ITERATIONS: Final = 3
 # Highest plausible peak over the mean: a ring's overshoot is below three times its baseline.
@@ -37,6 +39,16 @@ class NormalisedRadial:
     constant_mps2: float
     belt_angle_rad: FloatArray
     used_belt_angle: bool
+
+
+@dataclass(frozen=True, slots=True)
+class NormalisedRevolutions:
+    """Several revolutions, as in NormalisedRadial: (k, n), (k,), (k, n), (k,)."""
+
+    radial_mps2: FloatArray
+    constant_mps2: FloatArray
+    belt_angle_rad: FloatArray
+    used_belt_angle: BoolArray
 
 
 def normalise_radial(
@@ -69,49 +81,90 @@ def normalise_radial(
     Returns:
         The normalised waveform, with the constant and the angle used. NaN in, NaN out.
     """
-    n = radial_mps2.shape[0]
+    steady = np.array([steady_mps2]) if steady_mps2 is not None else None
+    rows = normalise_revolutions(
+        radial_mps2[np.newaxis], [phase], ac_coupled=ac_coupled, steady_mps2=steady, gravity_mps2=gravity_mps2
+    )
+    return NormalisedRadial(
+        rows.radial_mps2[0], float(rows.constant_mps2[0]), rows.belt_angle_rad[0], bool(rows.used_belt_angle[0])
+    )
+
+
+def normalise_revolutions(
+    radial_mps2: FloatArray,
+    phases: Sequence[Phase],
+    *,
+    ac_coupled: bool = False,
+    steady_mps2: FloatArray | None = None,
+    gravity_mps2: float = STANDARD_GRAVITY_MPS2,
+) -> NormalisedRevolutions:
+    """Normalise revolutions, each as `normalise_radial` does.
+
+    Args:
+        radial_mps2: (k, n) radial axis of each on the angle grid, positive inward.
+        phases: phase of each.
+        ac_coupled: True when the sensor does not pass the steady value.
+        steady_mps2: (k,) R Omega^2 at the mean speed of each, used for AC-coupled signals only.
+        gravity_mps2: acceleration of gravity; 0 for data without it.
+    """
+    count, n = radial_mps2.shape
     theta = angle_grid(n)
-    gain = phase.relative_speed(n) ** -2.0
-    angle = theta
-    closed = False
-    constant = 0.0
-    shape = radial_mps2 - gravity_mps2 * np.cos(theta)
-    interior = None
+    gain = _inverse_square_speed(phases, n)
+    constant = np.zeros((count, 1))
+    closed = np.ones(count, np.bool_)
+    given = np.ones(count, np.bool_)
+    interiors: list[slice | None] | None = None
+    level = gravity_mps2 * _cosine(n)
+    shape = radial_mps2 - level
     if ac_coupled and steady_mps2 is None:
-        interior = contact_interior(shape, phase.samples)
-        if interior is None:
-            return NormalisedRadial(shape, 0.0, theta, False)
+        interiors = [contact_interior(row, phase.samples) for row, phase in zip(shape, phases, strict=True)]
+        given = np.array([interior is not None for interior in interiors])
+        closed &= given
+    angle = np.tile(theta, (count, 1))
     for _ in range(_ITERATIONS if gravity_mps2 else 1):
-        shape = radial_mps2 - gravity_mps2 * np.cos(angle)
-        if interior is not None:
-            constant = -float(shape[interior].mean())
+        if interiors is not None:
+            for place, interior in enumerate(interiors):
+                if interior is not None and closed[place]:
+                    constant[place] = -float(shape[place, interior].mean())
         elif ac_coupled and steady_mps2 is not None:
-            constant = (steady_mps2 - float((shape * gain).mean())) / float(gain.mean())
-        curvature = _relative_curvature((shape + constant) * gain)
-        if curvature is None:
-            angle, closed = theta, False
-            break
-        angle, closed = _belt_angle(curvature), True
-    shape = radial_mps2 - gravity_mps2 * np.cos(angle)
-    return NormalisedRadial((shape + constant) * gain, constant, angle, closed)
+            restored = (steady_mps2 - (shape * gain).mean(axis=1)) / gain.mean(axis=1)
+            constant[closed, 0] = restored[closed]
+        corrected = (shape + constant) * gain if ac_coupled else shape * gain
+        mean = corrected.mean(axis=1)
+        # The mean cannot be R Omega^2 when it is not positive, or peaks exceed it by far.
+        closed &= (mean > 0.0) & (np.maximum(corrected.max(axis=1), -corrected.min(axis=1)) < _MAX_PEAK_RATIO * mean)
+        # Integral of kappa R from theta = 0, where the belt lies on the road: the trapezoidal rule from -pi on.
+        angle = np.cumsum(corrected, axis=1)
+        corrected *= 0.5
+        angle -= corrected
+        angle -= angle[:, n // 2, np.newaxis].copy()
+        angle *= ((2.0 * math.pi / n) / np.where(closed, mean, 1.0))[:, np.newaxis]
+        if not closed.all():
+            angle[~closed] = theta
+        if gravity_mps2:
+            shape = np.cos(angle)
+            shape *= -gravity_mps2
+            shape += radial_mps2
+    if ac_coupled:
+        shape += constant
+        shape[~given] -= constant[~given]
+    gain[~given] = 1.0
+    shape *= gain
+    return NormalisedRevolutions(shape, constant[:, 0], angle, closed)
 
 
-def _relative_curvature(shape: FloatArray) -> FloatArray | None:
-    """Return kappa R, whose mean is 1 on a closed belt; None when the mean cannot be R Omega^2."""
-    mean = float(shape.mean())
-    if not (mean > 0.0 and float(np.abs(shape).max()) < _MAX_PEAK_RATIO * mean):
-        return None
-    result: FloatArray = shape / mean
-    return result
+@cache
+def _cosine(n: int) -> FloatArray:
+    """Return the cosine of the angle grid, (n,), read-only."""
+    cosine: FloatArray = np.cos(angle_grid(n))
+    cosine.setflags(write=False)
+    return cosine
 
 
-def _belt_angle(curvature: FloatArray) -> FloatArray:
-    """Return the integral of kappa R from theta = 0, where the belt lies on the road, (n,)."""
-    n = curvature.shape[0]
-    step = 2.0 * math.pi / n
-    # Trapezoidal rule from -pi on; the value at theta = 0 (index n/2) is then subtracted.
-    integral = np.cumsum(curvature)
-    integral -= 0.5 * curvature
-    integral -= integral[n // 2]
-    result: FloatArray = integral * step
-    return result
+def _inverse_square_speed(phases: Sequence[Phase], n: int) -> FloatArray:
+    """Return the inverse square of the speed on the angle grid over the revolution's mean speed, (k, n)."""
+    rates, accelerations, samples = np.array([(phase.rate, phase.acceleration, phase.samples) for phase in phases]).T
+    scale = np.square(samples / (2.0 * math.pi))
+    gain: FloatArray = (2.0 * accelerations * scale)[:, np.newaxis] * elapsed_angles(n)
+    gain += (rates * rates * scale)[:, np.newaxis]
+    return np.reciprocal(gain, out=gain)

@@ -3,17 +3,47 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from gateway.signal.angle_resampling import GRID_SIZE
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
-from gateway.signal.order_spectrum import ORDER_COUNT
+from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
 from gateway.types import ComplexArray, FloatArray
 
 DEFAULT_HORIZON_REVOLUTIONS: Final = 50.0
+
+
+class Shares(NamedTuple):
+    """Shares of earlier and new values in the running means after each of k updates.
+
+    Attributes:
+        prior: (k,) of the mean before the first update.
+        values: (k, k) of the new values, lower triangular.
+    """
+
+    prior: FloatArray
+    values: FloatArray
+
+
+@lru_cache(maxsize=256)
+def running_shares(weights: tuple[float, ...]) -> Shares:
+    """Return the shares for weights of updates one after the other; only the first may be 1."""
+    weight = np.array(weights, dtype=np.float64)
+    kept = np.subtract(1.0, weight, dtype=np.float64)
+    is_fresh = kept[0] == 0.0
+    if is_fresh:
+        kept[0] = 1.0
+    left = np.asarray(np.cumprod(kept), dtype=np.float64)
+    values: FloatArray = np.tril(np.multiply.outer(left, weight / left))
+    prior: FloatArray = np.zeros_like(left) if is_fresh else left
+    for array in (prior, values):
+        array.setflags(write=False)
+    return Shares(prior, values)
 
 
 class RunningMoments:
@@ -82,6 +112,291 @@ class AngleAverage:
     trailing_edge_std_rad: float
 
 
+class AverageSteps(Protocol):
+    """The running average after each of consecutive revolutions."""
+
+    @property
+    def edges_rad(self) -> Sequence[tuple[float, float]]:
+        """Mean leading and trailing edge after each; NaN before the first."""
+        ...
+
+    @property
+    def counts(self) -> Sequence[int]:
+        """As `AngleAverage.count`, after each."""
+        ...
+
+    @property
+    def effective_counts(self) -> Sequence[float]:
+        """As `AngleAverage.effective_count`, after each."""
+        ...
+
+    @property
+    def spectra(self) -> ComplexArray:
+        """(k, 61) coefficients c - i s of the averaged waveform after each, over a common positive factor."""
+        ...
+
+    @property
+    def scatters(self) -> Sequence[float]:
+        """Mean square deviation of the revolutions from the average after each, over a common positive factor."""
+        ...
+
+    def at(self, index: int) -> AngleAverage:
+        """Return the average after the revolution `index`."""
+        ...
+
+
+class OneAverage:
+    """A given average as the only step."""
+
+    def __init__(self, average: AngleAverage) -> None:
+        self._average = average
+        self.edges_rad = [(average.leading_edge_rad, average.trailing_edge_rad)]
+        self.counts = [average.count]
+        self.effective_counts = [average.effective_count]
+
+    @cached_property
+    def spectra(self) -> ComplexArray:
+        """(1, 61) coefficients."""
+        return order_coefficients(self._average.radial_mps2[np.newaxis])
+
+    @cached_property
+    def scatters(self) -> Sequence[float]:
+        """Mean square deviation of the revolutions."""
+        return [float(np.square(self._average.scatter_mps2).mean())]
+
+    def at(self, index: int) -> AngleAverage:  # noqa: ARG002 - part of the interface
+        """Return the average."""
+        return self._average
+
+
+@dataclass(frozen=True, slots=True)
+class _Edges:
+    """Running mean and scatter of both edges, and mean square of their stated errors."""
+
+    count: int = 0
+    mean: tuple[float, float] = (math.nan, math.nan)
+    spread: tuple[float, float] = (0.0, 0.0)
+    weight_square: float = 1.0
+    square: tuple[float, float] = (0.0, 0.0)
+
+    def and_then(self, edges: tuple[float, float], stds: tuple[float, float], floor: float) -> _Edges:
+        count = self.count + 1
+        weight = max(1.0 / count, floor)
+        kept = 1.0 - weight
+        mean, square = self.mean if self.count else (0.0, 0.0), self.square
+        first, second = edges[0] - mean[0], edges[1] - mean[1]
+        return _Edges(
+            count,
+            (mean[0] + weight * first, mean[1] + weight * second),
+            (
+                kept * (self.spread[0] + weight * first * first),
+                kept * (self.spread[1] + weight * second * second),
+            ),
+            kept * kept * self.weight_square + weight * weight,
+            (
+                square[0] + weight * (stds[0] * stds[0] - square[0]),
+                square[1] + weight * (stds[1] * stds[1] - square[1]),
+            ),
+        )
+
+    def stds_rad(self) -> tuple[float, float]:
+        """Return the standard errors of both means."""
+        if not self.count:
+            return math.nan, math.nan
+        # The part of the stated errors beyond the scatter is the uncertainty of the edge's definition. It is a
+        # constant error, so averaging does not reduce it.
+        model = EDGE_MODEL_STD_RAD**2
+        freedom = 1.0 - self.weight_square
+        known = self.count >= 3 and freedom > 1e-12
+
+        def std(spread: float, square: float) -> float:
+            scatter = spread / freedom if known else max(square - model, 0.0)
+            return math.sqrt(scatter * self.weight_square + max(square - scatter, model))
+
+        return std(self.spread[0], self.square[0]), std(self.spread[1], self.square[1])
+
+
+@dataclass(frozen=True, slots=True)
+class _Moments:
+    """Weighted mean, spread and sum of squared weights; arrays are never changed in place."""
+
+    mean: FloatArray
+    spread: FloatArray
+    weight_square: FloatArray
+
+    @classmethod
+    def empty(cls, size: int) -> _Moments:
+        return cls(np.zeros(size), np.zeros(size), np.ones(size))
+
+    def and_then(self, values: FloatArray, weights: FloatArray) -> _Moments:
+        """Return the moments with k further values (k, size) of weights (k, size or 1) added one after the other.
+
+        They are the weighted mean and scatter about it, so the order of the sums does not matter. Deviations are taken
+        from the earlier mean, which keeps the difference of squares exact.
+        """
+        if not len(values):
+            return self
+        # Share that each update leaves to the values before it, those of later updates included.
+        left = np.cumprod(1.0 - weights[::-1], axis=0)[::-1]
+        shares, kept = weights.copy(), left[0]
+        shares[:-1] *= left[1:]
+        origin = np.where(kept > 0.0, self.mean, values[0])
+        change = values - origin
+        if shares.shape[1] == 1:
+            column = shares[:, 0]
+            mean, square = column @ change, column @ np.square(change)
+        else:
+            mean, square = np.sum(shares * change, axis=0), np.sum(shares * np.square(change), axis=0)
+        spread = np.maximum(kept * self.spread + square - np.square(mean), 0.0)
+        return _Moments(origin + mean, spread, kept**2 * self.weight_square + np.sum(np.square(shares), axis=0))
+
+    def variance(self) -> FloatArray:
+        """Return the unbiased variance of one value; NaN after a single one."""
+        freedom = 1.0 - self.weight_square
+        known = freedom > 1e-12
+        result: FloatArray = np.where(known, self.spread / np.where(known, freedom, 1.0), math.nan)
+        return result
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    """All of the running average after a revolution; waveforms and orders are over the square of the speed."""
+
+    wave: _Moments
+    cosine: _Moments
+    sine: _Moments
+    order_counts: FloatArray
+    count: int = 0
+    weight_square: float = 1.0
+    order_noise: float = 0.0
+    omega_radps: float = math.nan
+    edges: _Edges = field(default_factory=_Edges)
+
+    def average(self) -> AngleAverage:
+        square = self.omega_radps**2
+        seen = self.order_counts > 0.0
+        orders = np.where(seen, (self.cosine.mean - 1j * self.sine.mean) * square, complex(math.nan, math.nan))
+        # Order 0 has no sine. Scatter has one degree of freedom per coefficient and revolution: below three revolutions
+        # the estimate of the noise is better.
+        variance = 0.5 * (self.cosine.variance() + self.sine.variance())
+        variance[0] *= 2.0
+        noise = np.full(ORDER_COUNT, self.order_noise)
+        noise[0] *= 0.5
+        variance = np.where(self.order_counts >= 3.0, variance, noise)
+        orders_std = np.where(seen, np.sqrt(variance * self.cosine.weight_square) * square, math.nan)
+        leading_std, trailing_std = self.edges.stds_rad()
+        return AngleAverage(
+            count=self.count,
+            effective_count=1.0 / self.weight_square,
+            omega_radps=self.omega_radps,
+            radial_mps2=self.wave.mean * square,
+            scatter_mps2=np.sqrt(self.wave.variance()) * square,
+            orders_mps2=orders,
+            orders_std_mps2=orders_std,
+            leading_edge_rad=self.edges.mean[0],
+            trailing_edge_rad=self.edges.mean[1],
+            leading_edge_std_rad=leading_std,
+            trailing_edge_std_rad=trailing_std,
+        )
+
+
+class _Steps:
+    """The average after each revolution of a block; what is not asked for is not computed."""
+
+    def __init__(
+        self,
+        before: _State,
+        radial_mps2: FloatArray,
+        orders_mps2: ComplexArray,
+        omega_radps: Sequence[float],
+        scalars: list[tuple[int, float, float, float, _Edges]],
+        floor: float,
+    ) -> None:
+        self._before = before
+        self._omega = omega_radps
+        self._scalars = scalars
+        squares = np.square(np.array(omega_radps))[:, np.newaxis]
+        self._radial = radial_mps2 / squares
+        self._carried = np.isfinite(orders_mps2.real)
+        self._orders = np.where(self._carried, orders_mps2, 0.0) / squares
+        self._floor = floor
+        self._states: dict[int, _State] = {}
+        self._averages: dict[int, AngleAverage] = {}
+        self.edges_rad = [edges.mean for *_, edges in scalars]
+        self.counts = [count for count, *_ in scalars]
+        self.effective_counts = [1.0 / weight_square for _, weight_square, *_ in scalars]
+
+    @cached_property
+    def _order_weights(self) -> tuple[FloatArray, FloatArray]:
+        """Number of values of each order after each revolution, and the weights of the new ones, (k, 61) each."""
+        counts = self._before.order_counts + np.cumsum(self._carried, axis=0)
+        weights = np.where(self._carried, np.maximum(1.0 / np.maximum(counts, 1.0), self._floor), 0.0)
+        return counts, weights
+
+    @cached_property
+    def spectra(self) -> ComplexArray:
+        """(k, 61) coefficients of the averaged waveform."""
+        shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
+        own = order_coefficients(np.concatenate([self._before.wave.mean[np.newaxis], self._radial]))
+        result: ComplexArray = shares.prior[:, np.newaxis] * own[0] + shares.values @ own[1:]
+        change = (own[1:] - np.concatenate([own[:1], result[:-1]])) * self._carried
+        self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
+        return result
+
+    @cached_property
+    def scatters(self) -> Sequence[float]:
+        """Mean square deviation of the revolutions, of the orders that they carry."""
+        _ = self.spectra
+        before = self._before
+        spread = 0.5 * float(before.cosine.spread.sum() + before.sine.spread.sum())
+        found = []
+        for square, (_, weight_square, weight, *_) in zip(self._squares, self._scalars, strict=True):
+            spread = (1.0 - weight) * (spread + weight * square)
+            freedom = 1.0 - weight_square
+            found.append(spread / freedom if freedom > 1e-12 else math.nan)
+        return found
+
+    def at(self, index: int) -> AngleAverage:
+        found = self._averages.get(index)
+        if found is None:
+            found = self._averages[index] = self.state(index).average()
+        return found
+
+    def state(self, index: int) -> _State:
+        """Return the state after a revolution."""
+        found = self._states.get(index)
+        if found is None:
+            found = self._states[index] = self._state(index)
+        return found
+
+    def _state(self, index: int) -> _State:
+        # From the nearest state that is known.
+        known = max((other for other in self._states if other < index), default=-1)
+        begin = self._states[known] if known >= 0 else self._before
+        rows = slice(known + 1, index + 1)
+        counts, order_weights = self._order_weights
+        weights = np.array([[weight] for _, _, weight, *_ in self._scalars[rows]])
+        count, weight_square, _, noise, edges = self._scalars[index]
+        orders = self._orders[rows]
+        both = _Moments(
+            np.concatenate([begin.cosine.mean, begin.sine.mean]),
+            np.concatenate([begin.cosine.spread, begin.sine.spread]),
+            np.concatenate([begin.cosine.weight_square, begin.sine.weight_square]),
+        ).and_then(np.concatenate([orders.real, -orders.imag], axis=1), np.tile(order_weights[rows], 2))
+        half = ORDER_COUNT
+        return _State(
+            wave=begin.wave.and_then(self._radial[rows], weights),
+            cosine=_Moments(both.mean[:half], both.spread[:half], both.weight_square[:half]),
+            sine=_Moments(both.mean[half:], both.spread[half:], both.weight_square[half:]),
+            order_counts=counts[index],
+            count=count,
+            weight_square=weight_square,
+            order_noise=noise,
+            omega_radps=self._omega[index],
+            edges=edges,
+        )
+
+
 class RunningAverage:
     """Exponentially weighted average over revolutions; a plain mean until the horizon is reached.
 
@@ -108,19 +423,21 @@ class RunningAverage:
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
-        self._count = 0
+        orders = _Moments.empty(ORDER_COUNT)
+        self._state = _State(_Moments.empty(self._n), orders, orders, np.zeros(ORDER_COUNT))
         self._latest: AngleAverage | None = None
-        self._wave = RunningMoments(self._n)
-        self._cosine = RunningMoments(ORDER_COUNT)
-        self._sine = RunningMoments(ORDER_COUNT)
-        self._edges = RunningMoments(2)
-        self._order_counts = np.zeros(ORDER_COUNT)
-        self._order_noise = 0.0
-        self._edge_square = np.zeros(2)
+        self._steps: AverageSteps | None = None
+
+    @property
+    def steps(self) -> AverageSteps | None:
+        """The steps of the last update, None before the first."""
+        return self._steps
 
     @property
     def latest(self) -> AngleAverage | None:
         """The average after the last update, None before the first."""
+        if self._latest is None and self._state.count:
+            self._latest = self._state.average()
         return self._latest
 
     def update(
@@ -133,81 +450,63 @@ class RunningAverage:
         edges_std_rad: tuple[float, float],
         noise_mps2: float,
     ) -> AngleAverage:
-        """Add one revolution and return the new average.
+        """Add one revolution and return the new average; arguments and errors as `update_block`."""
+        steps = self.update_block(
+            radial_mps2[np.newaxis],
+            orders_mps2[np.newaxis],
+            [omega_radps],
+            edges_rad=[edges_rad],
+            edges_std_rad=[edges_std_rad],
+            noise_mps2=[noise_mps2],
+        )
+        self._latest = steps.at(0)
+        return self._latest
+
+    def update_block(
+        self,
+        radial_mps2: FloatArray,
+        orders_mps2: ComplexArray,
+        omega_radps: Sequence[float],
+        *,
+        edges_rad: Sequence[tuple[float, float]],
+        edges_std_rad: Sequence[tuple[float, float]],
+        noise_mps2: Sequence[float],
+    ) -> AverageSteps:
+        """Add k revolutions.
 
         Args:
-            radial_mps2: (n,) normalised radial waveform.
-            orders_mps2: (61,) its coefficients; orders that are NaN keep their average.
-            omega_radps: mean angular speed.
-            edges_rad: leading and trailing edge; NaN edges do not change the mean edges.
+            radial_mps2: (k, n) normalised radial waveforms.
+            orders_mps2: (k, 61) their coefficients; orders that are NaN keep their average.
+            omega_radps: mean angular speeds.
+            edges_rad: leading and trailing edge of each; NaN edges do not change the mean edges.
             edges_std_rad: standard errors of the two, including the uncertainty of the edge's definition.
             noise_mps2: noise of one angle-domain sample, used for standard errors until the scatter is known.
 
         Returns:
-            The average at this revolution's speed.
+            The average after each of them, at its speed.
 
         Raises:
-            ValueError: the waveform has the wrong size or is not finite, or the speed is not positive; the average is
-                unchanged.
+            ValueError: no revolution, or a waveform has the wrong size or is not finite, or a speed is not positive;
+                the average is unchanged.
         """
-        if radial_mps2.shape != (self._n,) or not np.isfinite(radial_mps2).all():
+        if not len(radial_mps2) or radial_mps2.shape[1:] != (self._n,) or not np.isfinite(radial_mps2).all():
             raise ValueError(f"the average takes {self._n} finite samples per revolution")
-        if not (math.isfinite(omega_radps) and omega_radps > 0.0):
-            raise ValueError(f"the average needs a positive angular speed, not {omega_radps}")
-        self._count += 1
-        square = omega_radps**2
-        weight = max(1.0 / self._count, self._floor)
-        self._wave.update(radial_mps2 / square, weight)
-
-        carried = np.isfinite(orders_mps2.real)
-        self._order_counts += carried
-        order_weights = np.where(carried, np.maximum(1.0 / np.maximum(self._order_counts, 1.0), self._floor), 0.0)
-        scaled = np.where(carried, orders_mps2, 0.0) / square
-        self._cosine.update(scaled.real, order_weights)
-        self._sine.update(scaled.imag, order_weights)
-        noise = noise_mps2 * math.sqrt(2.0 / self._n) / square if math.isfinite(noise_mps2) else 0.0
-        self._order_noise += weight * (noise**2 - self._order_noise)
-
-        if all(map(math.isfinite, (*edges_rad, *edges_std_rad))):
-            self._edges.update(np.array(edges_rad), max(1.0 / (self._edges.count + 1), self._floor))
-            share = max(1.0 / self._edges.count, self._floor)
-            self._edge_square = self._edge_square + share * (np.square(edges_std_rad) - self._edge_square)
-        self._latest = self._result(omega_radps)
-        return self._latest
-
-    def _result(self, omega_radps: float) -> AngleAverage:
-        square = omega_radps**2
-        seen = self._order_counts > 0.0
-        orders = np.full(ORDER_COUNT, complex(math.nan, math.nan))
-        orders[seen] = (self._cosine.mean + 1j * self._sine.mean)[seen] * square
-        # Order 0 has no sine. Scatter has one degree of freedom per coefficient and revolution: below three revolutions
-        # the estimate of the noise is better.
-        variance = 0.5 * (self._cosine.variance() + self._sine.variance())
-        variance[0] *= 2.0
-        noise = np.full(ORDER_COUNT, self._order_noise)
-        noise[0] *= 0.5
-        variance = np.where(self._order_counts >= 3.0, variance, noise)
-        orders_std = np.where(seen, np.sqrt(variance * self._cosine.weight_square) * square, math.nan)
-        edges, edges_std = np.full(2, math.nan), np.full(2, math.nan)
-        if self._edges.count:
-            edges = self._edges.mean
-            # The part of the stated errors beyond the scatter is the uncertainty of the edge's definition. It is a
-            # constant error, so averaging does not reduce it.
-            model_variance = EDGE_MODEL_STD_RAD**2
-            known = self._edges.count >= 3
-            scatter = self._edges.variance() if known else np.maximum(self._edge_square - model_variance, 0.0)
-            definition = np.maximum(self._edge_square - scatter, model_variance)
-            edges_std = np.sqrt(scatter * self._edges.weight_square + definition)
-        return AngleAverage(
-            count=self._count,
-            effective_count=float(1.0 / self._wave.weight_square),
-            omega_radps=omega_radps,
-            radial_mps2=self._wave.mean * square,
-            scatter_mps2=np.sqrt(self._wave.variance()) * square,
-            orders_mps2=orders,
-            orders_std_mps2=orders_std,
-            leading_edge_rad=float(edges[0]),
-            trailing_edge_rad=float(edges[1]),
-            leading_edge_std_rad=float(edges_std[0]),
-            trailing_edge_std_rad=float(edges_std[1]),
-        )
+        for omega in omega_radps:
+            if not (math.isfinite(omega) and omega > 0.0):
+                raise ValueError(f"the average needs a positive angular speed, not {omega}")
+        state, floor = self._state, self._floor
+        count, weight_square, order_noise, edges = state.count, state.weight_square, state.order_noise, state.edges
+        scalars = []
+        for omega, both, stds, own in zip(omega_radps, edges_rad, edges_std_rad, noise_mps2, strict=True):
+            count += 1
+            weight = max(1.0 / count, floor)
+            weight_square = (1.0 - weight) ** 2 * weight_square + weight * weight
+            noise = own * math.sqrt(2.0 / self._n) / (omega * omega) if math.isfinite(own) else 0.0
+            order_noise += weight * (noise * noise - order_noise)
+            if math.isfinite(both[0] + both[1] + stds[0] + stds[1]):
+                edges = edges.and_then(both, stds, floor)
+            scalars.append((count, weight_square, weight, order_noise, edges))
+        steps = _Steps(state, radial_mps2, orders_mps2, omega_radps, scalars, floor)
+        self._state, self._steps = steps.state(len(scalars) - 1), steps
+        self._latest = None
+        return steps

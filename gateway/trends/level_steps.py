@@ -14,7 +14,7 @@ LEAST_POINTS: Final = 4
 
 _FALSE_RATE: Final = 0.01
 _MOST_STEPS: Final = 12
-# A step is a multiple of the scatter about the levels, or it is of no use to anyone.
+# A smaller step is significant in a long series, but of no consequence.
 _LEAST_SCATTERS: Final = 3.0
 _LOOK_AHEAD: Final = 3
 _NEIGHBOURS: Final = 5

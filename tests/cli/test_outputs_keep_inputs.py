@@ -32,7 +32,16 @@ OVERWRITING = [
         *((("--effects effects.json", f"{option} effects.json"),) if command == "estimate" else ()),
     )
 ]
-OVERWRITING.append("import --guess rec.csv --out rec.csv")
+OVERWRITING += [
+    "import --guess rec.csv --out rec.csv",
+    "export rec.mcap rec.mcap",
+    "export rec.mcap car.toml --format csv --config car.toml",
+    "orders rec.mcap --csv rec.mcap",
+    "orders rec.mcap --json hard.mcap",
+    "orders rec.mcap --figure car.toml --config car.toml",
+    "trends data --odometer rec.csv --csv rec.csv",
+    "trends data --odometer rec.csv --html ./folder/../rec.csv",
+]
 # Commands that write only new files.
 NEVER = [
     "import rec.csv --map car.toml --out rec.csv",
@@ -86,7 +95,9 @@ def test_existing_files_are_never_overwritten(files: Path, line: str) -> None:
 
 @pytest.mark.parametrize("command", ["diagnose", "estimate"])
 def test_default_key_file_is_never_overwritten(files: Path, command: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(f"gateway.cli.{command}.default_key_file", lambda: Path("keys").resolve())
+    # A command asks for it in its own module or where it runs.
+    for place in ("gateway.cli.diagnose", "gateway.security.key_file"):
+        monkeypatch.setattr(f"{place}.default_key_file", lambda: Path("keys").resolve())
     result = CliRunner().invoke(treadlink, f"{command} rec.mcap --json keys --force")
     assert "is an input" in str(result.exception)
     assert Path("keys").read_text() == "kept"
@@ -102,7 +113,8 @@ def test_every_command_with_force_is_covered() -> None:
     """The commands figures, protocol and repair read no file that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
     assert forcing == {line.split()[0] for line in OVERWRITING} | {
-        "figures", "repair", "protocol collector", "protocol header", "protocol encoder", "protocol vectors",
+        "figures", "repair", "protocol collector", "protocol dbc", "protocol encoder", "protocol header",
+        "protocol kaitai", "protocol schema", "protocol vectors", "protocol wireshark",
     }  # fmt: skip
 
 

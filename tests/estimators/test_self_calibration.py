@@ -9,7 +9,7 @@ import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
-from gateway.estimators.self_calibration import speed_errors
+from gateway.estimators.self_calibration import Equations, speed_errors
 from gateway.pipeline.wheel_setup import SensorClaims, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, simulated
@@ -128,4 +128,5 @@ def test_zero_offset_error_grows_as_speeds_approach(
     steady_mps2: tuple[float, float], least: float, most: float
 ) -> None:
     rows = np.array([[steady, 1.0] for steady in steady_mps2])
-    assert least <= speed_errors(rows.T @ rows).zero_mps2 <= most
+    (aa, ab), (_, bb) = (rows.T @ rows).tolist()
+    assert least <= speed_errors(Equations(aa, ab, bb)).zero_mps2 <= most

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.self_calibration import Measured
+from gateway.estimators.self_calibration import Equations, Measured
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
 from gateway.estimators.signal_evidence import assess
 from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
@@ -152,15 +151,14 @@ SPEED = Estimate("speed_mps", 18.0, 0.001, Status.VALID)
 
 def measured(ratio: float, *, gain: float = 1.0, gain_std: float = 0.01, offset_m: float | None = 0.0) -> Measured:
     """Return a measurement of one speed with R Omega^2 = 1000 m/s^2."""
-    by_mean = np.array([2000.0, 2.0])
     return Measured(
         revolutions=20,
         ac_coupled=False,
         rate_hz=9600.0,
         steady_mps2=1000.0,
         mean_square=1.3,
-        by_mean=(20.0 * np.outer(by_mean, by_mean), 20.0 * by_mean * 2000.0 * (ratio - 1.0)),
-        by_gravity=(np.diag([gain_std**-2.0, 1.0]), np.array([(gain - 1.0) / gain_std**2, 0.0])),
+        by_mean=Equations(8e7, 8e4, 80.0, 8e7 * (ratio - 1.0), 8e4 * (ratio - 1.0)),
+        by_gravity=Equations(gain_std**-2.0, 0.0, 1.0, (gain - 1.0) / gain_std**2, 0.0),
         contact_gain=None,
         offset_m=None if offset_m is None else (offset_m, 1e-4),
     )

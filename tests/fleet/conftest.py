@@ -25,14 +25,14 @@ MEMORY_BYTES = 500_000_000
 
 @pytest.fixture(scope="session")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with three recordings of two seconds, of two vehicles on two days."""
+    """Return a folder with three recordings of 1.6 s, of two vehicles on two days."""
     folder = tmp_path_factory.mktemp("made")
     for number, vehicle in enumerate(("van 7", "van 7", "a/b=c ü")):
         write_recording(
             folder / f"drive{number}.mcap",
             "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 80\n",
             wheels=("load_n = 4000\n",),
-            duration_s=2.0,
+            duration_s=1.6,
             seed=number + 1,
             start_ns=START_NS + number * DAY_NS,
             change=lambda toml, name=vehicle: toml.replace('name = ""', f'name = "{name}"'),

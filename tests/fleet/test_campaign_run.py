@@ -21,6 +21,7 @@ from gateway.recording.reader import RecordingReader
 from gateway.session.batch_estimation import estimate_items
 from gateway.views.tables.result_table import row_of
 from tests.fleet.conftest import ESTIMATORS
+from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.faulty_work import faulty_work
 
 
@@ -148,6 +149,26 @@ def test_bad_file_is_a_failure_row(campaign, recordings, made, tmp_path):
     assert campaign(recordings).failed_before == 1
     assert names(tmp_path, "failures") == ["empty.mcap"]
     assert is_whole(tmp_path)
+
+
+def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_path):
+    whole = (recordings / "drive0.mcap").read_bytes()
+    (recordings / "cut.mcap").write_bytes(whole[: len(whole) * 3 // 4])
+    write_recording(
+        recordings / "standing.mcap",
+        "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 0\n",
+        wheels=("load_n = 4000\n",),
+        duration_s=2.5,
+    )
+    found = campaign(recordings / "cut.mcap", recordings / "standing.mcap")
+    assert (found.estimated, found.failed, found.damaged) == (2, 0, 1)
+    cut, standing = sorted(rows(tmp_path, "recordings"), key=lambda row: row["recording"])
+    assert json.loads(cut["damage"])["code"] == "recording_cut_off"
+    assert cut["revolutions"] > 3
+    assert standing["revolutions"] == 0
+    assert json.loads(standing["missing"])["code"] == "no_revolution"
+    assert standing["damage"] is None
+    assert standing["samples"] > 4000
 
 
 def test_killed_worker_is_tried_once_more(campaign, recordings, tmp_path):

@@ -81,9 +81,9 @@ def test_three_programs_read_it_in_one_line(campaign, recordings, tmp_path, monk
     assert len(pandas.read_parquet("dataset/revolutions")) == polars.read_parquet("dataset/revolutions/").height > 3
     (query,) = re.findall(r"```sql\n(.*?)```", page, re.DOTALL)
     query = query.replace("2026-01", "2023-11").replace("r.estimated_load_n", "r.load_n")
-    found = duckdb.sql(query).fetchall()
+    found = duckdb.sql(query).df()
     assert len(found) > 0
-    assert {row[4] for row in found} == {4000.0}
+    assert set(found["load_n"]) == {4000.0}
 
 
 def test_metadata_state_units_and_time_zone(campaign, recordings, tmp_path):

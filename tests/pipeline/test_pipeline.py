@@ -18,6 +18,7 @@ from gateway.pipeline.results import WheelState
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Reason, codes_of
+from tests.testkit.agreement import assert_agree
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, load_std_n=50.0)
 UNKNOWN = WheelSetup("", 0, 0, 0.32)
@@ -97,7 +98,7 @@ def test_batch_equals_live(four_wheels):
     assert len(live) > 200
     for block in (1_000, 77_777, 10**7):
         batch, _ = run_batch(packets, SETUPS, block)
-        assert by_wheel(batch) == by_wheel(live)
+        assert_agree(batch, live)
 
 
 def test_batch_equals_live_on_bad_link(four_wheels):
@@ -116,7 +117,7 @@ def test_batch_equals_live_on_bad_link(four_wheels):
     live, pipeline = run_live(packets, SETUPS)
     assert len(live) > 150
     assert any(result.revolution.missing_fraction > 0 for result in live)
-    assert by_wheel(run_batch(packets, SETUPS, 33_333)[0]) == by_wheel(live)
+    assert_agree(run_batch(packets, SETUPS, 33_333)[0], live)
     for wheel in pipeline.wheels():
         assert wheel.counters.samples_lost > 0
 
@@ -134,7 +135,7 @@ def test_batch_equals_live_when_block_size_changes(roll, to_frames):
     packets = stream(frames)
     live, _ = run_live(packets)
     assert len(live) >= 33
-    assert by_wheel(run_batch(packets)[0]) == by_wheel(live)
+    assert_agree(run_batch(packets)[0], live)
 
 
 def test_results_do_not_depend_on_chunks(roll, to_frames):
@@ -204,7 +205,7 @@ def test_hub_restart_loses_only_unsent_samples(roll, to_frames):
     clean, _ = run_live(stream(to_frames(signal)))
     assert len(results) >= len(clean) - 3
     assert pipeline.wheels()[0].counters.samples_lost == 0
-    assert by_wheel(run_batch(stream(first + second))[0]) == by_wheel(results)
+    assert_agree(run_batch(stream(first + second))[0], results)
 
 
 def test_long_gap_is_not_interpolated(roll, to_frames):

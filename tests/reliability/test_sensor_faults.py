@@ -246,7 +246,6 @@ def test_measured_tire_shows_no_ringing(tmp_path: Path) -> None:
     revolutions = [result.revolution for item in items for result in core.take(item)]
     revolutions += [result.revolution for result in core.finish()]
     health = SensorHealth((2,), np.ones(1), np.zeros(1), 25600.0, is_dc=True)
-    for revolution in revolutions * 4:  # five revolutions are too few to decide
-        health.revolution(revolution)
+    health.revolutions(revolutions * 4)  # five revolutions are too few to decide
     assert len(revolutions) == 5
     assert health.flags() == ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import Phase
-from gateway.signal.contact_template import contact_template, match_contact
+from gateway.signal.contact_template import ContactSamples, contact_template
 from tests.testkit.exact_ring import omega_at, on_grid, solution
 
 OMEGA = omega_at(65.0)
@@ -50,34 +51,48 @@ def samples_around(
     return signal, Phase(float(half), half + 2.0 * math.pi / step, step, 0.0)
 
 
+def match(template, signal, passage, rate_hz=RATE_HZ):
+    """Return positions of leading and trailing edge and the sum of their covariances in samples; None without match.
+
+    As in the pipeline, a second match starts from the place of the first.
+    """
+    around = ContactSamples(template, [signal], [passage])
+    first = around.match([passage], [rate_hz])
+    if not first.fits[0]:
+        return None
+    start = passage.start + 0.5 * first.shift_rad[0].sum() / passage.rate
+    nearer = dataclasses.replace(passage, start=start, end=start + passage.samples)
+    found = around.match([nearer], [rate_hz])
+    if not found.fits[0] or np.abs(start + found.shift_rad[0] / passage.rate - passage.start).max() > (
+        around.largest_shift_rad / passage.rate
+    ):
+        return None
+    return start + found.shift_rad[0] / passage.rate, found.covariances_rad2[0].sum(axis=0) / passage.rate**2
+
+
 def test_match_recovers_shifts() -> None:
-    template = contact_template(WAVE, OMEGA, 1069.0)
+    template = contact_template(WAVE, OMEGA, 1069.0, WHITE)
     assert template is not None
     assert abs(template.middle_rad) < 1e-5
     signal, passage = samples_around()
-    match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
-    assert match is not None
-    assert match.leading - passage.start == pytest.approx(0.31, abs=2e-3)
-    assert match.trailing - passage.start == pytest.approx(0.31, abs=2e-3)
+    assert match(template, signal, passage)[0] - passage.start == pytest.approx(0.31, abs=2e-3)
 
 
 @pytest.mark.parametrize(
     "what", [{"gain": 1.05}, {"offset": -900.0}, {"ramp": 40.0}, {"gravity": 0.0}, {"gain": 0.93, "offset": 30.0}]
 )
 def test_match_ignores_gain_offset_and_ramp(what: dict[str, float]) -> None:
-    template = contact_template(WAVE, OMEGA, 1069.0)
+    template = contact_template(WAVE, OMEGA, 1069.0, WHITE)
     signal, passage = samples_around(**what)
-    match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
-    for place in (match.leading, match.trailing):
-        assert place - passage.start == pytest.approx(0.31, abs=0.02)
+    assert match(template, signal, passage)[0] - passage.start == pytest.approx(0.31, abs=0.02)
 
 
 def test_match_separates_the_edges() -> None:
-    template = contact_template(WAVE, OMEGA, 1069.0)
+    template = contact_template(WAVE, OMEGA, 1069.0, WHITE)
     signal, passage = samples_around(shifts=(0.006, -0.003))
-    match = match_contact(template, signal, passage, RATE_HZ, WHITE, N)
-    assert (match.leading - passage.start - 0.31) * STEP == pytest.approx(0.006, rel=0.03)
-    assert (match.trailing - passage.start - 0.31) * STEP == pytest.approx(-0.003, rel=0.06)
+    leading, trailing = match(template, signal, passage)[0]
+    assert (leading - passage.start - 0.31) * STEP == pytest.approx(0.006, rel=0.03)
+    assert (trailing - passage.start - 0.31) * STEP == pytest.approx(-0.003, rel=0.06)
 
 
 @pytest.mark.parametrize("rate_hz", [2000.0, 9600.0])
@@ -86,13 +101,13 @@ def test_stated_error_matches_scatter(rate_hz: float) -> None:
     noise = density * math.sqrt(0.5 * rate_hz)
     step = OMEGA / rate_hz
     variance = np.full(61, density**2 / (2.0 * math.pi / OMEGA))
-    template = contact_template(WAVE, OMEGA, 2.0 * math.pi / step)
+    template = contact_template(WAVE, OMEGA, 2.0 * math.pi / step, variance)
     found, stated = [], []
     for seed in range(150):
         signal, passage = samples_around(noise=noise, step=step, seed=seed)
-        match = match_contact(template, signal, passage, rate_hz, variance, N)
-        found.append((match.leading, match.trailing))
-        stated.append(match.covariances.sum(axis=0))
+        places, covariance = match(template, signal, passage, rate_hz)
+        found.append(places)
+        stated.append(covariance)
     scatter, expected = np.cov(np.array(found).T), np.mean(stated, axis=0)
     assert np.diag(scatter) == pytest.approx(np.diag(expected), rel=0.35)
     middle = np.array([0.5, 0.5])
@@ -102,19 +117,19 @@ def test_stated_error_matches_scatter(rate_hz: float) -> None:
 
 
 def test_match_rejects_other_signals() -> None:
-    template = contact_template(WAVE, OMEGA, 1069.0)
+    template = contact_template(WAVE, OMEGA, 1069.0, WHITE)
     signal, passage = samples_around()
-    assert match_contact(template, -signal, passage, RATE_HZ, WHITE, N) is None
-    assert match_contact(template, signal * 2.0, passage, RATE_HZ, WHITE, N) is None
+    assert match(template, -signal, passage) is None
+    assert match(template, signal * 2.0, passage) is None
     other = passage.start - 150.0
-    assert match_contact(template, signal, Phase(other, passage.end, STEP, 0.0), RATE_HZ, WHITE, N) is None
+    assert match(template, signal, Phase(other, passage.end, STEP, 0.0)) is None
     part = round(passage.start) + 20
-    assert match_contact(template, signal[:part], passage, RATE_HZ, WHITE, N) is None
+    assert match(template, signal[:part], passage) is None
     shaken = signal + np.random.default_rng(3).normal(0.0, 500.0, len(signal))
-    assert match_contact(template, shaken, passage, RATE_HZ, WHITE, N) is None
+    assert match(template, shaken, passage) is None
 
 
 def test_waveform_without_contact_has_no_template() -> None:
-    assert contact_template(np.full(N, 1000.0), OMEGA, 1069.0) is None
-    assert contact_template(WAVE - WAVE.mean() - 5.0, OMEGA, 1069.0) is None
-    assert contact_template(np.full(N, math.nan), OMEGA, 1069.0) is None
+    assert contact_template(np.full(N, 1000.0), OMEGA, 1069.0, WHITE) is None
+    assert contact_template(WAVE - WAVE.mean() - 5.0, OMEGA, 1069.0, WHITE) is None
+    assert contact_template(np.full(N, math.nan), OMEGA, 1069.0, WHITE) is None

@@ -32,7 +32,9 @@ def solved(offset_m: float, pitch_deg: float, shift: float = 0.0, **others) -> t
     for _ in range(4):
         belt = belt_kinematics(clean, found[0] / RADIUS_M, 0.0)
         acceleration = others.get("omega_dot", 0.0)
-        found = mounting_rows(along + shift, radial, belt, OMEGA, acceleration, RADIUS_M, 60).solve()[0]
+        spectra = np.fft.rfft(np.stack([along + shift, radial]))[np.newaxis, :, :61] * (2.0 / len(along))
+        omega, omega_dot, order_max = np.array([OMEGA]), np.array([acceleration]), np.array([60])
+        found = mounting_rows(spectra, belt, omega, omega_dot, RADIUS_M, order_max).solve()[0][0]
     return float(found[0]), math.degrees(math.atan(found[1])), float(found[2])
 
 

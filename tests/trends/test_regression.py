@@ -57,12 +57,12 @@ def test_too_few_points_determine_nothing():
 
 def test_false_outliers_have_the_stated_rate():
     rng = np.random.default_rng(11)
-    false, tries = 0, 500
+    false, tries = 0, 300
     for _ in range(tries):
-        _, design = line(40, rng)
-        values = rng.normal(size=40)
-        false += find_outliers(design, values, np.ones(40), family=1, false_rate=0.05).is_outlier.any()
-    assert 0.02 < false / tries < 0.08
+        _, design = line(25, rng)
+        values = rng.normal(size=25)
+        false += find_outliers(design, values, np.ones(25), family=1, false_rate=0.05).is_outlier.any()
+    assert 0.015 < false / tries < 0.09
 
 
 def test_outliers_do_not_hide_each_other():

@@ -41,7 +41,6 @@ def test_page_is_self_contained_and_escapes_names(trends):
     assert "loses" in page
     assert "3 recordings without results" in page
     assert "_0005.mcap" in page
-    assert trends_page(trends) == page
 
 
 def test_every_quantity_has_a_label(trends):

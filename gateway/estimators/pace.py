@@ -1,0 +1,35 @@
+"""Pace at which estimators renew what rests on an average, decided by counts of revolutions and by conditions alone.
+
+An average over many revolutions changes little in one. Between renewals an estimate follows the average by its own
+linear response, so only terms of second order lag (docs/explanation/estimators.md has the bound). Counts and conditions
+do not depend on how samples arrive: live, replay and batch renew at the same revolutions.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+# Revolutions up to which everything is renewed in each, and the longest pause between renewals afterwards.
+_EVERY_UP_TO: Final = 4
+LONGEST: Final = 32
+SHARE_OF_STD: Final = 0.2
+"""Share of a standard error within which a condition may differ from that of the last renewal."""
+
+
+def is_due(count: int) -> bool:
+    """Return whether to renew after `count` revolutions: 1, 2, 3, 4, 6, 8, 12, 16, 24, ..., 96, 128, 160, ..."""
+    if count <= _EVERY_UP_TO:
+        return True
+    step = min(1 << ((count - 1).bit_length() - 2), LONGEST)
+    return count % step == 0
+
+
+def differs(value: float, renewed: float, allowed: float) -> bool:
+    """Return whether a condition differs from that of the last renewal by more than allowed; True where either is NaN.
+
+    Two values that are both not known do not differ.
+    """
+    if math.isnan(value) and math.isnan(renewed):
+        return False
+    return not abs(value - renewed) <= allowed

@@ -1,0 +1,143 @@
+"""Opening of a live session: sources, vehicle, keys, effects, signals and recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from gateway.clock import Clock
+from gateway.config.effects_file import open_effects
+from gateway.config.vehicle import VehicleConfig
+from gateway.errors import RecordingError
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.source import Source, is_live, open_source, parse_source_uri
+from gateway.io.time_limit import limited
+from gateway.recording.writer import RecordingWriter
+from gateway.security.guard import open_guard
+from gateway.security.key_file import command_keys
+from gateway.session.commands import with_commands
+from gateway.session.live import LiveSession
+from gateway.session.publication import Publication
+from gateway.session.signal_decoding import open_decoder
+from gateway.views.session_summary import ResultSummary
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedSession:
+    """A started session with its summary.
+
+    Attributes:
+        live: the session.
+        summary: of all its results.
+        recorder: the recording, None without one.
+        host_limit_s: session time at which to stop a session with a hub, which may be silent; None without a limit. A
+            recording and a simulation end by their own time.
+    """
+
+    live: LiveSession
+    summary: ResultSummary
+    recorder: RecordingWriter | None
+    host_limit_s: float | None
+
+    def time_is_up(self) -> bool:
+        """Return whether the session has run for as long as it may."""
+        return self.host_limit_s is not None and self.live.snapshot().elapsed_s >= self.host_limit_s
+
+    def remove_empty_recording(self) -> bool:
+        """Remove a recording without a single item of a link; return whether it was removed."""
+        return self.recorder is not None and _remove_empty(self.recorder)
+
+
+def open_session(
+    uris: Sequence[str],
+    choose: Callable[[Sequence[str | None]], VehicleConfig | None],
+    *,
+    clock: Clock,
+    config_path: Path | None = None,
+    record: Path | None = None,
+    estimators: Sequence[str] = (),
+    key_file: Path | None = None,
+    effects_paths: Sequence[Path] = (),
+    duration_s: float | None = None,
+    publish: Callable[[Sequence[str]], Publication | None] = lambda _: None,
+) -> OpenedSession:
+    """Open sources, configuration and recording, and start the session.
+
+    Args:
+        uris: of the sources.
+        choose: returns the vehicle, given the configurations (TOML) that the sources provide.
+        clock: of the session.
+        config_path: configuration file, beside which its DBC file is searched.
+        record: new recording, or a folder for it.
+        estimators: names from the registry; none for the default ones.
+        key_file: keys of signed frames; None for the user's.
+        effects_paths: files of known effects.
+        duration_s: limit of the time of the data, and of waiting for a silent hub.
+        publish: opens the live outputs, given the configured positions; the last step that can fail.
+
+    Raises:
+        TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
+    """
+    sources: list[Source] = []
+    recorder: RecordingWriter | None = None
+    try:
+        sources += [open_source(uri, clock) for uri in uris]
+        vehicle = choose([source.vehicle_toml for source in sources])
+        effects = open_effects(effects_paths, vehicle)
+        # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
+        guard = open_guard(vehicle, key_file, remembers=all(map(is_live, uris)))
+        keys = command_keys(key_file) if guard is not None or key_file is not None else {}
+        texts = [getattr(source, "dbc_text", None) for source in sources]
+        is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
+        given = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
+        signals = open_decoder(vehicle, config_path, given, [text for text in texts if text not in given])
+        dbc_text = signals.dbc_text if signals is not None else next(filter(None, texts), None)
+        sources = [with_commands(source, clock, keys) for source in sources]
+        recorder = _open_recorder(record, clock, vehicle, uris, dbc_text) if record is not None else None
+        summary = ResultSummary()
+        live = LiveSession(
+            sources if duration_s is None else [limited(source, duration_s) for source in sources],
+            vehicle,
+            clock,
+            patient=[not is_live(uri) for uri in uris],
+            summary=summary,
+            recorder=recorder,
+            estimators=estimators or DEFAULT_ESTIMATORS,
+            guard=guard,
+            effects=effects,
+            publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
+            signals=signals,
+        )
+        live.start()
+    except BaseException:
+        for source in sources:
+            source.close()
+        if recorder is not None:
+            _remove_empty(recorder)
+        raise
+    return OpenedSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None)
+
+
+def _open_recorder(
+    path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str], dbc_text: str | None
+) -> RecordingWriter:
+    if path.suffix != ".mcap":
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordingError(
+                f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
+            ) from error
+    toml = vehicle.to_toml() if vehicle is not None else None
+    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris, dbc_text=dbc_text)
+
+
+def _remove_empty(recorder: RecordingWriter) -> bool:
+    if recorder.items:
+        return False
+    with suppress(RecordingError):
+        recorder.close()
+    recorder.path.unlink(missing_ok=True)
+    return True

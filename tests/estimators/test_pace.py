@@ -1,0 +1,146 @@
+"""Pace of renewals: its bound, its independence of blocks, and what applies in spite of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.estimators import ply_steer, self_calibration, weak_form
+from gateway.estimators.estimator import Estimate, Revolution, Status
+from gateway.estimators.pace import LONGEST, differs, is_due
+from gateway.estimators.signal_evidence import Cause, Contradiction, Evidence, Subject
+from gateway.pipeline import tire_estimates
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.tire_estimates import TireEstimates
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code, Reason, codes_of
+from tests.testkit.simulated_wheel import simulated
+
+SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=4200.0, pressure_pa=210e3)
+ESTIMATORS = ("kinematic", "self-calibration", "weak-form", "wear", "load", "ply-steer", "slip-angle", "asynchronous")
+SCENARIO = "[sensor]\nrange_g = 1000\noffset_mm = 4\n[motion]\nspeed_kmh = [[0, 50], [6, 65], [16, 60], [20, 90]]"
+
+
+@pytest.fixture(scope="module")
+def revolutions() -> list[Revolution]:
+    return [result.revolution for result in simulated(SCENARIO, 20.0, SETUP, ("kinematic",))[0]]
+
+
+def estimated(
+    revolutions: Sequence[Revolution],
+    sizes: int | Sequence[int] = 16,
+    names: Sequence[str] = ESTIMATORS,
+    doubts: Sequence[Reason | None] | None = None,
+) -> list[RevolutionResult]:
+    tire = TireEstimates(SETUP, names)
+    doubts = [None] * len(revolutions) if doubts is None else doubts
+    results: list[RevolutionResult] = []
+    steps = [sizes] if isinstance(sizes, int) else sizes
+    while len(results) < len(revolutions):
+        first = len(results)
+        rows = slice(first, first + steps[first % len(steps)])
+        ends = [1e6 * (revolution.start_s + revolution.period_s) for revolution in revolutions[rows]]
+        results += tire.take_block(revolutions[rows], ends, [round(1e3 * end) for end in ends], doubts[rows])
+    return results
+
+
+def difference(one: Estimate, other: Estimate) -> float:
+    """Return the difference in standard errors; relative where there is none."""
+    assert (one.name, one.status) == (other.name, other.status)
+    if one.status is Status.INVALID or one.value == other.value:
+        return 0.0
+    return abs(one.value - other.value) / (one.std if one.std > 0.0 else abs(one.value))
+
+
+def test_renewals_are_sparse_and_never_stop() -> None:
+    due = [count for count in range(1, 400) if is_due(count)]
+    assert due[:14] == [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128]
+    assert set(np.diff(due[13:]).tolist()) == {LONGEST}
+
+
+def test_unknown_condition_differs_from_known_only() -> None:
+    assert not differs(math.nan, math.nan, 1.0)
+    assert differs(math.nan, 1.0, 10.0)
+    assert differs(1.0, math.nan, 10.0)
+    assert not differs(1.0, 2.0, 1.0)
+
+
+@pytest.mark.parametrize("sizes", [16, (3, 64, 1, 7)])
+def test_block_sizes_do_not_change_estimates(revolutions: list[Revolution], sizes: int | tuple[int, ...]) -> None:
+    faulty = [
+        replace(revolution, faults=(Reason(Code.SAMPLES_LOST),)) if index % 41 in (0, 5) else revolution
+        for index, revolution in enumerate(revolutions)
+    ]
+    single, block = estimated(faulty, 1), estimated(faulty, sizes)
+    for one, other in zip(single, block, strict=True):
+        assert len(one.estimates) == len(other.estimates)
+        assert max(difference(a, b) for a, b in zip(one.estimates, other.estimates, strict=True)) < 1e-9
+        stds = [(a.std, b.std) for a, b in zip(one.estimates, other.estimates, strict=True) if a.std > 0.0]
+        assert max(abs(b / a - 1.0) for a, b in stds) < 1e-9
+        assert [codes_of(e.reasons) for e in one.estimates] == [codes_of(e.reasons) for e in other.estimates]
+
+
+def test_lag_of_the_pace_is_far_below_the_error(revolutions: list[Revolution], monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bound that docs/explanation/estimators.md states."""
+    names = ("weak-form", "ply-steer", "self-calibration")
+    paced = estimated(revolutions, 16, names)
+    for module in (weak_form, ply_steer, self_calibration):
+        monkeypatch.setattr(module, "is_due", lambda _: True)
+    fresh = estimated(revolutions, 16, names)
+    apart: dict[str, list[float]] = {}
+    stds: dict[str, list[float]] = {}
+    for one, other in zip(fresh[8:], paced[8:], strict=True):
+        for a, b in zip(one.estimates, other.estimates, strict=True):
+            if Status.INVALID not in (a.status, b.status):
+                apart.setdefault(a.name, []).append(abs(a.value - b.value) / a.std)
+                stds.setdefault(a.name, []).append(b.std / a.std)
+    assert {"Bs", "Cw", "Rs", "Ts", "ply_steer_first_half_rad", "sensor_offset_m"} <= apart.keys()
+    for name, errors in apart.items():
+        assert np.sqrt(np.mean(np.square(errors))) < 0.1, name
+        assert max(errors) < 0.5, name
+        assert 0.8 < np.median(stds[name]) < 1.25, name
+
+
+def test_fault_applies_in_its_own_revolution(revolutions: list[Revolution]) -> None:
+    at = 110
+    assert not is_due(at)
+    faulty = list(revolutions)
+    faulty[at] = replace(revolutions[at], faults=(Reason(Code.SAMPLES_LOST),))
+    results = estimated(faulty, 16, ("weak-form", "ply-steer"))
+    for estimate in results[at].estimates:
+        assert estimate.status is not Status.VALID or estimate.name == "sensor_roll_rad"
+    for before, after in zip(results[at - 1].estimates, results[at + 1].estimates, strict=True):
+        assert before.status is after.status
+
+
+def test_doubt_applies_in_its_own_revolution(revolutions: list[Revolution]) -> None:
+    at = 110
+    doubt = Reason(Code.AXIS_READS)
+    doubts = [doubt if index == at else None for index in range(len(revolutions))]
+    results = estimated(revolutions, 16, ("kinematic", "weak-form"), doubts)
+    assert [e.name for e in results[at].estimates if doubt not in e.reasons] == ["speed_mps"]
+    assert not any(doubt in e.reasons for e in results[at + 1].estimates)
+
+
+def test_contradiction_applies_in_its_own_revolution(
+    revolutions: list[Revolution], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at, seen = 110, iter(range(len(revolutions)))
+    assess = tire_estimates.assess
+    against = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Cause.RADIUS: 1.3})
+
+    def contradicted(*args: object, **options: object) -> Evidence:
+        evidence = assess(*args, **options)  # type: ignore[arg-type]
+        return replace(evidence, contradictions=(against,)) if next(seen) >= at else evidence
+
+    monkeypatch.setattr(tire_estimates, "assess", contradicted)
+    results = estimated(revolutions, 16, ("kinematic", "weak-form"))
+    before, after = ({e.name: e for e in results[index].estimates} for index in (at - 1, at))
+    assert before["Bs"].status is Status.VALID
+    assert after["Bs"].status is Status.INVALID
+    assert after["Bs/Cw"].status is Status.VALID
+    assert after["speed_mps"].status is Status.INVALID

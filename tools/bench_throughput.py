@@ -1,0 +1,334 @@
+"""Throughput of estimation: times real time, CPU by stage and estimator, and peak memory.
+
+A recording of the demo car is estimated as `treadlink estimate` does (batch) and chunk by chunk as `treadlink live`
+does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one process without its imports. With
+`--against` an older version runs beside this one, alternating in the same run.
+
+Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures one case only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import importlib
+import inspect
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+SCENARIO: Final = Path("gateway/simulator/scenarios/demo.toml")
+DEFAULT: Final = "default"
+# Names of what each stage calls, in this and older versions; a name that a version does not have is skipped.
+STAGES: Final = {
+    "segmentation": ("gateway.pipeline.segmenter:Segmenter.advance", "gateway.pipeline.segmenter:Segmenter.finish"),
+    "contact timing": (
+        "gateway.pipeline.contact_timing:ContactTimer.time",
+        "gateway.pipeline.contact_timing:ContactTimer.renew",
+    ),
+    "resampling": (
+        "gateway.signal.angle_resampling:resample_revolution",
+        "gateway.signal.angle_resampling:resample_revolutions",
+    ),
+    "gravity and speed": (
+        "gateway.signal.speed_normalisation:normalise_radial",
+        "gateway.signal.speed_normalisation:normalise_revolutions",
+    ),
+    "clipping": ("gateway.signal.clipping:is_clipped",),
+    "revolution": (
+        "gateway.pipeline.revolution:revolution_in_angle",
+        "gateway.pipeline.revolution:revolutions_in_angle",
+    ),
+    "sensor health": (
+        "gateway.pipeline.sensor_health:SensorHealth.revolution",
+        "gateway.pipeline.sensor_health:SensorHealth.revolutions",
+        "gateway.pipeline.sensor_health:SensorHealth.samples",
+    ),
+    "buffer, clocks": (
+        "gateway.pipeline.sample_buffer:SampleBuffer.append",
+        "gateway.pipeline.timebase:SampleClock.stamp",
+        "gateway.pipeline.timebase:SampleClock.stamp_blocks",
+        "gateway.pipeline.timebase:HostClock.host_ns",
+        "gateway.pipeline.wheels:Pipeline._stamp",
+    ),
+    "running average": (
+        "gateway.signal.synchronous_average:RunningAverage.update",
+        "gateway.signal.synchronous_average:RunningAverage.update_block",
+    ),
+    "evidence": (
+        "gateway.estimators.signal_evidence:assess",
+        "gateway.estimators.signal_evidence:assess_block",
+        "gateway.estimators.signal_evidence:Evidence.qualified",
+    ),
+    "tire estimates": (
+        "gateway.pipeline.tire_estimates:TireEstimates.take",
+        "gateway.pipeline.tire_estimates:TireEstimates.take_block",
+    ),
+    "alarms": (
+        "gateway.session.batch_alarms:BatchAlarms.batch",
+        "gateway.session.batch_alarms:BatchAlarms.result",
+        "gateway.session.batch_alarms:BatchAlarms.end_of_block",
+    ),
+    "summary": ("gateway.views.session_summary:ResultSummary.add",),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """What is measured: way of working, wheels, sampling rate and estimators."""
+
+    way: str
+    wheels: int
+    rate_hz: int
+    estimators: str
+
+    def __str__(self) -> str:
+        return f"{self.way:5} {self.wheels} x {self.rate_hz:5} Hz  {self.estimators}"
+
+
+CASES: Final = (
+    Case("batch", 4, 9600, DEFAULT),
+    Case("batch", 4, 9600, "kinematic"),
+    Case("batch", 4, 9600, "none"),
+    Case("batch", 1, 9600, DEFAULT),
+    Case("batch", 4, 2000, DEFAULT),
+    Case("live", 4, 9600, DEFAULT),
+    Case("live", 4, 2000, DEFAULT),
+    Case("decode", 4, 9600, "none"),
+)
+
+
+class StageClock:
+    """CPU time of stages, each without the stages that it calls."""
+
+    def __init__(self) -> None:
+        self.spent_s: dict[str, float] = {}
+        self._running: list[float] = []
+
+    def wrap(self, stage: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a function that counts its time for a stage."""
+        running, spent = self._running, self.spent_s
+        spent.setdefault(stage, 0.0)
+
+        @functools.wraps(call)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            running.append(0.0)
+            begin = time.process_time()
+            try:
+                return call(*args, **kwargs)
+            finally:
+                took = time.process_time() - begin
+                spent[stage] += took - running.pop()
+                if running:
+                    running[-1] += took
+
+        return timed
+
+    def install(self) -> None:
+        """Wrap the functions of all stages, and the updates of all estimators."""
+        for stage, targets in STAGES.items():
+            for target in targets:
+                self._replace(stage, *target.split(":"))
+        from gateway.estimators.registry import ESTIMATORS, make_estimator
+
+        for name in ESTIMATORS:
+            kind = type(make_estimator(name))
+            for method in ("update", "update_block"):
+                if inspect.isfunction(vars(kind).get(method)):
+                    setattr(kind, method, self.wrap(name, vars(kind)[method]))
+
+    def _replace(self, stage: str, module_name: str, path: str) -> None:
+        owner: Any = importlib.import_module(module_name)
+        *outer, name = path.split(".")
+        for part in outer:
+            owner = getattr(owner, part, None)
+        call = getattr(owner, name, None)
+        if call is None:
+            return
+        timed = self.wrap(stage, call)
+        setattr(owner, name, timed)
+        if not outer:
+            # Modules that imported the function by its name.
+            for module in list(sys.modules.values()):
+                if getattr(module, "__name__", "").startswith("gateway") and vars(module).get(name) is call:
+                    setattr(module, name, timed)
+
+
+def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
+    """Estimate a recording and return its revolutions, CPU in s, and peak memory in MB."""
+    from gateway.config.vehicle import parse_vehicle
+    from gateway.estimators.registry import DEFAULT_ESTIMATORS
+    from gateway.io.source import Chunk
+    from gateway.recording.decoder_blocks import LinkBlocks
+    from gateway.recording.reader import RecordingReader
+    from gateway.session.batch_alarms import BatchAlarms
+    from gateway.session.batch_estimation import estimate_items
+    from gateway.session.core import SessionCore
+    from gateway.views.session_summary import ResultSummary
+
+    if clock is not None:
+        clock.install()
+    names = {DEFAULT: DEFAULT_ESTIMATORS, "none": ()}.get(case.estimators, (case.estimators,))
+    reader = RecordingReader(path)
+    vehicle = parse_vehicle(reader.vehicle_toml, "bench")
+    summary = ResultSummary()
+    revolutions = 0
+
+    def take(result: Any) -> None:
+        nonlocal revolutions
+        revolutions += 1
+        summary.add(result)
+
+    items = list(reader.items()) if case.way == "live" else []
+    begin = resource.getrusage(resource.RUSAGE_SELF).ru_utime
+    if case.way == "batch":
+        estimate_items(reader, vehicle, take, estimators=names, alarms=BatchAlarms(vehicle))
+    elif case.way == "live":
+        core = SessionCore(vehicle, estimators=names)
+        for item in items:
+            for result in core.take(item):
+                take(result)
+        for result in core.finish():
+            take(result)
+    else:
+        links: dict[str, LinkBlocks] = {}
+        for item in reader.items():
+            if isinstance(item, Chunk):
+                for batch, _ in links.setdefault(item.link, LinkBlocks(item.link)).add(item):
+                    batch.sample_groups()
+        for blocks in links.values():
+            for batch, _ in blocks.finish():
+                batch.sample_groups()
+    cpu_s = resource.getrusage(resource.RUSAGE_SELF).ru_utime - begin
+    peak_mb = int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0]) / 1024
+    stages = clock.spent_s if clock is not None else {}
+    return {"revolutions": revolutions, "cpu_s": cpu_s, "peak_mb": peak_mb, "stages": stages}
+
+
+def record(folder: Path, seconds: float) -> dict[tuple[int, int], Path]:
+    """Write the recordings of all cases; return them by wheels and rate."""
+    from gateway.clock import ManualClock
+    from gateway.io.source import open_source
+    from gateway.recording.writer import RecordingWriter
+
+    made = {}
+    for wheels, rate_hz in sorted({(case.wheels, case.rate_hz) for case in CASES}):
+        text = SCENARIO.read_text().replace("rate_hz = 9600.0", f"rate_hz = {rate_hz}.0")
+        head, *tables = text.split("[[wheel]]")
+        scenario = folder / f"{wheels}-{rate_hz}.toml"
+        scenario.write_text("[[wheel]]".join([head, *tables[:wheels]]))
+        source = open_source(f"sim:{scenario}?speed=max&duration={seconds:g}", ManualClock())
+        path = made[wheels, rate_hz] = scenario.with_suffix(".mcap")
+        writer = RecordingWriter(path, start_ns=0, vehicle_toml=source.vehicle_toml or "", sources=["sim:demo"])
+        for item in source.items(threading.Event()):
+            writer.write(item)
+        writer.close()
+    return made
+
+
+@contextmanager
+def checked_out(revision: str | None) -> Iterator[dict[str, Path]]:
+    """Yield the trees to measure by their names: the old one, when one is given, and this one."""
+    own = Path(__file__).resolve().parent.parent
+    if revision is None:
+        yield {"now": own}
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        archive = subprocess.run(["git", "archive", revision], cwd=own, check=True, capture_output=True)
+        subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
+        yield {revision: Path(folder), "now": own}
+
+
+def run_child(tree: Path, case: Case, path: Path, *, by_stage: bool) -> dict[str, Any]:
+    """Measure one case in a process of its own, with the modules of a tree."""
+    order = json.dumps([case.way, case.wheels, case.rate_hz, case.estimators, str(path), by_stage])
+    environment = {**os.environ, "PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    # -P: the folder of this script, which belongs to the new version, is not searched for modules.
+    command = [sys.executable, "-P", str(Path(__file__).resolve()), "--child", order]
+    done = subprocess.run(command, env=environment, cwd=tree, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(done.stderr)
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def best(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the run with the least CPU: others had to share caches with strangers."""
+    return min(runs, key=lambda run: float(run["cpu_s"]))
+
+
+def print_cases(
+    trees: dict[str, Path],
+    recordings: dict[tuple[int, int], Path],
+    cases: tuple[Case, ...],
+    seconds: float,
+    rounds: int,
+) -> None:
+    print(f"\n{'case':34}" + "".join(f"{name:>12} x real  ms/rev  peak MB" for name in trees) + "   revolutions")
+    for case in cases:
+        path = recordings[case.wheels, case.rate_hz]
+        runs: dict[str, list[dict[str, Any]]] = {name: [] for name in trees}
+        for _ in range(rounds):
+            for name, tree in trees.items():
+                runs[name].append(run_child(tree, case, path, by_stage=False))
+        row, revolutions = f"{case!s:34}", 0
+        for name in trees:
+            found = best(runs[name])
+            revolutions = found["revolutions"]
+            each = f"{1e3 * found['cpu_s'] / revolutions:8.3f}" if revolutions else f"{'':8}"
+            row += f"{seconds / found['cpu_s']:19.1f}{each}{found['peak_mb']:9.0f}"
+        print(f"{row}   {revolutions}", flush=True)
+
+
+def print_stages(trees: dict[str, Path], path: Path, case: Case, rounds: int) -> None:
+    runs: dict[str, list[dict[str, Any]]] = {name: [] for name in trees}
+    for _ in range(rounds):
+        for name, tree in trees.items():
+            runs[name].append(run_child(tree, case, path, by_stage=True))
+    found = {name: best(runs[name]) for name in trees}
+    print(f"\n{case}: microseconds of CPU a revolution, the clock of the stages included")
+    print(f"{'':22}" + "".join(f"{name:>12}" for name in trees))
+    used = {stage for run in found.values() for stage, spent_s in run["stages"].items() if spent_s > 0.0}
+    for stage in [stage for stage in next(reversed(found.values()))["stages"] if stage in used]:
+        row = "".join(f"{1e6 * run['stages'].get(stage, 0.0) / run['revolutions']:12.0f}" for run in found.values())
+        print(f"{stage:22}{row}")
+    rest = "".join(
+        f"{1e6 * (run['cpu_s'] - sum(run['stages'].values())) / run['revolutions']:12.0f}" for run in found.values()
+    )
+    print(f"{'decoding and the rest':22}{rest}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--against", metavar="GIT_REV", help="measure this older version too, alternating")
+    parser.add_argument("--seconds", type=float, default=60.0, help="length of the recordings (default: 60)")
+    parser.add_argument("--rounds", type=int, default=3, help="runs of each case; the best counts (default: 3)")
+    parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch")
+    parser.add_argument("--child", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.child:
+        *values, path, by_stage = json.loads(arguments.child)
+        print(json.dumps(measure(Case(*values), Path(path), StageClock() if by_stage else None)))
+        return
+    print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
+    print(f"demo car, {arguments.seconds:g} s, user CPU of one process, best of {arguments.rounds}")
+    with tempfile.TemporaryDirectory() as folder, checked_out(arguments.against) as trees:
+        recordings = record(Path(folder), arguments.seconds)
+        cases = CASES[:2] if arguments.quick else CASES
+        print_cases(trees, recordings, cases, arguments.seconds, arguments.rounds)
+        print_stages(trees, recordings[4, 9600], CASES[0], arguments.rounds)
+
+
+if __name__ == "__main__":
+    main()
