@@ -18,6 +18,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 PROGRAM = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
 TIMEOUT_S = 20.0
+_LISTENER_KEEPALIVE_S = 3600
 
 
 class Broker:
@@ -74,7 +75,8 @@ class Listener:
             (message.topic, message.retain, keep(message.payload))
         )
         self._client.reconnect_delay_set(1, 1)
-        self._client.connect("127.0.0.1", port)
+        # A broker that is frozen must not cost the subscriber its connection, and with it messages.
+        self._client.connect("127.0.0.1", port, keepalive=_LISTENER_KEEPALIVE_S)
         self._client.loop_start()
         assert self._subscribed.wait(TIMEOUT_S)
 
@@ -82,6 +84,10 @@ class Listener:
         """Return the JSON payloads of a topic; plain text as text."""
         found = [payload for name, _, payload in tuple(self.messages) if name == topic]
         return [json.loads(payload) if payload[:1] == b"{" else payload.decode() for payload in found]
+
+    def publish(self, topic: str, payload: bytes) -> None:
+        """Publish a retained message."""
+        self._client.publish(topic, payload, 1, retain=True)
 
     def close(self) -> None:
         """Disconnect."""

@@ -146,6 +146,8 @@ class MqttSink:
         self._window: deque[_Sent] = deque()
         self._refusal = ""
         self._has_connected = False
+        self._has_ended = False
+        self._is_called_offline = False
         # An empty name makes the broker choose one, so that two gateways cannot disconnect each other.
         self._client = paho.Client(CallbackAPIVersion.VERSION2, client_id="", protocol=paho.MQTTv5)
         self._client.connect_timeout = _CONNECT_S
@@ -156,6 +158,7 @@ class MqttSink:
         if USERNAME in environment:
             self._client.username_pw_set(environment[USERNAME], environment.get(PASSWORD))
         self._client.on_connect = self._connected
+        self._client.on_message = self._heard
 
     def open(self, stop: threading.Event) -> None:
         """Connect and wait for the broker's answer."""
@@ -180,6 +183,8 @@ class MqttSink:
             raise SinkDownError(f"the broker refuses: {self._refusal}")
         if not self._client.is_connected():
             raise SinkDownError("the broker does not answer")
+        # The last will of an earlier connection may come late, after this one has said that it is online.
+        self._client.subscribe(f"{self._prefix}/status", _QOS)
         self._publish(f"{self._prefix}/status", _ONLINE, stop, retain=True)
 
     def send(self, item: Item, stop: threading.Event) -> None:
@@ -202,6 +207,7 @@ class MqttSink:
     def flush(self, stop: threading.Event) -> int:
         """Wait for the confirmations, with `offline` as the last message; return how many are missing."""
         if not stop.is_set():
+            self._has_ended = True
             self._publish(f"{self._prefix}/status", _OFFLINE, stop, retain=True)
         while self._window and not stop.is_set():
             self._loop(_WAIT_S)
@@ -249,6 +255,10 @@ class MqttSink:
         self._confirm()
         if result is not paho.MQTT_ERR_SUCCESS or not self._client.is_connected():
             raise SinkDownError(self._refusal or "the connection to the broker is lost")
+        if self._is_called_offline and len(self._window) < WINDOW:
+            self._is_called_offline = False
+            info = self._client.publish(f"{self._prefix}/status", _ONLINE, _QOS, retain=True)
+            self._window.append(_Sent(info, counted=False))
 
     def _confirm(self) -> None:
         while self._window and self._window[0].info.is_published():
@@ -258,6 +268,10 @@ class MqttSink:
         del client, data, flags, properties
         if reason.is_failure:
             self._refusal = str(reason).lower()
+
+    def _heard(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
+        del client, data
+        self._is_called_offline = message.payload == _OFFLINE and not self._has_ended
 
 
 def _encoded(item: PublishedRevolution | PublishedAlarm) -> tuple[bytes]:

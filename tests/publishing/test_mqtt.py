@@ -115,6 +115,15 @@ def test_discovery_can_be_switched_off(items, broker, listener) -> None:
     assert not any(topic.startswith("homeassistant") for topic, _, _ in listener.messages)
 
 
+def test_late_last_will_is_corrected(items, broker, listener) -> None:
+    worker = begin(f"mqtt://127.0.0.1:{broker.port}/car")
+    until(lambda: listener.of("car/status") == ["online"])
+    listener.publish("car/status", b"offline")
+    until(lambda: listener.of("car/status") == ["online", "offline", "online"])
+    finish(worker)
+    until(lambda: listener.of("car/status") == ["online", "offline", "online", "offline"])
+
+
 def test_stalled_broker_loses_nothing(items, broker, listener) -> None:
     worker = begin(f"mqtt://127.0.0.1:{broker.port}/car")
     worker.offer(items[0])
