@@ -27,7 +27,6 @@ CAMPAIGN_ESTIMATORS: Final = tuple(in_order({*DEFAULT_ESTIMATORS, "self-calibrat
 """What trends of a fleet need beyond the defaults: errors of the sensors and measured loads."""
 
 _LINE_EVERY_NS: Final = 30_000_000_000
-_DRAW_EVERY_NS: Final = 250_000_000
 _LISTED_FAILURES: Final = 20
 _GB: Final = 1e9
 
@@ -222,35 +221,13 @@ def _shown_progress(clock: Clock) -> Iterator[Callable[[CampaignProgress], None]
     if not sys.stderr.isatty():
         yield _lines(clock)
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
+    from gateway.views.progress import progress_bar
 
-    columns = (
-        BarColumn(bar_width=28),
-        TextColumn("{task.percentage:>5.1f} %"),
-        TextColumn("{task.fields[files]}"),
-        TextColumn("{task.fields[left]}"),
-        TextColumn("[red]{task.fields[failed]}"),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True, auto_refresh=False) as bar:
-        task = bar.add_task("", total=1.0, files="starting workers", left="", failed="")
-        due_ns = 0
+    with progress_bar("starting workers") as bar:
 
         def show(progress: CampaignProgress) -> None:
-            nonlocal due_ns
-            now_ns = clock.now_ns()
-            if now_ns < due_ns:
-                return
-            due_ns = now_ns + _DRAW_EVERY_NS
-            bar.update(
-                task,
-                total=max(progress.total_bytes, 1),
-                completed=progress.done_bytes,
-                files=_files_text(progress),
-                left=_left_text(progress),
-                failed=f"{progress.failed} failed" if progress.failed else "",
-                refresh=True,
-            )
+            failed = f", {progress.failed} failed" if progress.failed else ""
+            bar.show(progress.done_bytes / max(progress.total_bytes, 1), f"{_files_text(progress)}{failed}")
 
         yield show
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from gateway.types import FloatArray
 
@@ -109,11 +110,9 @@ def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[L
         return ()
     power = spectrum.density_m2ps3[inside]
     frequency = spectrum.frequency_hz[inside]
-    padded = np.pad(power, _FLOOR_BINS, mode="reflect")
-    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * _FLOOR_BINS + 1)
     freedom = 2.0 * spectrum.averages
     # Ratio of median to mean of the averaged power, and the threshold of a noise bin (Wilson and Hilferty).
-    floor = np.median(around, axis=1) / (1.0 - 2.0 / (9.0 * freedom)) ** 3
+    floor = median_filter(power, 2 * _FLOOR_BINS + 1, mode="mirror") / (1.0 - 2.0 / (9.0 * freedom)) ** 3
     limit = floor * (1.0 - 2.0 / (9.0 * freedom) + _NORMAL_QUANTILE * math.sqrt(2.0 / (9.0 * freedom))) ** 3
     lines = []
     left = np.where(power > limit, power, 0.0)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from gateway.closure.inference.nonsynchronous_density import Site
 from gateway.closure.inference.nonsynchronous_spectra import GroupSpectra
@@ -57,10 +58,8 @@ def envelope_moment(
 
 
 def running_median(values: FloatArray, half: int) -> FloatArray:
-    """Return the median of the bins within `half` of each."""
-    padded = np.pad(values, half, mode="reflect")
-    result: FloatArray = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=-1)
-    return result
+    """Return the median of the bins within `half` of each, mirrored at the ends."""
+    return median_filter(values, 2 * half + 1, mode="mirror")
 
 
 def rare_ratio(freedom: float, quantile: float) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from gateway.closure.inference.narrow_lines import rare_ratio
 from gateway.closure.inference.nonsynchronous_density import Site
@@ -108,9 +109,7 @@ def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
 
 
 def _running_max(values: FloatArray, half: int) -> FloatArray:
-    padded = np.pad(values, ((0, 0), (half, half)), mode="edge")
-    result: FloatArray = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1).max(axis=-1)
-    return result
+    return maximum_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
 
 
 def _parts(
