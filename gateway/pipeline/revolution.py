@@ -82,13 +82,13 @@ class SensorReading:
     def radial_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
         """Return the radial axis of samples (n, channels), nominally positive inward, (n,)."""
         column = self.radial_column
-        radial: FloatArray = counts[:, column] - self.offset_counts[column]
+        radial: FloatArray = np.subtract(counts[:, column], self.offset_counts[column], dtype=float)
         radial *= self.scale_mps2[column]
         return radial
 
     def samples_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
         """Return samples (n, channels) as accelerations, in the directions that the sensor states."""
-        samples: FloatArray = counts - self.offset_counts
+        samples: FloatArray = np.subtract(counts, self.offset_counts, dtype=float)
         samples *= self.scale_mps2
         return samples
 

@@ -249,14 +249,14 @@ class TestConditions:
     )
     def test_recording_without_revolutions_is_an_error(self, tmp_path, tables, duration_s, found, remedy):
         path = write_recording(tmp_path / "none.mcap", tables, duration_s=duration_s)
-        with pytest.raises(RecordingError, match=f"no whole revolution in .*none.mcap': {found}$") as caught:
+        with pytest.raises(RecordingError, match=f"no whole revolution in .*none.mcap': {found}(\n|$)") as caught:
             read_campaign([path])
         assert remedy in caught.value.remedy
 
     def test_recording_without_samples_is_an_error(self, tmp_path):
         path = tmp_path / "empty.mcap"
         RecordingWriter(path, start_ns=START_NS).close()
-        with pytest.raises(RecordingError, match="no sample$") as caught:
+        with pytest.raises(RecordingError, match=r"no sample(\n|$)") as caught:
             read_campaign([path])
         assert "inspect" in caught.value.remedy
 

@@ -69,7 +69,7 @@ def test_shell_examples_name_existing_options(page: Path) -> None:
         for line in block.replace("\\\n", " ").splitlines():
             words = shlex.split(line, comments=True)
             if words and words[0] == "treadlink":
-                parse(words[1:])
+                parse(words[1 : words.index("|") if "|" in words else None])
 
 
 @pytest.mark.parametrize("page", QUICK_PAGES, ids=name_of)
