@@ -197,12 +197,12 @@ def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-class JsonRows:
+class JsonRows(ABC):
     """Rows of JSON lines: keys as the columns of the other formats, and reasons as lists; unknown is null."""
 
+    @abstractmethod
     def put(self, row: Row) -> None:
         """Take a row; each kind of target has its own."""
-        raise NotImplementedError
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         """Make the row of a result."""
@@ -227,12 +227,12 @@ class JsonRows:
         self.put(_json_line(row))
 
 
-class ColumnRows:
+class ColumnRows(ABC):
     """Rows of the formats with columns, one per revolution."""
 
+    @abstractmethod
     def put(self, row: Row) -> None:
         """Take a row; each kind of target has its own."""
-        raise NotImplementedError
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         """Make the row of a result."""
