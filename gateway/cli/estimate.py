@@ -52,7 +52,8 @@ def estimate(
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error. The exit status is 1 if a recording has no frames, or a wheel that sent samples has no revolution.
     """
-    from gateway.cli.estimate_run import EstimateOrder, run_estimate
+    from gateway.cli.estimate_order import EstimateOrder
+    from gateway.cli.estimate_run import run_estimate
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.security.key_file import default_key_file
     from gateway.views.output_file import check_outputs

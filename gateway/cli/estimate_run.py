@@ -6,7 +6,7 @@ import contextlib
 import os
 import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -14,53 +14,17 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gateway.cli import exit_status
+from gateway.cli.estimate_order import EstimateOrder, RecordingEstimated
 from gateway.cli.logs import configure_logging
 from gateway.errors import TreadlinkError
 from gateway.views.output_file import is_stdout
 
 if TYPE_CHECKING:
-    from gateway.reasons import Reason
     from gateway.views.progress import ProgressView
     from gateway.views.tables.result_table import TableFormat, TableWriter
 
 # A process needs half a second to start, in which another estimates this much.
 _BYTES_WORTH_A_PROCESS: Final = 8_000_000
-
-
-@dataclass(frozen=True, slots=True)
-class EstimateOrder:
-    """Order to estimate one recording.
-
-    Attributes:
-        path: the recording.
-        config_path: vehicle configuration, None to use the recorded one.
-        effects_paths: files of known effects.
-        key_file: keys of signed frames, None for the user's.
-        estimators: names from the registry.
-        spools: file for the rows of each table, when another process writes the tables.
-    """
-
-    path: Path
-    config_path: Path | None
-    effects_paths: tuple[Path, ...]
-    key_file: Path | None
-    estimators: tuple[str, ...]
-    spools: Mapping[TableFormat, Path]
-
-
-@dataclass(frozen=True, slots=True)
-class RecordingEstimated:
-    """End of the work on one recording; its rows are written.
-
-    Attributes:
-        lines: summary.
-        missing: number of links and wheels without a result.
-        damage: unreadable parts, None without any.
-    """
-
-    lines: tuple[str, ...]
-    missing: int
-    damage: Reason | None
 
 
 def run_estimate(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
-from gateway.cli.estimate_run import EstimateOrder, RecordingEstimated
+from gateway.cli.estimate_order import EstimateOrder, RecordingEstimated
 from gateway.config.effects_file import open_effects
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, choose_vehicle
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot

@@ -18,7 +18,7 @@ from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.estimator import Status
 from gateway.reasons import Code, Reason
 from gateway.trends.level_steps import find_steps
-from gateway.trends.outlier_test import OutlierSearch, find_outliers
+from gateway.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
 from gateway.trends.tire_history import TireHistory
 from gateway.trends.trend_result import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.trends.level_steps import find_steps
-from gateway.trends.outlier_test import find_outliers
+from gateway.trends.outlier_detection import find_outliers
 from gateway.trends.regression import fit, weights_of
 
 

@@ -238,10 +238,10 @@ class ColumnRows(ABC):
         """Make the row of a result."""
         self.put(row_of(result, recording))
 
-    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:  # noqa: B027
         """Do nothing: every row is a revolution."""
 
-    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:  # noqa: B027
         """Do nothing: every row is a revolution."""
 
 

@@ -1,0 +1,48 @@
+"""Order to estimate a recording, and its answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gateway.reasons import Reason
+    from gateway.views.tables.result_table import TableFormat
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateOrder:
+    """Order to estimate one recording.
+
+    Attributes:
+        path: the recording.
+        config_path: vehicle configuration, None to use the recorded one.
+        effects_paths: files of known effects.
+        key_file: keys of signed frames, None for the user's.
+        estimators: names from the registry.
+        spools: file for the rows of each table, when another process writes the tables.
+    """
+
+    path: Path
+    config_path: Path | None
+    effects_paths: tuple[Path, ...]
+    key_file: Path | None
+    estimators: tuple[str, ...]
+    spools: Mapping[TableFormat, Path]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingEstimated:
+    """End of the work on one recording; its rows are written.
+
+    Attributes:
+        lines: summary.
+        missing: number of links and wheels without a result.
+        damage: unreadable parts, None without any.
+    """
+
+    lines: tuple[str, ...]
+    missing: int
+    damage: Reason | None
