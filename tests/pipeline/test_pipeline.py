@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import random
 
 import numpy as np
@@ -18,7 +17,7 @@ from gateway.pipeline.results import WheelState
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Reason, codes_of
-from tests.testkit.agreement import assert_agree
+from tests.testkit.agreement import assert_agree, values_of
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, load_std_n=50.0)
 UNKNOWN = WheelSetup("", 0, 0, 0.32)
@@ -57,25 +56,10 @@ def run_batch(packets, setups=(SETUP,), block=50_000):
     return results + pipeline.finish(), pipeline
 
 
-def plain(result):
-    """Return all fields of a result as comparable values."""
-
-    def of(value):
-        if isinstance(value, np.ndarray):
-            return value.tobytes()
-        if isinstance(value, float) and math.isnan(value):
-            return "nan"
-        if dataclasses.is_dataclass(value):
-            return tuple(of(getattr(value, field.name)) for field in dataclasses.fields(value))
-        return tuple(of(item) for item in value) if isinstance(value, tuple) else value
-
-    return of(result)
-
-
 def by_wheel(results):
     wheels = {}
     for result in results:
-        wheels.setdefault(result.position, []).append(plain(result))
+        wheels.setdefault(result.position, []).append(values_of(result))
     return wheels
 
 

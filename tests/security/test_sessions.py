@@ -23,6 +23,7 @@ from gateway.security.key_file import KeyFile, counters_file
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
 from gateway.views.wording import notice_text, text
+from tests.testkit.agreement import values_of
 from tools.generators.security_attacks import downgraded, forged
 
 ROOT = Path(__file__).parents[2]
@@ -91,7 +92,9 @@ def test_attacker_does_not_change_estimates(signed: tuple[list[Chunk], str], key
     alone, plain, notices = run(chunks, toml, key_file)
     attacked, kept, warned = run(under_attack(chunks, 5), toml, key_file)
     assert len(plain) > 40
-    assert [(r.position, r.host_ns, r.estimates) for r in plain] == [(r.position, r.host_ns, r.estimates) for r in kept]
+    assert [(r.position, r.host_ns, values_of(r.estimates)) for r in plain] == [
+        (r.position, r.host_ns, values_of(r.estimates)) for r in kept
+    ]
     assert not [notice for notice in notices if notice.level is Level.SECURITY]
     link = attacked.snapshot(1.0).links[0]
     assert link.judged["verified"] == alone.snapshot(1.0).links[0].judged["verified"]
@@ -202,7 +205,7 @@ def test_signed_frames_carry_the_same_samples(signed: tuple[list[Chunk], str], k
     off = toml.replace('"require"', '"off"')
     _, verified, _ = run(chunks, toml, key_file)
     _, looked_over, _ = run(chunks, off, key_file)
-    assert [r.estimates for r in verified] == [r.estimates for r in looked_over]
+    assert [values_of(r.estimates) for r in verified] == [values_of(r.estimates) for r in looked_over]
 
 
 def test_swapped_wheels_are_reported(signed: tuple[list[Chunk], str], key_file: Path) -> None:

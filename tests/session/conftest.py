@@ -1,26 +1,13 @@
 from __future__ import annotations
 
-import dataclasses
-import math
 import threading
 
-import numpy as np
 import pytest
 
 from gateway.clock import ManualClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import open_source
-
-
-def values_of(value):
-    """Return a result as comparable values, arrays bit by bit."""
-    if isinstance(value, np.ndarray):
-        return value.tobytes()
-    if isinstance(value, float) and math.isnan(value):
-        return "nan"
-    if dataclasses.is_dataclass(value):
-        return tuple(values_of(getattr(value, field.name)) for field in dataclasses.fields(value))
-    return tuple(values_of(item) for item in value) if isinstance(value, tuple) else value
+from tests.testkit.agreement import values_of
 
 
 @pytest.fixture(scope="session")

@@ -28,6 +28,20 @@ def assert_agree(some: Sequence[RevolutionResult], others: Sequence[RevolutionRe
             assert worst <= TOLERANCE, f"{where} of result {place} of {name} differs by {worst:.1e} standard errors"
 
 
+def values_of(value: Any) -> Any:
+    """Return a result as comparable values: arrays bit by bit, and NaN equal to NaN."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes()
+    if dataclasses.is_dataclass(value):
+        return tuple(values_of(getattr(value, field.name)) for field in dataclasses.fields(value))
+    if isinstance(value, Mapping):
+        return tuple((values_of(key), values_of(item)) for key, item in value.items())
+    if isinstance(value, tuple | list):
+        return tuple(values_of(item) for item in value)
+    # Equality of dataclasses with NaN differs between versions of Python.
+    return repr(value)
+
+
 def by_wheel(results: Sequence[RevolutionResult]) -> dict[str, list[RevolutionResult]]:
     """Return the results of each wheel in their order."""
     wheels: dict[str, list[RevolutionResult]] = {}
