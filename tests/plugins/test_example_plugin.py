@@ -201,7 +201,11 @@ def test_source_of_a_plugin_delivers_frames(example: Path, tmp_path: Path) -> No
         assert any(re.match(r"hub0\.wheel0 +3 ", line) for line in process.stdout)
         process.send_signal(signal.SIGINT)
         rest = process.stdout.read()
-    assert re.search(rf"{uri}: \d+ frames, 0 lost", rest)
+    counted = re.search(rf"{uri}: (\d+) frames, (\d+) lost", rest)
+    assert counted is not None
+    # A busy computer may drop datagrams; they are counted.
+    assert int(counted[1]) > 100
+    assert int(counted[1]) + int(counted[2]) <= 200
 
 
 MAP = """
