@@ -226,6 +226,10 @@ def write_certificates(folder: Path) -> None:
 
     now = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
+    def key_usage(*, signs_others: bool) -> x509.KeyUsage:
+        # Python 3.13 rejects a certificate that may sign others without being an authority.
+        return x509.KeyUsage(True, False, False, False, False, signs_others, signs_others, False, False)
+
     def make(name: str, issuer=None):
         key = ec.generate_private_key(ec.SECP256R1())
         subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
@@ -242,7 +246,7 @@ def write_certificates(folder: Path) -> None:
             .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))]), False)
             .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key.public_key()), False)
             .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), False)
-            .add_extension(x509.KeyUsage(True, False, False, False, False, True, True, False, False), True)
+            .add_extension(key_usage(signs_others=issuer is None), True)
             .sign(issuer_key, hashes.SHA256())
         )
         (folder / f"{name}.pem").write_bytes(certificate.public_bytes(serialization.Encoding.PEM))
