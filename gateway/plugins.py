@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.metadata
 import logging
 from collections.abc import Callable, Collection, Mapping
@@ -122,6 +123,14 @@ def missing_members(loaded: object, members: Collection[str]) -> Reason | None:
     """Return the reason that an object lacks callable members, None when it has them all."""
     missing = [member for member in members if not callable(getattr(loaded, member, None))]
     return Reason(Code.PLUGIN_LACKS_MEMBERS, members=", ".join(missing)) if missing else None
+
+
+def missing_factory(factory: str) -> Reason | None:
+    """Return the reason that `module:function` names no function, None when it does; imports the module."""
+    module_name, _, name = factory.partition(":")
+    if callable(getattr(importlib.import_module(module_name), name, None)):
+        return None
+    return Reason(Code.PLUGIN_LACKS_MEMBERS, members=factory)
 
 
 def _name_refusal(plugin: Plugin, taken: Collection[str]) -> Reason | None:

@@ -12,7 +12,7 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from gateway.errors import TreadlinkError
 from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot
-from gateway.plugins import Plugin, PluginGroup, load, names
+from gateway.plugins import Plugin, PluginGroup, load, missing_factory, names
 from gateway.reasons import Code, Reason
 
 _logger = logging.getLogger(__name__)
@@ -193,10 +193,7 @@ def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
     """Return why the object of a plug-in is no live output, None when it is one."""
     if not isinstance(found, SinkKind):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
-    module_name, _, factory_name = found.factory.partition(":")
-    if not callable(getattr(importlib.import_module(module_name), factory_name, None)):
-        return Reason(Code.PLUGIN_LACKS_MEMBERS, members=found.factory)
-    return None
+    return missing_factory(found.factory)
 
 
 def parse_sink_uri(uri: str) -> SinkAddress:
