@@ -18,6 +18,10 @@ ORDERS: Final = 111
 """Number of orders compared, 0 to 110: on a measured tire nothing above repeats."""
 
 
+PROFILE_SIZE: Final = 128
+"""Angles of a scatter profile."""
+
+
 @dataclass(frozen=True, slots=True)
 class Block:
     """Mean of revolutions of one group; one fold of it.
@@ -95,6 +99,7 @@ class Group:
         conditions: mean over all of its revolutions.
         blocks: one a fold.
         variance: (3, ORDERS) (m/s^2)^2 of one real coefficient of one revolution, by scatter; NaN as in `Block`.
+        scatter_profile: (3, PROFILE_SIZE) power of that scatter over the angle from -pi, mean 1; None where it is even.
         half_angle_rad: of the contact as the pipeline saw it.
         load_known: False where the load is assumed.
         pressure_known: False where the pressure is assumed.
@@ -114,6 +119,7 @@ class Group:
     blocks: tuple[Block, ...]
     variance: FloatArray
     half_angle_rad: float
+    scatter_profile: FloatArray | None = None
     load_known: bool = True
     pressure_known: bool = True
     declared_offset_m: float = 0.0

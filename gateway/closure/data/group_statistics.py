@@ -156,6 +156,7 @@ def _group(
         blocks=tuple(blocks),
         variance=variance,
         half_angle_rad=half_angle_rad,
+        scatter_profile=settled.profile,
         load_known=bool(np.isfinite(table["load_n"][used]).all()),
         pressure_known=bool(np.isfinite(table["pressure_pa"][used]).all()),
         declared_offset_m=declared.offset_m,

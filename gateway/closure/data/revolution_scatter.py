@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # Number of revolutions from which the dependence on speed and its change is subtracted before scatter is measured.
@@ -28,6 +28,12 @@ _FREEDOM: Final = 48
 _WIDEST: Final = 12
 # Weight of the neighbours' level for order 0, which is not pooled, in degrees of freedom.
 _PRIOR_FREEDOM: Final = 2.0
+# Width of the window in which the scatter's power is taken: narrow enough for a contact edge, and wide enough for some
+# fifty degrees of freedom. Least power relative to the mean.
+_PROFILE_RAD: Final = 0.04
+_PROFILE_FREEDOM_RAD: Final = 0.4
+_PROFILE_WIDEST_RAD: Final = 0.3
+_LEAST_PROFILE: Final = 0.02
 # Rounding of stored values, relative to the signal's root mean square.
 _ROUNDING: Final = 1e-6
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
@@ -41,12 +47,14 @@ class Settled:
         orders_mps2: (n, 3, ORDERS) rotated so that all contacts lie at the group's mean angle.
         shift_rad: (n,) rotation of each: its contact was early by this much on its angle grid.
         variance: (3, ORDERS) of one real coefficient of one revolution.
+        profile: (3, PROFILE_SIZE) power of the scatter over the angle from -pi, mean 1.
         wild: (n,) outliers to reject.
     """
 
     orders_mps2: ComplexArray
     shift_rad: FloatArray
     variance: FloatArray
+    profile: FloatArray
     wild: BoolArray
 
 
@@ -85,8 +93,25 @@ def settle(orders_mps2: NDArray[np.complexfloating], omega_radps: FloatArray, om
     variance = _variance((orders - fitted)[usual], int(usual.sum()) - used, present)
     floor = np.square(_ROUNDING * np.sqrt(np.square(np.abs(orders[usual])).sum(axis=-1).mean(axis=0)))[:, None]
     variance = np.maximum(variance, floor)
+    profile = _profile((orders - fitted)[usual], int(usual.sum()) - used)
     orders[:, ~present] = complex(np.nan, np.nan)
-    return Settled(orders, shift, np.where(present, variance, np.nan), ~usual)
+    return Settled(orders, shift, np.where(present, variance, np.nan), profile, ~usual)
+
+
+def _profile(residual: ComplexArray, freedom: int) -> FloatArray:
+    """Return the power of the scatter over the angle, (3, PROFILE_SIZE), mean 1; smoother with fewer revolutions."""
+    spectrum = np.zeros((len(residual), 3, PROFILE_SIZE), dtype=np.complex128)
+    spectrum[..., :ORDERS] = residual * np.where(np.arange(ORDERS) % 2, -1.0, 1.0)
+    # The grid carries products of two curves of 110 orders only folded; the fold is far below the profile's detail.
+    field = np.fft.irfft(spectrum, n=2 * PROFILE_SIZE - 2, axis=-1)
+    power = np.square(field).mean(axis=0)
+    width_rad = min(max(_PROFILE_RAD, _PROFILE_FREEDOM_RAD / max(freedom, 1)), _PROFILE_WIDEST_RAD)
+    order = np.arange(power.shape[-1] // 2 + 1)
+    smooth = np.fft.irfft(np.fft.rfft(power) * np.exp(-0.5 * np.square(width_rad * order)), n=power.shape[-1])
+    angle = np.arange(PROFILE_SIZE) * (power.shape[-1] / PROFILE_SIZE)
+    result = np.stack([np.interp(angle, np.arange(len(row) + 1), np.append(row, row[0])) for row in smooth])
+    mean = result.mean(axis=1, keepdims=True)
+    return np.where(mean > 0.0, np.maximum(result, _LEAST_PROFILE * mean) / np.where(mean > 0.0, mean, 1.0), 1.0)
 
 
 def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatArray:

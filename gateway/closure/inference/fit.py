@@ -1,27 +1,29 @@
-"""Gauss-Newton fit of a closure model to a campaign with priors, and its linearisation for each fold."""
+"""Gauss-Newton fit of a closure model to the groups' mean waveforms, with priors and with or without a discrepancy."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from gateway.closure.inference.likelihood import Normal, Whitened, add_rows, empty_normal
+from gateway.closure.inference.discrepancy import Applied, plain_gram
+from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
-from gateway.types import ComplexArray, FloatArray, IntArray
+from gateway.types import ComplexArray, FloatArray
 
 _MAX_STEPS: Final = 25
-_ALL_STEPS: Final = 200
 _HALVINGS: Final = 6
-# Decrease of the cost, relative to the misfit per degree of freedom, below which a fit has converged.
-_DONE: Final = 0.05
+# Decrease of the cost below which a fit has converged: far below what decides between two sets of effects.
+_DONE: Final = 0.02
 # Largest step of a state's logarithms.
 _REACH: Final = 0.5
-# A model that does not describe the data overstates its information, so the priors are tightened in proportion to the
-# excess misfit. The factor is updated during the fit until the misfit decreases by less than this.
+# Without a discrepancy a model that does not describe the data overstates its information, so errors are widened by
+# the misfit per degree of freedom. The factor is updated until the misfit decreases by less than this.
 _RESCALINGS: Final = 6
 _SETTLED: Final = 0.9
 # Shares of the signal by which the errors of the data are widened when a fit starts far off.
@@ -32,115 +34,107 @@ class FitFailedError(Exception):
     """No equilibrium near the starting point: the model cannot be fitted to these data."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rows:
-    """Whitened derivatives of one group.
-
-    Attributes:
-        places: (k,) indices in the parameter vector.
-        rows: (blocks, k, 3, ORDERS).
-        residual: (blocks, 3, ORDERS).
-        weight: (blocks, 3, ORDERS) whitening weights of both.
-    """
-
-    places: IntArray
-    rows: ComplexArray
-    residual: ComplexArray
-    weight: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Fit:
     """A model at its optimum.
 
     Attributes:
         model: the model.
-        vector: parameters.
-        predicted: (blocks, 3, ORDERS) for each group.
-        alone: (3, ORDERS) for each group, at its mean conditions.
-        rows: linearisation of each group.
-        normal: normal equations by fold, without priors.
+        vector: parameters, (P,).
+        predicted: (3, ORDERS) for each group, at its mean conditions.
+        rows: (P, m) whitened derivatives of each group.
+        residual: (m,) whitened, of each group.
         prior_mean: (P,).
-        prior_std: (P,) tightened where the misfit is too large.
+        prior_std: (P,).
+        scale: factor on the variance of the data, 1 with a discrepancy.
+        applied: discrepancy in the covariance, if any.
     """
 
     model: ClosureModel
     vector: FloatArray
     predicted: tuple[ComplexArray, ...]
-    alone: tuple[ComplexArray, ...]
-    rows: tuple[Rows, ...]
-    normal: Normal
+    rows: tuple[FloatArray, ...]
+    residual: tuple[FloatArray, ...]
     prior_mean: FloatArray
     prior_std: FloatArray
+    scale: float = 1.0
+    applied: Applied | None = None
+
+    @cached_property
+    def _gram(self) -> FloatArray:
+        stacked = [np.concatenate([row, left[None]]) for row, left in zip(self.rows, self.residual, strict=True)]
+        return gram(stacked, None, self.applied) / self.scale
+
+    @cached_property
+    def _seen(self) -> tuple[FloatArray, ...]:
+        return () if self.applied is None else self.applied.seen(self.rows)
+
+    def cross(self, others: Sequence[FloatArray]) -> FloatArray:
+        """Return the rows times the inverse of the data's covariance times others' (q, m) of each group, (P, q)."""
+        if self.applied is None:
+            return plain_gram(self.rows, others) / self.scale
+        return self.applied.cross(self.rows, self._seen, others)
+
+    @property
+    def information(self) -> FloatArray:
+        """Information of the data, (P, P)."""
+        return self._gram[:-1, :-1]
+
+    @property
+    def slope(self) -> FloatArray:
+        """Half the negative gradient of the data's chi-square, (P,)."""
+        return self._gram[:-1, -1]
+
+    @property
+    def chi2(self) -> float:
+        """Chi-square of the data and of the side information, over `scale`."""
+        return float(self._gram[-1, -1]) + self.model.witness_misfit(self.vector)
 
     @property
     def misfit(self) -> float:
-        """Chi-square of the data and of the side information."""
-        return float(self.normal.misfit.sum()) + self.model.witness_misfit(self.vector)
+        """Chi-square of the data by the scatter alone."""
+        return sum(float(left @ left) for left in self.residual)
 
     @property
     def cost(self) -> float:
         """Chi-square of data and priors."""
-        return float(self.normal.misfit.sum()) + float(
-            np.sum(np.square((self.vector - self.prior_mean) / self.prior_std))
-        )
+        away = (self.vector - self.prior_mean) / self.prior_std
+        return float(self._gram[-1, -1]) + float(away @ away)
 
-    def linear_misfit(self) -> float:
-        """Return the chi-square of the data predicted after a linear step."""
-        matrix, gradient = self.normal.matrix.sum(axis=0), self.normal.gradient.sum(axis=0)
-        precision = self.prior_std**-2.0
-        change = np.linalg.solve(matrix + np.diag(precision), gradient - (self.vector - self.prior_mean) * precision)
-        return self.misfit - float(2.0 * change @ gradient - change @ matrix @ change)
+    @cached_property
+    def precision(self) -> FloatArray:
+        """Inverse of the parameters' covariance, (P, P)."""
+        return self.information + np.diag(self.prior_std**-2.0)
 
+    @cached_property
     def covariance(self) -> FloatArray:
-        """Return the covariance of the parameters by noise, floor and priors, (P, P)."""
-        inverse: FloatArray = np.linalg.inv(self.normal.matrix.sum(axis=0) + np.diag(self.prior_std**-2.0))
+        """Covariance of the parameters, (P, P)."""
+        inverse: FloatArray = np.linalg.inv(self.precision)
         return inverse
 
-    def held_out(self) -> FloatArray:
-        """Return the misfit of every fold under the (linearised) fit of all others, (K,)."""
-        own = held_out_misfit(self.normal, self.vector - self.prior_mean, self.prior_std)
-        return own + self.model.witness_misfit(self.vector) / len(own)
+    @property
+    def step(self) -> FloatArray:
+        """Step to the optimum of the linearised model, (P,)."""
+        gradient = self.slope - (self.vector - self.prior_mean) * self.prior_std**-2.0
+        change: FloatArray = np.linalg.solve(self.precision, gradient)
+        return change
+
+    def under(self, applied: Applied | None) -> Fit:
+        """Return the same linearised model with another discrepancy in the covariance."""
+        _, std = self.model.priors()
+        return replace(self, applied=applied, scale=1.0, prior_std=std)
+
+    def moved(self, change: FloatArray) -> Fit:
+        """Return the linearised model moved by a change of its parameters (P,)."""
+        residual = tuple(left - change @ row for row, left in zip(self.rows, self.residual, strict=True))
+        return replace(self, vector=self.vector + change, residual=residual)
 
 
-def held_out_misfit(normal: Normal, from_prior: FloatArray, prior_std: FloatArray) -> FloatArray:
-    """Return the misfit of every fold under the linear fit of all others, (K,).
-
-    Args:
-        normal: at the point of linearisation.
-        from_prior: (P,) that point minus the priors' mean.
-        prior_std: (P,).
-    """
-    result = np.empty(len(normal.misfit))
-    for fold, change in enumerate(_changes_without(normal, from_prior, prior_std)):
-        result[fold] = (
-            normal.misfit[fold] - 2.0 * change @ normal.gradient[fold] + change @ normal.matrix[fold] @ change
-        )
-    return result
-
-
-def held_out_residuals(fit: Fit) -> list[ComplexArray]:
-    """Return every group's residual (blocks, 3, ORDERS), m/s^2, each fold's under the linear fit of all others."""
-    changes = _changes_without(fit.normal, fit.vector - fit.prior_mean, fit.prior_std)
-    residuals = []
-    for rows in fit.rows:
-        residual = rows.residual.copy()
-        for fold in range(len(residual)):
-            residual[fold] -= np.tensordot(changes[fold][rows.places], rows.rows[fold], axes=1)
-        used = rows.weight > 0.0
-        residuals.append(np.where(used, residual / np.where(used, rows.weight, 1.0), 0.0))
-    return residuals
-
-
-def _changes_without(normal: Normal, from_prior: FloatArray, prior_std: FloatArray) -> list[FloatArray]:
-    """Return for every fold the change of the parameters when it is held out."""
-    precision = prior_std**-2.0
-    matrix = normal.matrix.sum(axis=0) + np.diag(precision)
-    gradient = normal.gradient.sum(axis=0) - from_prior * precision
-    return [
-        np.linalg.solve(matrix - own, gradient - slope)
-        for own, slope in zip(normal.matrix, normal.gradient, strict=True)
-    ]
+def gram(rows: Sequence[FloatArray], others: Sequence[FloatArray] | None, applied: Applied | None) -> FloatArray:
+    """Return rows C^-1 others', (p, q), for the covariance with a discrepancy or by the scatter alone."""
+    if applied is not None:
+        return applied.gram(rows, others)
+    return plain_gram(rows, rows if others is None else others)
 
 
 def fit_model(
@@ -148,16 +142,18 @@ def fit_model(
     data: Whitened,
     start: FloatArray | None = None,
     *,
+    applied: Applied | None = None,
     from_afar: bool = False,
-    most_steps: int = _ALL_STEPS,
+    most_steps: int = _MAX_STEPS,
     rough: float = 0.0,
 ) -> Fit:
     """Return the fit of a model.
 
     Args:
         model: model to fit.
-        data: whitened data; folds of weight 0 are ignored.
+        data: whitened data.
         start: initial vector; None starts at the priors' mean.
+        applied: discrepancy in the covariance of the data; None leaves it out.
         from_afar: True first fits with loosened data, for a start far from the solution.
         most_steps: after which the fit is taken as it is.
         rough: share of the misfit beyond noise; the fit ends after a step that gains less.
@@ -167,118 +163,114 @@ def fit_model(
     """
     prior_mean, prior_std = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
-    left = _Steps(most_steps, rough)
     try:
         if from_afar:
             for share in _ANNEAL:
-                vector = _descend(model, data.loosened(share), vector, prior_mean, prior_std, left).vector
+                vector = _descend(model, data.loosened(share), vector, prior_std, 1.0, None, most_steps, 0.0).vector
         model.refine(vector)
-        scale = _overdispersion(misfit_of(data, model.predict(vector)), data, model)
+        if applied is not None:
+            return _descend(model, data, vector, prior_std, 1.0, applied, most_steps, 0.0)
+        scale = _overdispersion(_misfit(model, data, vector, None), data, model)
         for _ in range(_RESCALINGS):
-            fit = _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale), left)
+            fit = _descend(model, data, vector, prior_std, scale, None, most_steps, rough)
             vector, was = fit.vector, scale
             scale = _overdispersion(fit.misfit, data, model)
             model.refine(vector)
-            if scale > _SETTLED * was or left.none:
+            if scale > _SETTLED * was:
                 break
-        return _descend(model, data, vector, prior_mean, prior_std / math.sqrt(scale), left)
+        return _descend(model, data, vector, prior_std, scale, None, most_steps, rough)
     except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
 
 
-class _Steps:
-    """Number of steps that remain for a fit."""
+def linearised(
+    model: ClosureModel,
+    data: Whitened,
+    vector: FloatArray,
+    *,
+    scale: float = 1.0,
+    applied: Applied | None = None,
+) -> Fit:
+    """Return a model at these parameters, which need not be its optimum.
 
-    def __init__(self, count: int, rough: float) -> None:
-        self._count = count
-        self.rough = rough
-
-    @property
-    def none(self) -> bool:
-        return self._count <= 0
-
-    def take(self) -> None:
-        self._count -= 1
-
-
-def _overdispersion(misfit: float, data: Whitened, model: ClosureModel) -> float:
-    return max(1.0, misfit / max(1, data.used - model.layout.size))
+    Raises:
+        NoShapeError: the ring has no solution there.
+    """
+    prior_mean, prior_std = model.priors()
+    predicted, rows, residuals = [], [], []
+    for index in range(len(model.campaign.groups)):
+        places, base, derivatives = model.group_derivatives(vector, index)
+        dense = np.zeros((model.layout.size, sum(len(factor) for factor in data.factors[index])))
+        dense[places] = data.white(index, derivatives)
+        predicted.append(base)
+        rows.append(dense)
+        residuals.append(data.white(index, data.mean(index, data.orders[index]) - base))
+    return Fit(
+        model,
+        vector,
+        tuple(predicted),
+        tuple(rows),
+        tuple(residuals),
+        prior_mean,
+        prior_std,
+        scale,
+        applied,
+    )
 
 
 def _descend(
     model: ClosureModel,
     data: Whitened,
     vector: FloatArray,
-    prior_mean: FloatArray,
     prior_std: FloatArray,
-    left: _Steps,
+    scale: float,
+    applied: Applied | None,
+    most_steps: int,
+    rough: float,
 ) -> Fit:
-    precision = prior_std**-2.0
-    fit = linearised(model, data, vector, prior_mean, prior_std)
-    for _ in range(_MAX_STEPS):
-        if left.none:
-            break
-        left.take()
-        done = _DONE * _overdispersion(fit.misfit, data, model)
-        done = max(done, left.rough * (fit.misfit - data.used))
-        matrix = fit.normal.matrix.sum(axis=0) + np.diag(precision)
-        gradient = fit.normal.gradient.sum(axis=0) - (fit.vector - prior_mean) * precision
-        change = np.linalg.solve(matrix, gradient)
-        if float(change @ gradient) < done:
+    fit = linearised(model, data, vector, scale=scale, applied=applied)
+    for _ in range(most_steps):
+        done = max(_DONE, rough * (fit.misfit - data.size) / scale)
+        change = fit.step
+        if float(change @ fit.precision @ change) < done:
             break
         states = model.layout.states
         change = change / max(1.0, float(np.abs(change[states]).max()) / _REACH)
-        moved = _better(model, data, fit, change)
+        moved = _better(fit, data, change)
         if moved is None:
             break
         gained = fit.cost
-        fit = linearised(model, data, moved, prior_mean, prior_std)
+        fit = linearised(model, data, moved, scale=scale, applied=applied)
         if gained - fit.cost < done:
             break
     return fit
 
 
-def _better(model: ClosureModel, data: Whitened, fit: Fit, change: FloatArray) -> FloatArray | None:
+def _better(fit: Fit, data: Whitened, change: FloatArray) -> FloatArray | None:
     """Return the parameters after a full or partial step that improves the fit; None if none does."""
     for _ in range(_HALVINGS):
         moved: FloatArray = fit.vector + change
         try:
-            cost = misfit_of(data, model.predict(moved))
+            cost = _misfit(fit.model, data, moved, fit.applied) / fit.scale
         except (NoShapeError, np.linalg.LinAlgError):
             change = 0.25 * change
             continue
-        cost += float(np.sum(np.square((moved - fit.prior_mean) / fit.prior_std)))
-        if cost < fit.cost:
+        away = (moved - fit.prior_mean) / fit.prior_std
+        if cost + float(away @ away) < fit.cost:
             return moved
         change = 0.4 * change
     return None
 
 
-def misfit_of(data: Whitened, predicted: list[ComplexArray]) -> float:
-    """Return the chi-square of a prediction."""
-    total = 0.0
-    for orders, weight, there in zip(data.orders, data.weights, predicted, strict=True):
-        total += float(np.sum(np.abs((orders - there) * weight) ** 2))
-    return total
+def _misfit(model: ClosureModel, data: Whitened, vector: FloatArray, applied: Applied | None) -> float:
+    """Return the chi-square of the data at these parameters."""
+    residual = [
+        data.white(index, data.mean(index, data.orders[index]) - model.predict_mean(vector, index))[None]
+        for index in range(len(model.campaign.groups))
+    ]
+    return float(gram(residual, None, applied)[0, 0])
 
 
-def linearised(
-    model: ClosureModel, data: Whitened, vector: FloatArray, prior_mean: FloatArray, prior_std: FloatArray
-) -> Fit:
-    """Return a model at these parameters, which need not be its optimum; with priors (P,) each.
-
-    Raises:
-        NoShapeError: the ring has no solution there.
-    """
-    normal = empty_normal(data.folds, model.layout.size)
-    predicted, alone, rows = [], [], []
-    for index in range(len(model.campaign.groups)):
-        base = model.predict_group(vector, index)
-        places, mean, derivatives = model.group_derivatives(vector, index)
-        weight = data.weights[index]
-        whitened = Rows(places, derivatives * weight[:, None], (data.orders[index] - base) * weight, weight)
-        add_rows(normal, whitened.places, whitened.rows, whitened.residual)
-        predicted.append(base)
-        alone.append(mean)
-        rows.append(whitened)
-    return Fit(model, vector, tuple(predicted), tuple(alone), tuple(rows), normal, prior_mean, prior_std)
+def _overdispersion(misfit: float, data: Whitened, model: ClosureModel) -> float:
+    """Return the misfit per degree of freedom, at least 1."""
+    return max(1.0, misfit / max(1, data.size - model.layout.size))

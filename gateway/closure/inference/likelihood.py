@@ -1,22 +1,44 @@
-"""Likelihood: whitening by the measured scatter, misfit by fold, normal equations."""
+"""Likelihood of the groups' mean waveforms: scatter of revolutions with its place on the belt, and whitening by it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.stats import chi2
 
-from gateway.closure.data.campaign_data import Campaign, Group
-from gateway.types import ComplexArray, FloatArray, IntArray
+from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE, Campaign, Group
+from gateway.types import BoolArray, ComplexArray, FloatArray
+
+REAL: Final = 2 * ORDERS - 1
+"""Real coefficients of one axis: the cosine terms of all orders, then the sine terms from order 1 on."""
 
 # Errors of resampling, rounding and the solver's grid beyond noise: a share of the order's own size and of the
 # signal's. Because of them the held-out error of a recording without effects is slightly below the noise floor.
-_OWN_SHARE: Final = 1e-4
-_FLAT_SHARE: Final = 6e-6
+_OWN_SHARE: Final = 3e-5
+_FLAT_SHARE: Final = 1e-6
 # Number of orders over which the spectrum is smoothed before the share is applied.
 _SMOOTHED: Final = 5
+# Blocks from which their scatter is compared with that of revolutions, and the least ratio of the two.
+_LEAST_BLOCKS: Final = 3
+_LEAST_DEPENDENCE: Final = 0.5
+_ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
+
+ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL)
+"""Angles of the grid on which a waveform of all orders is complete, (REAL,)."""
+
+
+def _to_field() -> FloatArray:
+    """Return the matrix from the real coefficients to the curve at ANGLES; a coefficient is c - i s."""
+    turned = np.outer(ANGLES, _ORDER)
+    matrix: FloatArray = np.hstack([np.cos(turned), -np.sin(turned[:, 1:])])
+    return matrix
+
+
+TO_FIELD: Final[FloatArray] = _to_field()
+FROM_FIELD: Final[FloatArray] = np.linalg.inv(TO_FIELD)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,158 +46,159 @@ class Whitened:
     """A campaign's data with their weights.
 
     Attributes:
-        orders: (blocks, 3, ORDERS) a group, NaN set to 0.
-        weights: (blocks, 3, ORDERS) a group: 1 / standard deviation of a real coefficient, 0 for unused orders.
-        variance: (blocks, 3, ORDERS) a group, without floor.
+        orders: (blocks, 3, ORDERS) of each group, NaN set to 0.
+        counts: (blocks,) revolutions of each group's blocks.
+        used: (3, ORDERS) of each group, the coefficients that are compared.
+        factors: of each group for every axis the matrix (m, REAL) that whitens the error of the group's mean.
+        weights: (blocks, 3, ORDERS) of each group, 1 / standard deviation of a real coefficient, 0 for unused orders.
     """
 
     orders: tuple[ComplexArray, ...]
+    counts: tuple[FloatArray, ...]
+    used: tuple[BoolArray, ...]
+    factors: tuple[tuple[FloatArray, ...], ...]
     weights: tuple[FloatArray, ...]
-    variance: tuple[FloatArray, ...]
-
-    def without(self, fold: int) -> Whitened:
-        """Return the same data with one fold's weights at 0."""
-        weights = []
-        for weight in self.weights:
-            kept = weight.copy()
-            if fold < len(kept):
-                kept[fold] = 0.0
-            weights.append(kept)
-        return Whitened(self.orders, tuple(weights), self.variance)
-
-    def loosened(self, share: float) -> Whitened:
-        """Return the same data as if every order were uncertain by this share of the signal, for a rough fit."""
-        weights = []
-        for orders, weight in zip(self.orders, self.weights, strict=True):
-            error = share * np.abs(orders).max(axis=(1, 2), keepdims=True)
-            weights.append(weight / np.sqrt(1.0 + np.square(weight * error)))
-        return Whitened(self.orders, tuple(weights), self.variance)
-
-    def doubting(self, errors: Sequence[Sequence[FloatArray]]) -> Whitened:
-        """Return the same data with the errors of the effects' equations added to the uncertainty.
-
-        Args:
-            errors: for every effect the equation error in each group's orders, (3, ORDERS) each.
-        """
-        weights = []
-        for index, weight in enumerate(self.weights):
-            variance = np.zeros(weight.shape[1:])
-            for sizes in errors:
-                variance += np.square(_smooth(sizes[index]))
-            weights.append(weight / np.sqrt(1.0 + np.square(weight) * variance))
-        return Whitened(self.orders, tuple(weights), self.variance)
 
     @property
-    def used(self) -> int:
-        """Number of weighted real coefficients; order 0 has one, the others two."""
-        return sum(int(2 * np.sum(weight > 0.0) - np.sum(weight[..., 0] > 0.0)) for weight in self.weights)
+    def size(self) -> int:
+        """Number of real coefficients compared."""
+        return sum(len(factor) for group in self.factors for factor in group)
 
     @property
     def folds(self) -> int:
         """Most blocks of any group."""
-        return max(len(weight) for weight in self.weights)
+        return max(len(counts) for counts in self.counts)
+
+    def white(self, group: int, coefficients: ComplexArray) -> FloatArray:
+        """Return coefficients (..., 3, ORDERS) of one group whitened as its mean, (..., m)."""
+        real = as_real(coefficients)
+        return np.concatenate([real[..., axis, :] @ self.factors[group][axis].T for axis in range(3)], axis=-1)
+
+    def loosened(self, share: float) -> Whitened:
+        """Return the same data as if every order were uncertain by this share of the signal, for a rough fit."""
+        factors = []
+        for orders, factor in zip(self.orders, self.factors, strict=True):
+            error = share * float(np.abs(orders).max())
+            loose = []
+            for axis in factor:
+                plain = np.zeros_like(axis)
+                chosen = np.flatnonzero(axis.any(axis=0))
+                plain[np.arange(len(axis)), chosen] = 1.0 / error
+                loose.append(plain)
+            factors.append(tuple(loose))
+        return replace(self, factors=tuple(factors))
+
+    def mean(self, group: int, values: ComplexArray) -> ComplexArray:
+        """Return the mean (3, ORDERS) of the blocks' values (blocks, 3, ORDERS) over revolutions."""
+        share = self.counts[group] / self.counts[group].sum()
+        result: ComplexArray = np.tensordot(share, values, axes=1)
+        return result
 
 
-def whiten(campaign: Campaign, *, with_mean: bool, unseen: int | None = None) -> Whitened:
+def as_real(coefficients: ComplexArray) -> FloatArray:
+    """Return complex coefficients (..., ORDERS) as real ones, (..., REAL)."""
+    result: FloatArray = np.concatenate([coefficients.real, coefficients.imag[..., 1:]], axis=-1)
+    return result
+
+
+def as_complex(real: FloatArray) -> ComplexArray:
+    """Return real coefficients (..., REAL) as complex ones, (..., ORDERS)."""
+    result = real[..., :ORDERS].astype(np.complex128)
+    result[..., 1:] += 1j * real[..., ORDERS:]
+    return result
+
+
+def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
     """Return the campaign's data with weights.
 
-    The variance of a block's mean is the scatter of revolutions over their number, times what neighbouring blocks
-    differ by more than that (scatter that is not independent from revolution to revolution).
+    The covariance of a group's mean is the scatter of revolutions over their number, times what neighbouring blocks
+    differ by more than that (scatter that is not independent from revolution to revolution). The scatter has a power
+    over the orders and one over the angle: its covariance is D F D, with D the root of the power over the angle and F
+    diagonal in the orders.
 
     Args:
         campaign: the data.
         with_mean: False leaves out order 0.
-        unseen: fold that is not used for any weights, its own included.
     """
-    orders, weights, variances = [], [], []
+    orders, counts, used, factors, weights = [], [], [], [], []
     for group in campaign.groups:
         data = np.stack([block.orders_mps2 for block in group.blocks])
-        counts = np.array([block.count for block in group.blocks], dtype=np.float64)
-        variance = group.variance[None] / counts[:, None, None] * _dependence(_seen(group, unseen))
-        floor = _floor(_seen(group, unseen))
-        known = np.isfinite(data) & np.isfinite(variance) & (variance + floor > 0.0)
+        count = np.array([block.count for block in group.blocks], dtype=np.float64)
+        known = np.isfinite(data).all(axis=0) & np.isfinite(group.variance)
         if not with_mean:
             # A tilt leaks the radial mean, which the model lacks, into the other axes.
-            known[:, :, 0] = False
-        weight = np.where(known, 1.0 / np.sqrt(np.where(known, variance + floor, 1.0)), 0.0)
-        orders.append(np.where(known, data, 0.0))
-        weights.append(weight)
-        variances.append(np.where(known, variance, 0.0))
-    return Whitened(tuple(orders), tuple(weights), tuple(variances))
+            known[:, 0] = False
+        variance = np.where(known, group.variance, 0.0) * _dependence(group)
+        floor = _floor(group)
+        known &= variance + floor > 0.0
+        orders.append(np.where(known, np.nan_to_num(data), 0.0))
+        counts.append(count)
+        used.append(known)
+        factors.append(
+            tuple(_factor(known[a], variance[a] / count.sum(), floor[a], _profile(group, a)) for a in range(3))
+        )
+        spread = variance / count[:, None, None] + floor
+        weights.append(np.where(known, 1.0 / np.sqrt(np.where(known, spread, 1.0)), 0.0))
+    return Whitened(tuple(orders), tuple(counts), tuple(used), tuple(factors), tuple(weights))
 
 
-def _seen(group: Group, unseen: int | None) -> Group:
-    """Return the group without a block, if it has others."""
-    blocks = tuple(block for place, block in enumerate(group.blocks) if place != unseen)
-    return replace(group, blocks=blocks or group.blocks)
+def _profile(group: Group, axis: int) -> FloatArray | None:
+    return None if group.scatter_profile is None else group.scatter_profile[axis]
 
 
-def _smooth(size: FloatArray) -> FloatArray:
-    """Return the rms of neighbouring orders, (3, ORDERS)."""
-    kernel = np.ones(_SMOOTHED) / _SMOOTHED
-    return np.stack([np.sqrt(np.convolve(np.square(row), kernel, mode="same")) for row in size])
+def _factor(known: BoolArray, variance: FloatArray, floor: FloatArray, profile: FloatArray | None) -> FloatArray:
+    """Return the whitening matrix of one axis, (m, REAL)."""
+    chosen = np.flatnonzero(np.concatenate([known, known[1:]]))
+    if not len(chosen):
+        return np.zeros((0, REAL))
+    spread = np.concatenate([variance, variance[1:]])
+    least = np.concatenate([floor, floor[1:]])
+    result = np.zeros((len(chosen), REAL))
+    if profile is None:
+        result[np.arange(len(chosen)), chosen] = (spread + least)[chosen] ** -0.5
+        return result
+    angle = -np.pi + 2.0 * np.pi / PROFILE_SIZE * np.arange(PROFILE_SIZE + 1)
+    root = np.interp(ANGLES, angle, np.sqrt(np.append(profile, profile[0])))
+    placed = FROM_FIELD @ (root[:, None] * TO_FIELD)
+    covariance = (placed * spread) @ placed.T + np.diag(least)
+    lower = cholesky(covariance[np.ix_(chosen, chosen)], lower=True)
+    result[:, chosen] = solve_triangular(lower, np.eye(len(chosen)), lower=True)
+    return result
 
 
 def _floor(group: Group) -> FloatArray:
-    """Return the variance of the computational errors, (1, 3, ORDERS)."""
+    """Return the variance of the computational errors, (3, ORDERS)."""
     conditions = group.conditions
     size = np.nan_to_num(np.abs(np.stack([block.orders_mps2 for block in group.blocks]))).mean(axis=0)
-    smooth = _smooth(size)
+    kernel = np.ones(_SMOOTHED) / _SMOOTHED
+    smooth = np.stack([np.convolve(np.square(row), kernel, mode="same") for row in size])
     steady = conditions.radius_m * conditions.omega_radps**2
-    result: FloatArray = (np.square(_OWN_SHARE * smooth) + (_FLAT_SHARE * steady) ** 2)[None]
+    result: FloatArray = _OWN_SHARE**2 * smooth + (_FLAT_SHARE * steady) ** 2
     return result
 
 
 def _dependence(group: Group) -> FloatArray:
-    """Return the ratio of the scatter of blocks to that of independent revolutions, at least 1, (1, 3, 1)."""
-    if len(group.blocks) < 3:
-        return np.ones((1, 3, 1))
+    """Return the ratio of the scatter of blocks to that of independent revolutions, (3, 1).
+
+    Below 1 where errors of neighbouring revolutions cancel, as those of a contact's timing, which ends one revolution
+    and begins the next.
+    """
+    if len(group.blocks) < _LEAST_BLOCKS:
+        return np.ones((3, 1))
     data = np.stack([block.orders_mps2 for block in group.blocks])
     counts = np.array([block.count for block in group.blocks], dtype=np.float64)
-    share = counts / counts.sum()
-    mean = np.tensordot(share, data, axes=1)
-    # Orders 2 and up: below, drifts of load and speed between blocks are real.
+    # Orders 2 and up in proportion to omega^2: what drifts of load and speed change is no scatter.
+    square = np.array([block.conditions.omega_radps**2 for block in group.blocks])
+    data = data * (group.conditions.omega_radps**2 / square)[:, None, None]
+    mean = np.tensordot(counts / counts.sum(), data, axes=1)
     between = np.abs(data - mean)[..., 2:] ** 2 * counts[:, None, None]
+    freedom = 2 * (len(counts) - 1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = between.sum(axis=0) / (2.0 * (len(counts) - 1) * group.variance[:, 2:])
-    result = np.ones(3)
+        ratio = between.sum(axis=0) / (freedom * group.variance[:, 2:])
+    result = np.ones((3, 1))
     for axis in range(3):
         known = ratio[axis][np.isfinite(ratio[axis])]
         if len(known):
-            result[axis] = max(1.0, float(np.median(known)))
-    return result[None, :, None]
-
-
-@dataclass(frozen=True, slots=True)
-class Normal:
-    """Normal equations by fold: H = sum J'WJ, b = J'Wr, c = r'Wr.
-
-    Attributes:
-        matrix: (K, P, P).
-        gradient: (K, P).
-        misfit: (K,).
-    """
-
-    matrix: FloatArray
-    gradient: FloatArray
-    misfit: FloatArray
-
-
-def empty_normal(folds: int, size: int) -> Normal:
-    """Return zeros to add to."""
-    return Normal(np.zeros((folds, size, size)), np.zeros((folds, size)), np.zeros(folds))
-
-
-def add_rows(normal: Normal, places: IntArray, rows: ComplexArray, residual: ComplexArray) -> None:
-    """Add one group's whitened rows (blocks, k, 3, ORDERS) and residual (blocks, 3, ORDERS), in place."""
-    there, left = as_real(rows), as_real(residual)
-    blocks = np.arange(len(left))
-    normal.matrix[np.ix_(blocks, places, places)] += there @ there.swapaxes(1, 2)
-    normal.gradient[np.ix_(blocks, places)] += (there @ left[:, :, None])[..., 0]
-    normal.misfit[blocks] += np.square(left).sum(axis=1)
-
-
-def as_real(coefficients: ComplexArray) -> FloatArray:
-    """Return the last two axes (3, ORDERS) of complex coefficients as one of real numbers, without a copy."""
-    flat: FloatArray = np.ascontiguousarray(coefficients).reshape(*coefficients.shape[:-2], -1).view(np.float64)
-    return flat
+            # The median is robust; that of a chi-square is below its mean.
+            result[axis] = max(_LEAST_DEPENDENCE, float(np.median(known)) * freedom / chi2.median(freedom))
+    return result

@@ -75,6 +75,17 @@ class ClosureModel:
             total += witness.misfit(float(vector[self.layout.effect(witness.effect)][0]) if inside else 0.0)
         return total
 
+    def witness_deviance(self) -> float:
+        """Return -2 ln of the probability of the side information before the waveforms are seen, up to a constant."""
+        total = 0.0
+        for witness in self._witnesses:
+            variance = witness.std**2
+            for effect in self.effects:
+                if effect.name == witness.effect:
+                    variance += effect.parameters[0].prior_std ** 2
+            total += witness.value**2 / variance + math.log(variance)
+        return total
+
     def tire(self, vector: FloatArray, index: int) -> FloatArray:
         """Return the parameters of the tire's state, (K,), as they are at the load and pressure of one group."""
         state: FloatArray = vector[self.layout.state(self.campaign.groups[index].state)] + self._shifts[index]
@@ -123,6 +134,10 @@ class ClosureModel:
             NoShapeError: no equilibrium, or a stiffness out of range.
         """
         return [self.predict_group(vector, index) for index in range(len(self.campaign.groups))]
+
+    def predict_mean(self, vector: FloatArray, index: int) -> ComplexArray:
+        """Return the orders of one group at its mean conditions, (3, ORDERS)."""
+        return self._orders(vector, index, self.shape(vector, index), self.campaign.groups[index].conditions)
 
     def predict_group(self, vector: FloatArray, index: int) -> ComplexArray:
         """Return the orders of every block of one group, (blocks, 3, ORDERS)."""

@@ -32,7 +32,7 @@ _ANY_OMEGA_RADPS: Final = 56.0
 _GRIDS: Final = (960, 1440)
 # Scans use a coarse grid and states rounded to this share, so that one shape serves many fits.
 _COARSE: Final = (480,)
-_ROUNDED: Final = 0.02
+_ROUNDED: Final = 0.1
 _KEPT_COARSE: Final = 4096
 _NODES_PER_LAYER: Final = 8.0
 # The solver's error falls with the square of the step; it is measured on a grid twice as fine.

@@ -1,0 +1,70 @@
+"""Thresholds of the inference, each with its reason."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+NAMED: Final = 0.99
+"""Probability from which an effect is identified: at most one name in a hundred is wrong if probabilities hold."""
+
+REPORTED: Final = 0.05
+"""Probability from which an effect that is not identified is listed: below, the prior alone is as large."""
+
+PRIOR_ODDS: Final = 0.05 / 0.95
+"""Odds of an effect before the data: two of forty effects on average."""
+
+LENGTHS_RAD: Final = (0.03, 0.12, 0.4)
+"""Correlation lengths of the discrepancy: a tread block, a contact edge, the belt's lowest free shapes."""
+
+NEAR_RAD: Final = 0.15
+"""Angle beyond the contact edge up to which a discrepancy counts as near the contact: the belt's bending layers."""
+
+FADE_RAD: Final = 0.3
+"""Angle over which the window near the contact ends."""
+
+START_SHARE: Final = 2e-5
+"""Least amplitude of the discrepancy at the start, as a share of R omega^2: the equations' own errors."""
+
+LEAST_SHARE: Final = 3e-6
+"""Least amplitude, likewise: the computation's own error."""
+
+SPEEDS_APART: Final = 1.1
+"""Ratio of speeds from which a constant discrepancy is told from one in proportion to omega^2."""
+
+LOOKED_AT: Final = 6.0
+"""Decrease of the cost that a candidate must promise to be fitted: below, prior odds and Occam factor outweigh it."""
+
+WITHIN: Final = 6.0
+"""Difference of log evidence from the best set up to which a set is fitted: beyond, its weight is below 0.3 %."""
+
+BRANCHES: Final = 2
+"""Chains of proposals: from the best and from the second-best first effect."""
+
+REFITTED: Final = 3
+"""Candidates fitted at each step of a chain, best promise first."""
+
+PROMISE_SHARE: Final = 0.3
+"""Share of the best promise below which a candidate of a chain is not fitted: linear promises are right to a third."""
+
+MOST_EFFECTS: Final = 8
+"""Effects of one set: more were never needed by a recording."""
+
+BEYOND_BOUND: Final = 1.0
+"""Standard errors by which a value may lie outside its physical range; there Laplace's approximation ends."""
+
+EXPLAINED_SHARE: Final = 0.02
+"""A candidate of a chain must remove this share of the misfit beyond noise: the true one removes a large part."""
+
+LOG_NAMED: Final = math.log(NAMED / (1.0 - NAMED))
+"""Log odds of `NAMED`."""
+
+WORTH_WORK: Final = 25.0
+"""Difference of log evidence from the best set, after the first step, up to which a set is worked out: later steps gain
+up to some ten."""
+
+SCANNED_GROUPS: Final = 4
+"""Groups of revolutions in which candidates are tried; evidence is always that of all groups."""
+
+RIVAL_SHARE: Final = 0.3
+"""Share of an effect's promise that another must have promised to be tried in its place."""

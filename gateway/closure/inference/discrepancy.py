@@ -1,0 +1,275 @@
+"""Discrepancy: the part of the waveforms that no effect explains, a Gaussian process over the belt's angle.
+
+For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each. Recordings
+of one state of the tire share them: a part in proportion to omega^2 and, where the speeds differ, one that is
+the same at all speeds. Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.inference import criteria
+from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, REAL, Whitened
+from gateway.types import FloatArray
+
+_JITTER: Final = 1e-10
+_AXES: Final = 3
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Groups of one state of the tire, on one axis.
+
+    Attributes:
+        groups: indices.
+        columns: of each group, the columns of its whitened coefficients that belong to the axis.
+        factors: of each group, (m, REAL).
+        scales: (parts, groups) size of each part of the discrepancy in each group.
+        kernels: (kernels, REAL, REAL) of unit amplitude.
+        information: (parts REAL, parts REAL) of the parts' coefficients.
+    """
+
+    groups: tuple[int, ...]
+    columns: tuple[slice, ...]
+    factors: tuple[FloatArray, ...]
+    scales: FloatArray
+    kernels: FloatArray
+    information: FloatArray
+
+    @property
+    def parts(self) -> int:
+        """Number of parts: in proportion to omega^2, and constant."""
+        return len(self.scales)
+
+
+class Discrepancy:
+    """Places and kernels of the discrepancy of a campaign; amplitudes are kept apart.
+
+    Amplitudes are mean squares, (m/s^2)^2, an array (places, parts, kernels); a place without a second part ignores it.
+    """
+
+    def __init__(self, campaign: Campaign, data: Whitened, lengths_rad: Sequence[float] = criteria.LENGTHS_RAD) -> None:
+        """Prepare the places of a campaign.
+
+        Args:
+            campaign: conditions.
+            data: whitened.
+            lengths_rad: correlation lengths.
+        """
+        self.size = data.size
+        self.reference_mps2 = float(
+            np.mean([group.conditions.radius_m * group.conditions.omega_radps**2 for group in campaign.groups])
+        )
+        self._places: list[tuple[int, int, _Place]] = []
+        ends = [np.cumsum([0, *(len(factor) for factor in factors)]) for factors in data.factors]
+        for state in range(campaign.states):
+            groups = tuple(index for index, group in enumerate(campaign.groups) if group.state == state)
+            if not groups:
+                continue
+            angle = float(np.mean([campaign.groups[index].half_angle_rad for index in groups]))
+            kernels = _kernels(round(angle, 3), tuple(lengths_rad))
+            omega = np.array([campaign.groups[index].conditions.omega_radps for index in groups])
+            scales = [np.square(omega) / float(np.square(omega).mean())]
+            if omega.max() > criteria.SPEEDS_APART * omega.min():
+                scales.append(np.ones(len(groups)))
+            for axis in range(_AXES):
+                factors = tuple(data.factors[index][axis] for index in groups)
+                if not any(len(factor) for factor in factors):
+                    continue
+                grams = [factor.T @ factor for factor in factors]
+                information = np.block(
+                    [
+                        [sum(a * b * g for a, b, g in zip(one, two, grams, strict=True)) for two in scales]
+                        for one in scales
+                    ]
+                )
+                columns = tuple(slice(int(ends[index][axis]), int(ends[index][axis + 1])) for index in groups)
+                place = _Place(groups, columns, factors, np.stack(scales), kernels, information)
+                self._places.append((state, axis, place))
+        self.shape = len(self._places), 2, 2 * len(lengths_rad)
+
+    def start(self, residual: Sequence[FloatArray]) -> FloatArray:
+        """Return amplitudes to start from: every place shares its residual's power beyond the scatter.
+
+        Args:
+            residual: whitened, (m,) of each group.
+        """
+        amplitudes = np.empty(self.shape)
+        least = (criteria.START_SHARE * self.reference_mps2) ** 2
+        for at, (_, _, place) in self.enumerate():
+            powers = [0.0]
+            for index, columns, factor in zip(place.groups, place.columns, place.factors, strict=True):
+                own = residual[index][columns]
+                # Whitened power beyond its expectation, in units of the smallest errors.
+                excess = max(0.0, float(own @ own) - len(own))
+                powers.append(excess / max(float(np.square(factor).sum()), 1e-300))
+            amplitudes[at] = max(max(powers), least)
+        return amplitudes
+
+    def applied(self, amplitudes: FloatArray) -> Applied:
+        """Return the discrepancy with its amplitudes."""
+        return Applied(self, amplitudes, tuple(_solved(place, amplitudes[at]) for at, (*_, place) in self.enumerate()))
+
+    def enumerate(self) -> list[tuple[int, tuple[int, int, _Place]]]:
+        """Return every place with its index, state and axis."""
+        return list(enumerate(self._places))
+
+
+@dataclass(frozen=True, slots=True)
+class _Solved:
+    """A place with amplitudes: posterior covariance of its coefficients, log determinant."""
+
+    covariance: FloatArray
+    log_determinant: float
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """A discrepancy with its amplitudes.
+
+    Attributes:
+        discrepancy: places and kernels.
+        amplitudes: (places, parts, kernels).
+        solved: of each place.
+    """
+
+    discrepancy: Discrepancy
+    amplitudes: FloatArray
+    solved: tuple[_Solved, ...]
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of the data's covariance over that of the scatter."""
+        return sum(place.log_determinant for place in self.solved)
+
+    def gram(self, rows: Sequence[FloatArray], others: Sequence[FloatArray] | None = None) -> FloatArray:
+        """Return rows C^-1 others' for the data's covariance C, (p, q).
+
+        Args:
+            rows: whitened by the scatter, (p, m) of each group.
+            others: likewise, (q, m); None for `rows`.
+        """
+        pairs = rows if others is None else others
+        total = plain_gram(rows, pairs)
+        for (_, (_, _, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True):
+            left = projected(place, rows)
+            right = left if others is None else projected(place, pairs)
+            total -= left @ solved.covariance @ right.T
+        return total
+
+    def seen(self, rows: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
+        """Return rows (p, m) of each group as each place corrects for them, for `cross`."""
+        return tuple(
+            projected(place, rows) @ solved.covariance
+            for (_, (_, _, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True)
+        )
+
+    def cross(self, rows: Sequence[FloatArray], seen: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
+        """Return `gram(rows, others)` where `seen` is known."""
+        total = plain_gram(rows, others)
+        for (_, (_, _, place)), known in zip(self.discrepancy.enumerate(), seen, strict=True):
+            total -= known @ projected(place, others).T
+        return total
+
+    def mean(self, residual: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray, FloatArray]]:
+        """Return the posterior mean and covariance of the discrepancy for a residual (m,) of each group.
+
+        Returns:
+            for every place its state, its axis, the coefficients (parts, REAL) and their covariance.
+        """
+        found = []
+        rows = [row[None] for row in residual]
+        for (_, (state, axis, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True):
+            coefficients = solved.covariance @ projected(place, rows)[0]
+            found.append((state, axis, coefficients.reshape(place.parts, REAL), solved.covariance))
+        return found
+
+    def improved(self, rows: Sequence[FloatArray], residual: Sequence[FloatArray], precision: FloatArray) -> Applied:
+        """Return the discrepancy with better amplitudes: one step of restricted maximum likelihood.
+
+        The step a <- a (alpha' K alpha) / trace ends where the likelihood is stationary (MacKay's fixed point).
+
+        Args:
+            rows: whitened derivatives (p, m) of each group.
+            residual: whitened, (m,) of each group, at the parameters of the fit.
+            precision: (p, p) inverse of the parameters' posterior covariance.
+        """
+        stacked = [np.concatenate([row, left[None]]) for row, left in zip(rows, residual, strict=True)]
+        spread = np.linalg.inv(precision)
+        amplitudes = self.amplitudes.copy()
+        least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
+        for at, (_, _, place) in self.discrepancy.enumerate():
+            solved = self.solved[at]
+            seen = projected(place, stacked)
+            # C^-1 of rows and residual, as the coefficients see it, and C^-1 itself.
+            through = seen - seen @ solved.covariance @ place.information
+            inside = place.information - place.information @ solved.covariance @ place.information
+            fitted = through[:-1].T @ spread
+            for part in range(place.parts):
+                own = slice(part * REAL, (part + 1) * REAL)
+                answer = through[-1, own]
+                for kernel, matrix in enumerate(place.kernels):
+                    data = float(answer @ matrix @ answer)
+                    trace = float(np.einsum("ij,ij->", inside[own, own], matrix))
+                    trace -= float(np.einsum("ij,ij->", fitted[own] @ through[:-1, own], matrix))
+                    if trace > 0.0:
+                        amplitudes[at, part, kernel] *= min(max(data / trace, 1e-6), 1e6)
+        return self.discrepancy.applied(np.maximum(amplitudes, least))
+
+
+def plain_gram(rows: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
+    """Return the sum over groups of rows (p, m) times others' (q, m), (p, q)."""
+    total = np.zeros((len(rows[0]), len(others[0])))
+    for row, other in zip(rows, others, strict=True):
+        total += row @ other.T
+    return total
+
+
+def projected(place: _Place, rows: Sequence[FloatArray]) -> FloatArray:
+    """Return whitened rows (p, m) of each group as the coefficients of a place see them, (p, parts REAL)."""
+    seen = np.zeros((place.parts, len(rows[0]), REAL))
+    for number, (index, columns, factor) in enumerate(zip(place.groups, place.columns, place.factors, strict=True)):
+        each = rows[index][:, columns] @ factor
+        seen += place.scales[:, number, None, None] * each
+    return np.concatenate(seen, axis=1)
+
+
+def _solved(place: _Place, amplitudes: FloatArray) -> _Solved:
+    size = place.parts * REAL
+    lower = np.zeros((size, size))
+    for part in range(place.parts):
+        own = slice(part * REAL, (part + 1) * REAL)
+        prior = np.tensordot(amplitudes[part], place.kernels, axes=1)
+        prior[np.diag_indices(REAL)] += _JITTER * float(np.trace(prior)) / REAL
+        lower[own, own] = cholesky(prior, lower=True)
+    inner = lower.T @ place.information @ lower
+    inner[np.diag_indices(size)] += 1.0
+    root = cholesky(inner, lower=True)
+    half = solve_triangular(root, lower.T, lower=True)
+    return _Solved(half.T @ half, 2.0 * float(np.log(np.diagonal(root)).sum()))
+
+
+@lru_cache(maxsize=32)
+def _kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> FloatArray:
+    """Return kernels of unit power of curves near the contact and away from it, (2 lengths, REAL, REAL)."""
+    beyond = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
+    near = np.cos(0.5 * math.pi * beyond)
+    away = 1.0 - np.cos(ANGLES[:, None] - ANGLES[None, :])
+    found = []
+    for window in (near, np.sin(0.5 * math.pi * beyond)):
+        for length in lengths_rad:
+            field = np.outer(window, window) * np.exp(-away / length**2)
+            field /= max(float(np.square(window).mean()), 1e-12)
+            found.append(FROM_FIELD @ field @ FROM_FIELD.T)
+    kernels = np.stack(found)
+    kernels.setflags(write=False)
+    return kernels

@@ -1,0 +1,151 @@
+"""Log evidence of a set of effects: Laplace's approximation at its fit, discrepancy in the covariance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.inference import criteria
+from gateway.closure.inference.candidate_trial import bounds
+from gateway.closure.inference.discrepancy import Applied, Discrepancy
+from gateway.closure.inference.fit import Fit, fit_model
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.model.closure_model import AngleEffect
+from gateway.reasons import Code, Reason
+from gateway.types import FloatArray
+
+# Most steps of the amplitudes, and the change of log evidence at which they end.
+_STEPS: Final = 15
+_SETTLED: Final = 0.1
+# Steps of the parameters with the discrepancy in: it moves them by little.
+_FIT_STEPS: Final = 6
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A set of effects with its evidence.
+
+    Attributes:
+        names: of the effects.
+        fit: with the discrepancy in the covariance, at the optimum of its linearisation.
+        log_evidence: of the data, up to a constant of the data; prior odds of the set included.
+        objection: why the set is impossible, None when it is possible.
+    """
+
+    names: frozenset[str]
+    fit: Fit
+    log_evidence: float
+    objection: tuple[str, Reason] | None = None
+
+    @property
+    def score(self) -> float:
+        """Log evidence, minus infinity where the set is impossible."""
+        return -math.inf if self.objection is not None else self.log_evidence
+
+
+def evaluate(
+    fit: Fit, data: Whitened, discrepancy: Discrepancy, amplitudes: FloatArray | None, enough: float = -math.inf
+) -> Evaluated:
+    """Return the evidence of a fitted set.
+
+    Args:
+        fit: of the set, in any covariance.
+        data: whitened.
+        discrepancy: of the campaign.
+        amplitudes: of the discrepancy of a similar set; None if none is known.
+        enough: a set that is still below this after the first step of the amplitudes is not worked out.
+
+    Raises:
+        FitFailedError: the fit fails with the discrepancy in.
+    """
+    applied = discrepancy.applied(discrepancy.start(fit.residual) if amplitudes is None else amplitudes)
+    if amplitudes is not None:
+        fit, applied = _settled(fit, applied, 1)
+        rough = log_evidence(fit.moved(_limited(fit)))
+        if rough < enough:
+            fit = fit.moved(_limited(fit))
+            return Evaluated(_names(fit), fit, rough, impossible(fit))
+    fit, applied = _settled(fit, applied, _STEPS)
+    start = _inside(fit.vector + _limited(fit), fit)
+    fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS)
+    fit, applied = _settled(fit, applied, _STEPS)
+    fit = fit.moved(_limited(fit))
+    return Evaluated(_names(fit), fit, log_evidence(fit), impossible(fit))
+
+
+def _names(fit: Fit) -> frozenset[str]:
+    return frozenset(effect.name for effect in fit.model.effects)
+
+
+def log_evidence(fit: Fit) -> float:
+    """Return the log evidence of a fit with a discrepancy, prior odds of its effects included."""
+    if fit.applied is None:
+        raise ValueError("the evidence of a set needs its discrepancy")
+    _, log_precision = np.linalg.slogdet(fit.precision)
+    known = fit.model.witness_deviance()
+    spread = 2.0 * float(np.log(fit.prior_std).sum())
+    odds = len(fit.model.effects) * math.log(criteria.PRIOR_ODDS)
+    return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + float(log_precision) + spread)
+
+
+def impossible(fit: Fit) -> tuple[str, Reason] | None:
+    """Return the effect whose parameters are out of their physical range, with the reason."""
+    std = np.sqrt(np.diagonal(fit.covariance))
+    for effect in fit.model.effects:
+        where = fit.model.layout.effect(effect.name)
+        values, errors = fit.vector[where], std[where]
+        for parameter, value, error in zip(effect.parameters, values.tolist(), errors.tolist(), strict=True):
+            slack = criteria.BEYOND_BOUND * error
+            if not parameter.low - slack <= value <= parameter.high + slack:
+                return effect.name, outside_range(effect, parameter.name, value)
+        reason = effect.reason_against(values, errors)
+        if reason is not None:
+            return effect.name, reason
+    return None
+
+
+def outside_range(effect: AngleEffect, name: str, value: float) -> Reason:
+    """Return the reason to reject a value outside a parameter's plausible range; numbers are in the display unit."""
+    parameter = next(parameter for parameter in effect.parameters if parameter.name == name)
+    return Reason(
+        Code.IMPLAUSIBLE_PARAMETER,
+        parameter=parameter.name,
+        value=value * parameter.factor,
+        low=parameter.low * parameter.factor,
+        high=parameter.high * parameter.factor,
+        unit=parameter.display_unit or parameter.unit,
+    )
+
+
+def _settled(fit: Fit, applied: Applied, steps: int) -> tuple[Fit, Applied]:
+    """Return the fit under the amplitudes of the highest evidence, each time at the optimum of the linear model."""
+    fit = fit.under(applied)
+    was = -math.inf
+    for _ in range(steps):
+        there = fit.moved(_limited(fit))
+        now = log_evidence(there)
+        if abs(now - was) < _SETTLED:
+            break
+        was = now
+        applied = applied.improved(there.rows, there.residual, there.precision)
+        fit = fit.under(applied)
+    return fit, applied
+
+
+def _limited(fit: Fit) -> FloatArray:
+    """Return the step of a fit, shortened where it leaves the range in which the linear model holds."""
+    step = fit.step
+    largest = float(np.abs(step[fit.model.layout.states]).max())
+    return step * min(1.0, 0.2 / max(largest, 1e-12))
+
+
+def _inside(vector: FloatArray, fit: Fit) -> FloatArray:
+    """Return a vector with every effect in its range: the ring has no solution beyond."""
+    result = vector.copy()
+    for effect in fit.model.effects:
+        where = fit.model.layout.effect(effect.name)
+        result[where] = np.clip(result[where], *bounds(effect))
+    return result

@@ -1,0 +1,241 @@
+"""Search of the sets of effects with the highest evidence.
+
+Proposals come from chains without a discrepancy, which add the effect of the largest gain each time. All sets on the
+chains, and those near them, get their evidence with a discrepancy. From the best set, every effect is removed, added or
+exchanged in turn until no set is better. Sets are visited in an order that depends on evidence and name alone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.data.condition_groups import telling
+from gateway.closure.inference import criteria
+from gateway.closure.inference.candidate_trial import Trial, refit, start_of, try_effect
+from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.evidence import Evaluated, evaluate, log_evidence
+from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.model.baseline import Core, NoShapeError
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.types import FloatArray
+
+Names = frozenset[str]
+
+
+@dataclass
+class SetSearch:
+    """Sets of effects evaluated on one campaign.
+
+    Attributes:
+        campaign: conditions.
+        core: baseline model.
+        data: whitened.
+        effects: candidates by name.
+        discrepancy: of the campaign.
+        expired: True when the time that the search may take is over.
+        on_step: called with the number of effects of the set that is being worked on.
+        found: sets with their evidence.
+        rejected: sets without an evidence, since a fit failed.
+        complete: False when the search ended because its time was over.
+        promises: largest gain of log evidence that each effect promised to a set of a chain.
+    """
+
+    campaign: Campaign
+    core: Core
+    data: Whitened
+    effects: Mapping[str, AngleEffect]
+    discrepancy: Discrepancy
+    expired: Callable[[], bool] = lambda: False
+    on_step: Callable[[int], None] = lambda _: None
+    found: dict[Names, Evaluated] = field(default_factory=dict)
+    rejected: set[Names] = field(default_factory=set)
+    complete: bool = True
+    promises: dict[str, float] = field(default_factory=dict)
+    _scanned: tuple[int, ...] = ()
+
+    def run(self, start: Fit) -> Evaluated:
+        """Search from the baseline model's fit; return the best set."""
+        groups = self.campaign.groups
+        self._scanned = tuple(
+            telling(
+                np.array([group.recording for group in groups]),
+                np.array([group.state for group in groups]),
+                np.array([group.conditions.omega_radps for group in groups]),
+                np.array([float(sum(block.count for block in group.blocks)) for group in groups]),
+                criteria.SCANNED_GROUPS,
+            ).tolist()
+        )
+        self._evaluate(start, None)
+        self._chains(start)
+        best = self.best
+        while not self._stop():
+            self._neighbours(best)
+            if self.best is best:
+                break
+            best = self.best
+        return self.best
+
+    @property
+    def best(self) -> Evaluated:
+        """The set of the highest evidence; of two alike, the one first by name."""
+        return min(self.found.values(), key=lambda one: (-one.score, sorted(one.names)))
+
+    def _stop(self) -> bool:
+        if self.expired():
+            self.complete = False
+        return not self.complete
+
+    def _evaluate(self, fit: Fit, amplitudes: FloatArray | None) -> Evaluated | None:
+        names = _names(fit)
+        if names in self.rejected:
+            return None
+        if names not in self.found:
+            self.on_step(len(names))
+            try:
+                enough = self.best.score - criteria.WORTH_WORK if self.found else -math.inf
+                self.found[names] = evaluate(fit, self.data, self.discrepancy, amplitudes, enough)
+            except FitFailedError:
+                self.rejected.add(names)
+                return None
+        return self.found[names]
+
+    def _chains(self, start: Fit) -> None:
+        """Add the best effects one after the other, without a discrepancy; from the best first ones."""
+        begun: set[Names] = set()
+        firsts = self._fitted(start)
+        for first in firsts[: criteria.BRANCHES]:
+            fit = first
+            while not self._stop() and _names(fit) not in begun:
+                begun.add(_names(fit))
+                self._of_chain(fit)
+                if len(fit.model.effects) >= criteria.MOST_EFFECTS:
+                    break
+                nexts = self._fitted(fit)
+                for other in nexts[1:]:
+                    self._of_chain(other)
+                if not nexts:
+                    break
+                fit = nexts[0]
+        for other in firsts[criteria.BRANCHES :]:
+            self._of_chain(other)
+
+    def _of_chain(self, fit: Fit) -> None:
+        names = _names(fit)
+        known = [one for of, one in self.found.items() if of < names]
+        parent = max(known, key=lambda one: (len(one.names), sorted(one.names)))
+        applied = parent.fit.applied
+        self._evaluate(fit, None if applied is None else applied.amplitudes)
+
+    def _fitted(self, fit: Fit) -> list[Fit]:
+        """Return fits of a set with one more effect, by gain without a discrepancy; none without a gain."""
+        self.on_step(len(fit.model.effects) + 1)
+        trials = self._scan(fit, self.effects)
+        for trial in trials:
+            self.promises[trial.effect.name] = max(trial.promise, self.promises.get(trial.effect.name, -math.inf))
+        beyond = max(0.0, fit.misfit - self.data.size)
+        fits: list[tuple[float, Fit]] = []
+        most = trials[0].promise if trials else 0.0
+        for trial in trials[: criteria.REFITTED]:
+            if trial.promise < criteria.LOOKED_AT or trial.promise < criteria.PROMISE_SHARE * most:
+                break
+            try:
+                after = refit(trial, self.data)
+            except FitFailedError:
+                continue
+            fall = fit.misfit - after.misfit
+            if fall > criteria.EXPLAINED_SHARE * beyond and fall > 2.0 * criteria.LOOKED_AT:
+                fits.append((after.misfit, after))
+        fits.sort(key=lambda one: one[0])
+        return [each for _, each in fits]
+
+    def _scan(self, fit: Fit, among: Iterable[str]) -> list[Trial]:
+        """Return trials of all effects that a set can take, by promise."""
+        taken = fit.model.effects
+        trials = []
+        for name in sorted(among):
+            effect = self.effects[name]
+            if is_taken(effect, taken):
+                continue
+            trial = try_effect(fit, self.data, effect, self._scanned)
+            if trial is not None:
+                trials.append(trial)
+        trials.sort(key=lambda trial: (-trial.promise, trial.effect.name))
+        return trials
+
+    def _neighbours(self, best: Evaluated) -> None:
+        """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
+        amplitudes = _amplitudes(best)
+        for effect in best.fit.model.effects:
+            if self._stop():
+                return
+            without = self._bare(best, effect)
+            if without is None:
+                continue
+            self._evaluate(without, amplitudes)
+            least = criteria.RIVAL_SHARE * self.promises.get(effect.name, 0.0) - criteria.LOOKED_AT
+            self._add(without, best, [name for name in self.effects if self.promises.get(name, math.inf) > least])
+        if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
+            self._add(best.fit, best, self.effects)
+
+    def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
+        """Return the fit of a set without one of its effects, the other parameters as they are."""
+        others = tuple(other for other in best.fit.model.effects if other.name != effect.name)
+        model = ClosureModel(self.campaign, self.core, others)
+        try:
+            vector = best.fit.model.layout.moved(best.fit.vector, model.layout)
+            return linearised(model, self.data, vector, applied=best.fit.applied)
+        except (NoShapeError, np.linalg.LinAlgError):
+            return None
+
+    def _add(self, fit: Fit, best: Evaluated, among: Iterable[str]) -> None:
+        """Evaluate a set with each effect that promises an evidence near that of the best set."""
+        known = self.found.get(_names(fit))
+        at = _linear_score(fit) if known is None else known.score
+        for trial in self._scan(fit, among)[: criteria.REFITTED]:
+            if self._stop():
+                return
+            names = _names(fit) | {trial.effect.name}
+            if names in self.found or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
+                continue
+            if at + trial.promise + math.log(criteria.PRIOR_ODDS) < best.score - criteria.WITHIN:
+                break
+            try:
+                after = linearised(trial.model, self.data, start_of(trial), applied=best.fit.applied)
+            except (NoShapeError, np.linalg.LinAlgError):
+                self.rejected.add(names)
+                continue
+            self._evaluate(after, _amplitudes(best))
+
+
+def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
+    """Return whether an effect, or another form of it, is among those taken."""
+    if any(effect.name == other.name for other in taken):
+        return True
+    return bool(effect.form_of) and any(other.form_of == effect.form_of for other in taken)
+
+
+def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:
+    """Return the fit of the baseline model alone.
+
+    Raises:
+        FitFailedError: it has no equilibrium near its start.
+    """
+    return fit_model(ClosureModel(campaign, core), data, from_afar=True)
+
+
+def _names(fit: Fit) -> Names:
+    return frozenset(effect.name for effect in fit.model.effects)
+
+
+def _amplitudes(one: Evaluated) -> FloatArray | None:
+    return None if one.fit.applied is None else one.fit.applied.amplitudes
+
+
+def _linear_score(fit: Fit) -> float:
+    return log_evidence(fit.moved(fit.step))
