@@ -35,6 +35,7 @@ def diagnose(
     folds: int = 5,
     jobs: int = 1,
     keys: PathLike | None = None,
+    budget_s: float | None = None,
     progress: DiagnosisProgress | None = None,
 ) -> DiagnosisReport:
     """Identify the physical effects that the model of one wheel lacks, as `treadlink diagnose`.
@@ -49,6 +50,7 @@ def diagnose(
         folds: blocks of cross-validation, 2 to 20.
         jobs: maximum number of processes. A script that uses more than one needs `if __name__ == "__main__":`.
         keys: file with the keys of signed frames; None for the key file of `treadlink keys`.
+        budget_s: time that the search for effects may take; None sets no limit.
         progress: called with the share done, 0 to 1, and the present step.
 
     Raises:
@@ -74,6 +76,7 @@ def diagnose(
             jobs=jobs,
             reverse=[_path(one) for one in reverse],
             key_file=None if keys is None else Path(keys),
+            budget_s=budget_s,
             on_progress=progress,
         )
     except BrokenProcessPool as error:

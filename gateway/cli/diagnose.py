@@ -93,6 +93,13 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
 @click.option(
     "--jobs", type=click.IntRange(1, 64), help="Maximum number of processes.  [default: 2, or 1 on a single processor]"
 )
+@click.option(
+    "--budget",
+    "budget_s",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="SECONDS",
+    help="Time for the search for effects; what is known by then is reported, with a note.  [default: no limit]",
+)
 @force_option
 @click.option(
     "--list-effects",
@@ -117,6 +124,7 @@ def diagnose(
     effects_path: Path | None,
     folds: int,
     jobs: int | None,
+    budget_s: float | None,
     force: bool,
     key_file: Path | None,
 ) -> None:
@@ -175,6 +183,7 @@ def diagnose(
             jobs=jobs or min(2, os.cpu_count() or 1),
             reverse=reverse,
             key_file=key_file,
+            budget_s=budget_s,
             on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
         )
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))

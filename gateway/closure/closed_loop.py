@@ -1,32 +1,43 @@
-"""The closed loop: baseline model, residual, effects, hold-out, estimates before and after."""
+"""The closed loop: baseline model, posterior over sets of effects, hold-out, estimates before and after."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Final
 
 from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.contact_edge_jitter import beside_edges, edge_findings
+from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
-from gateway.closure.inference.hold_out import over_noise, summary
-from gateway.closure.inference.likelihood import whiten
+from gateway.closure.inference.findings import findings_of
+from gateway.closure.inference.fit import FitFailedError
+from gateway.closure.inference.hold_out import hold_out
+from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import diagnose_time_locked
 from gateway.closure.inference.number_estimates import estimates_of
+from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.residual import unexplained
+from gateway.closure.inference.rolling_direction import turned_round
+from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
-from gateway.closure.inference.validated_selection import close_loop
-from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.model.baseline import Core
+from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
-from gateway.closure.result import FAR_OFF, Diagnosis, Unexplained, Verdict
+from gateway.closure.result import Diagnosis, Unexplained, Verdict
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
 
+Progress = Callable[[float, str], None]
+
 _FEW_REVOLUTIONS: Final = 20
-# States listed in one note.
-_MOST_STATES: Final = 3
+# Shares of the time at which the search, the hold-out and the time-locked part end, and what is left of the search
+# after each set.
+_FITTED, _SEARCHED, _HELD_OUT, _TIME_LOCKED = 0.1, 0.8, 0.87, 0.97
+_LEFT: Final = 0.93
 
 
 def diagnose(
@@ -34,17 +45,17 @@ def diagnose(
     *,
     model: BaselineModel = BaselineModel.EXACT,
     empirical: bool = False,
-    on_progress: Callable[[float, str], None] = lambda _share, _text: None,
-    jobs: int = 1,
+    on_progress: Progress = lambda _share, _text: None,
+    expired: Callable[[], bool] = lambda: False,
 ) -> Diagnosis:
     """Find the effects that a baseline model lacks on a campaign.
 
     Args:
         campaign: the data of one wheel.
         model: baseline model.
-        empirical: also report the held-out error with the mean residual added as a correction.
+        empirical: also report the held-out error with the mean of the discrepancy added as a correction.
         on_progress: called with the share that is done and the present step.
-        jobs: processes for the nested hold-out.
+        expired: True when the time for the search is over; what is known by then is reported.
 
     Raises:
         TreadlinkError: there are too few data, or the baseline model cannot be fitted.
@@ -55,28 +66,29 @@ def diagnose(
         raise TreadlinkError(
             "a diagnosis needs at least two revolutions of one recording", "Record longer at a steady speed."
         )
-    on_progress(0.0, "fitting the baseline model")
-    closed = close_loop(campaign, core, data, model, on_progress, jobs)
-    selection = closed.selection
-    held_out, noise, corrected = summary(closed.errors)
+    effects = angle_effects(candidates(model))
+    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data), expired, _Steps(on_progress))
+    posterior = _searched(campaign, core, data, model, search, on_progress)
+    best = posterior.best
+    on_progress(_SEARCHED, "computing held-out errors")
+    also = [posterior.every[names] for name in best.names if (names := best.names - {name}) in posterior.every]
+    errors = hold_out(posterior, data, also)
+    held_out, noise = errors.summary, errors.noise_mps2
     over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
-    findings = doubted(closed.findings, selection.final.model.effects, campaign, over)
-    on_progress(0.9, "diagnosing the time-locked signal")
-    changes = changing(selection.final, selection.data)
+    findings = doubted(findings_of(posterior, effects, errors.rms_of), best.fit.model.effects, campaign, over)
+    on_progress(_HELD_OUT, "diagnosing the time-locked signal")
+    changes = changing(best.fit, data)
     time_locked = diagnose_time_locked(campaign.groups, changing=bool(changes))
     edges = edge_findings(campaign.groups)
-    on_progress(0.97, "preparing figures")
-    before, _ = estimates_of(selection.start, data)
-    shares = over_noise(closed.errors)
-    # Each state separately: one that the model does not describe hides behind good ones. A state without held-out
-    # revolutions has no known error.
-    far_off = [state for state in range(campaign.states) if not shares.get(state, math.inf) <= FAR_OFF]
-    after, determined = estimates_of(selection.final, selection.data, closed.undecided, far_off)
+    on_progress(_TIME_LOCKED, "preparing figures")
+    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)])
+    after, determined = estimates_of([(one.fit, weight) for one, weight in posterior.considered])
     left: tuple[Unexplained, ...] = (
         *changes,
-        *unexplained(selection.final, selection.data),
+        *unexplained(best.fit, data),
         *beside_changes(time_locked.unexplained, changes),
     )
+    start = posterior.baseline.fit
     on_progress(1.0, "done")
     return Diagnosis(
         model=str(model),
@@ -97,16 +109,86 @@ def diagnose(
         estimates_before=before,
         estimates_after=after,
         determined=determined,
-        curves=curves_of(selection.start, selection.final, data),
+        determined_before=determined_before,
+        curves=curves_of(start, best.fit, data),
         spectra=time_locked.spectra,
-        trends=trends_of(selection.start, selection.final, data),
-        empirical_rms_mps2=corrected if empirical else None,
-        notes=(*_far_off(campaign, far_off, shares), *_notes(campaign, with_mean=core.mean), *time_locked.notes),
+        trends=trends_of(start, best.fit, data),
+        empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
+        notes=(*_notes(campaign, with_mean=core.mean), *_ended(search), *time_locked.notes),
         folds_of=_folds_of(campaign),
-        correction=contribution_table(selection.final, tuple(findings)),
+        correction=contribution_table(best.fit, tuple(findings)),
         load_known=all(group.load_known for group in campaign.groups),
         pressure_known=all(group.pressure_known for group in campaign.groups),
+        complete=search.complete,
     )
+
+
+def _searched(
+    campaign: Campaign, core: Core, data: Whitened, model: BaselineModel, search: SetSearch, on_progress: Progress
+) -> Posterior:
+    """Return the posterior over sets of effects.
+
+    Raises:
+        TreadlinkError: the baseline model cannot be fitted, or a recording contradicts its stated direction.
+    """
+    on_progress(0.0, "fitting the baseline model")
+    try:
+        first = baseline_fit(campaign, core, data)
+        _check_directions(campaign, turned_round(first, data))
+        on_progress(_FITTED, "searching for effects")
+        search.run(first)
+    except FitFailedError as error:
+        raise _cannot_be_fitted(model, error) from error
+    if frozenset() not in search.found:
+        raise _cannot_be_fitted(model, "its residual has no fit")
+    return posterior_of(search)
+
+
+class _Steps:
+    """Converter of sets worked on, whose number is unknown beforehand, to a growing share."""
+
+    def __init__(self, on_progress: Progress) -> None:
+        self._on_progress = on_progress
+        self._done = 0
+
+    def __call__(self, effects: int) -> None:
+        self._done += 1
+        share = _FITTED + (_SEARCHED - _FITTED) * (1.0 - _LEFT**self._done)
+        self._on_progress(share, f"comparing sets of {effects} effects" if effects != 1 else "comparing single effects")
+
+
+def _cannot_be_fitted(model: BaselineModel, error: object) -> TreadlinkError:
+    return TreadlinkError(
+        f"the baseline model '{model}' cannot be fitted to these recordings: {error}",
+        "Check belt radius, load and pressure in the configuration.",
+    )
+
+
+def _check_directions(campaign: Campaign, wrong: list[int]) -> None:
+    """Reject recordings that contradict their stated direction, which no effect could correct.
+
+    Raises:
+        TreadlinkError: one does.
+    """
+    if not wrong:
+        return
+    stated = {group.recording for group in campaign.groups if group.conditions.reverse}
+    remedies = [
+        f"remove --reverse {campaign.recordings[number]}"
+        if number in stated
+        else f"add --reverse {campaign.recordings[number]}"
+        for number in wrong
+    ]
+    raise TreadlinkError(
+        "the sign of the circumferential axis is opposite to that of a rolling tire in "
+        + ", ".join(f"'{campaign.recordings[number]}'" for number in wrong),
+        f"If the tire rolled in the opposite direction, {' and '.join(remedies)}; otherwise the sensor's axis points "
+        "backwards: record or import it with the sign reversed.",
+    )
+
+
+def _ended(search: SetSearch) -> tuple[Reason, ...]:
+    return () if search.complete else (Reason(Code.SEARCH_ENDED_EARLY, sets=len(search.found)),)
 
 
 _RANK: Final = {Verdict.NAMED: 0, Verdict.INDISTINGUISHABLE: 1, Verdict.REFUSED: 2}
@@ -115,24 +197,6 @@ _RANK: Final = {Verdict.NAMED: 0, Verdict.INDISTINGUISHABLE: 1, Verdict.REFUSED:
 def _folds_of(campaign: Campaign) -> str:
     single = all(block.count == 1 for group in campaign.groups for block in group.blocks)
     return "revolutions" if single else "blocks of revolutions"
-
-
-def _far_off(campaign: Campaign, states: Sequence[int], shares: Mapping[int, float]) -> tuple[Reason, ...]:
-    """Return a note of the states that the model is far from, when there are other states."""
-    if campaign.states < 2 or not states:
-        return ()
-    names = []
-    for state in sorted(states, key=lambda state: -shares.get(state, math.inf))[:_MOST_STATES]:
-        conditions = next(group.conditions for group in campaign.groups if group.state == state)
-        load_n, pressure_pa = conditions.load_n, conditions.pressure_pa
-        if state in shares:
-            share = shares[state]
-            names.append(Reason(Code.STATE_WITH_ERROR, load_n=load_n, pressure_pa=pressure_pa, noise_floors=share))
-        else:
-            names.append(Reason(Code.STATE, load_n=load_n, pressure_pa=pressure_pa))
-    if len(states) > _MOST_STATES:
-        names.append(Reason(Code.MORE_STATES, states=len(states) - _MOST_STATES))
-    return (Reason(Code.STATES_NOT_DETERMINED, limit=FAR_OFF, states=tuple(names)),)
 
 
 def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[Reason, ...]:

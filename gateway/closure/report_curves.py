@@ -14,7 +14,7 @@ from gateway.closure.inference.residual import group_residuals
 from gateway.closure.model.sensor_signal import THETA, orders_field
 from gateway.closure.result import Curves, Trend
 from gateway.constants import AXIS_NAMES
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # A quantity that varies by less than this share over the groups shows no trend.
 _VARIES: Final = 0.03
@@ -37,11 +37,11 @@ def curves_of(before: Fit, after: Fit, data: Whitened) -> tuple[Curves, ...]:
         known = total > 0.0
         scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
 
-        def mean(orders: ComplexArray, weight: FloatArray = weight, scale: FloatArray = scale) -> FloatArray:
-            return orders_field((weight * orders).sum(axis=0) * scale)
+        def field(orders: ComplexArray, known: BoolArray = known) -> FloatArray:
+            return orders_field(np.where(known, orders, 0.0))
 
         absent = ~known.any(axis=1)
-        measured = mean(data.orders[index])
+        measured = field(data.mean(index, data.orders[index]))
         measured[absent] = np.nan
         order_noise = np.sqrt(scale)
         order_noise[~known] = np.nan
@@ -50,8 +50,8 @@ def curves_of(before: Fit, after: Fit, data: Whitened) -> tuple[Curves, ...]:
                 label=group.label,
                 theta_rad=THETA,
                 measured_mps2=measured,
-                before_mps2=mean(before.predicted[index]),
-                after_mps2=mean(after.predicted[index]),
+                before_mps2=field(before.predicted[index]),
+                after_mps2=field(after.predicted[index]),
                 noise_mps2=np.sqrt(scale.sum(axis=1)),
                 order_noise_mps2=order_noise,
             )

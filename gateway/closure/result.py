@@ -101,7 +101,7 @@ class Finding:
         verdict: the outcome.
         parameters: by name.
         chi2: reduction of the misfit (chi-square) on all data.
-        held_out_gain: reduction of the misfit on held-out revolutions, sum over folds.
+        held_out_gain: reduction of the misfit on held-out revolutions, sum over folds; NaN where locked to the angle.
         held_out_std: its standard error over folds.
         rms_mps2: size of its contribution, rms over the signal of the axes it acts on.
         rms_before_mps2: held-out rms before it was added; NaN for refused effects.
@@ -113,6 +113,8 @@ class Finding:
         summary: a description of the effect.
         equation: its contribution.
         lock: "angle", "time", or "contact" for what scatters from one contact to the next.
+        probability: that the effect is present, NaN where not locked to the angle.
+        log_odds: logarithm of its odds by the best sets with and without it, NaN likewise.
     """
 
     name: str
@@ -131,6 +133,8 @@ class Finding:
     summary: str = ""
     equation: str = ""
     lock: str = "angle"
+    probability: float = math.nan
+    log_odds: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,13 +244,45 @@ class Trend:
 
 
 @dataclass(frozen=True, slots=True)
+class AxisError:
+    """Error of one axis on held-out revolutions.
+
+    Attributes:
+        axis: "circumferential", "lateral" or "radial".
+        before_mps2: rms of the baseline model's.
+        after_mps2: with the effects that the other revolutions determine.
+        with_discrepancy_mps2: with the mean of what no effect explains added.
+        noise_mps2: rms that a perfect model would leave.
+        before_weighted: root mean square of the error over the scatter, 1 for a perfect model.
+        after_weighted: likewise.
+    """
+
+    axis: str
+    before_mps2: float
+    after_mps2: float
+    with_discrepancy_mps2: float
+    noise_mps2: float
+    before_weighted: float
+    after_weighted: float
+
+
+@dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Error on revolutions that were used by no fit and no selection, rms over axes and orders used."""
+    """Error on revolutions that were used by no fit and no selection, rms over axes and orders used.
+
+    Attributes:
+        rms_before_mps2: of the baseline model.
+        rms_after_mps2: with effects.
+        revolutions: held out.
+        folds: number of folds.
+        axes: the same by axis.
+    """
 
     rms_before_mps2: float
     rms_after_mps2: float
     revolutions: int
     folds: int
+    axes: tuple[AxisError, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,7 +302,8 @@ class Diagnosis:
         unexplained: largest first.
         estimates_before: of the baseline model, by name (`Bs`, `contact_half_angle_rad`, ...).
         estimates_after: with the named effects.
-        determined: estimate -> False when the data do not determine it.
+        determined: estimate with the named effects -> False when the data do not determine it.
+        determined_before: likewise for the baseline model's.
         curves: for figures.
         spectra: for figures.
         trends: for figures.
@@ -278,6 +315,7 @@ class Diagnosis:
         stated: inputs that were stated or measured, with their source.
         load_known: False where the load of a group was assumed.
         pressure_known: False where the pressure of a group was assumed.
+        complete: False where the search for effects ended because its time was over.
     """
 
     model: str
@@ -293,6 +331,7 @@ class Diagnosis:
     estimates_before: Mapping[str, Fitted]
     estimates_after: Mapping[str, Fitted]
     determined: Mapping[str, bool] = field(default_factory=dict)
+    determined_before: Mapping[str, bool] = field(default_factory=dict)
     curves: tuple[Curves, ...] = ()
     spectra: tuple[Spectra, ...] = ()
     trends: tuple[Trend, ...] = ()
@@ -303,6 +342,7 @@ class Diagnosis:
     stated: tuple[Reason, ...] = ()
     load_known: bool = True
     pressure_known: bool = True
+    complete: bool = True
 
     @property
     def named(self) -> tuple[Finding, ...]:

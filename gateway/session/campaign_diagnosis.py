@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+from gateway.clock import Clock, SystemClock
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.result import Diagnosis
@@ -30,6 +31,8 @@ def diagnose_recordings(
     jobs: int = 2,
     reverse: Collection[Path] = (),
     key_file: Path | None = None,
+    budget_s: float | None = None,
+    clock: Clock | None = None,
     on_progress: Progress | None = None,
 ) -> Diagnosis:
     """Diagnose one wheel of one or more recordings.
@@ -44,11 +47,14 @@ def diagnose_recordings(
         jobs: maximum number of processes.
         reverse: those of `paths` recorded in the opposite direction.
         key_file: keys of signed frames, where the configuration asks for them.
+        budget_s: time that the search for effects may take, reading not included; None sets no limit.
+        clock: of the budget; None for the system's.
         on_progress: called with the share done, 0 to 1, and the present step.
 
     Raises:
         TreadlinkError: a recording cannot be read, or contains nothing usable.
     """
+    clock = clock or SystemClock()
     report = on_progress or (lambda _share, _text: None)
     total = sum(path.stat().st_size for path in paths if path.is_file())
     read = 0
@@ -68,12 +74,13 @@ def diagnose_recordings(
         reverse=reverse,
         key_file=key_file,
     )
+    end_ns = None if budget_s is None else clock.now_ns() + round(1e9 * budget_s)
     diagnosis = diagnose(
         campaign,
         model=model,
         empirical=empirical,
         on_progress=lambda share, text: report(_READING_SHARE + (1.0 - _READING_SHARE) * share, text),
-        jobs=jobs,
+        expired=lambda: end_ns is not None and clock.now_ns() >= end_ns,
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
     return replace(diagnosis, notes=notes, stated=campaign.stated)

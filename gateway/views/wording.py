@@ -659,24 +659,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the packet at the {edge} edge fades within {waves:.2f} of a wavelength: a bump, not a wave"
     ),
     Code.HOLLOW_ROAD: "the road would be hollow with a radius of {radius_m:.3g m}, larger than any inner drum (5 m)",
+    Code.PROBABILITY_TOO_LOW: "its probability is {probability:.2g}, and {needed:.2g} is needed",
+    Code.SEARCH_ENDED_EARLY: (
+        "the search for effects ended at its time limit after {sets} sets: others may be more probable"
+    ),
     Code.SIZE_DIFFERS_BETWEEN_RECORDINGS: "its size would have to differ between recordings (most in {recording})",
-    Code.SIZE_DIFFERS_BETWEEN_AXES: "its size would have to differ between axes (most on the {axis} axis)",
-    Code.ANOTHER_BELT: "it needs other belt stiffnesses than {effect}",
-    Code.NO_COMMON_BELT: (
-        "the belt stiffnesses common to it and {effect} would be implausible for a car tire ({stiffnesses} of "
-        "typical values)"
-    ),
-    Code.STIFFNESS_RATIO: "{name} {ratio:.2g} times",
-    Code.TOO_SMALL_BESIDE_OTHERS: "beside the other effects it is too small to be detected",
-    Code.NOT_NEEDED: "held-out data are predicted equally well without it",
-    Code.LEAVES_RESIDUAL: (
-        "it leaves {residual_share:.0f %} of the residual where it acts, so it stands in for another cause"
-    ),
     Code.LEAVES_RESIDUAL_AT_EDGES: (
         "it leaves {residual_share:.0f %} of the scatter at the contact edges, so it stands in for another cause"
     ),
     Code.SMALLER_THAN_EDGE_RESIDUAL: "it is smaller than the residual that correcting the contact edges may leave",
-    Code.FOUND_IN_FEW_FOLDS: "found in only {found} of {folds} folds of the hold-out",
     Code.NOTHING_REMAINS: "nothing of it remains beside the other effects",
     Code.AXIS_HAS_OTHER_SHARE: "the {axis} axis shows {ratio:.2f} times the expected size",
     Code.AXIS_SHOULD_BE_QUIET: "the {axis} axis should not show it, but does, at {ratio:.2f} times the size",
@@ -730,12 +721,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.CLIPPED_UNLIKE_GROUP: "the radial axis is clipped, unlike in others at the same conditions",
     Code.FEW_REVOLUTIONS: "only {revolutions} revolutions: a pattern common to all of them may still be chance",
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
-    Code.STATES_NOT_DETERMINED: (
-        "estimates are not determined where the held-out error exceeds {limit:g} noise floors: {states}"
-    ),
     Code.STATE: "{load_n:.0f N} at {pressure_pa:.0f kPa}",
-    Code.STATE_WITH_ERROR: "{load_n:.0f N} at {pressure_pa:.0f kPa} ({noise_floors:.1f})",
-    Code.MORE_STATES: "{states} more",
     Code.GROUPS_TOO_SHORT: (
         "no spectrum of the signal that does not repeat with the wheel: {groups} of {of} groups are too short"
     ),

@@ -101,6 +101,8 @@ class Parameter:
         inverse_display: (factor, unit) where the value is the inverse of the quantity that engineers use, so that 0
             means absent. Tables show factor / value in that unit, under the name without its leading `inverse`.
         varies: True where the parameter may physically differ between recordings.
+        shared_std: where effects share the parameter of this name, the standard deviation by which each may differ
+            from it, as their equations are models; None where it is the effect's own.
     """
 
     name: str
@@ -114,6 +116,7 @@ class Parameter:
     display_unit: str = ""
     varies: bool = False
     inverse_display: tuple[float, str] | None = None
+    shared_std: float | None = None
 
     @property
     def known(self) -> bool:

@@ -24,11 +24,14 @@ from gateway.closure.model.lateral_response import Load, Response, Stiffness, un
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 
+# Error of a stiffness, as a logarithm, by the error of an effect's equation.
+_EQUATION_STD: Final = 0.15
+
 
 def _stiffness(name: str) -> Parameter:
     # A factor of 5 either way covers belts from 0.2 to 5 kN m^2 in their plane, sidewalls from 0.05 to 1.2 MPa; tires
     # of one class differ by half as much. Far beyond it a cone looks like roll tilt and ply steer like a yawed sensor.
-    return Parameter(f"{name}_ln", "", low=-1.6, high=1.6, prior_std=0.6, step=1e-3)
+    return Parameter(f"{name}_ln", "", low=-1.6, high=1.6, prior_std=0.6, step=1e-3, shared_std=_EQUATION_STD)
 
 
 STIFFNESSES: Final = (_stiffness("bending"), _stiffness("sidewall"), _stiffness("tread"))

@@ -14,7 +14,7 @@ from gateway.closure.inference.fit import Fit, fit_model, gram
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
-from gateway.types import FloatArray
+from gateway.types import FloatArray, IntArray
 
 # Steps of a fit from a trial: a correct effect converges in five to fifteen; one that needs more is not the cause.
 _TRIAL_STEPS: Final = 15
@@ -152,31 +152,35 @@ def _try_from(
         return None
     inner = gram(new, None, fit.applied) / fit.scale
     cross = fit.cross(new)
-    mean, std = model.priors()
+    mean, _ = model.priors()
+    prior = model.prior_precision()
     old = _places(fit, model)
-    matrix = np.diag(std**-2.0)
+    new_places = np.arange(own.start, own.stop)
+    matrix = prior.copy()
     # A fit that misses an effect has widened errors, and the effect may be what is missing: its prior stays as it is.
     matrix[np.ix_(old, old)] += fit.information
-    matrix[np.ix_(old, range(own.start, own.stop))] += cross[:, :-1]
-    matrix[np.ix_(range(own.start, own.stop), old)] += cross[:, :-1].T
+    matrix[np.ix_(old, new_places)] += cross[:, :-1]
+    matrix[np.ix_(new_places, old)] += cross[:, :-1].T
     matrix[own, own] += inner[:-1, :-1]
     away = there - mean
-    gradient = -away / std**2
+    gradient = -prior @ away
     gradient[old] += cross[:, -1]
     gradient[own] += inner[:-1, -1]
     try:
         change = np.linalg.solve(matrix, gradient)
         _, log_new = np.linalg.slogdet(matrix)
         _, log_old = np.linalg.slogdet(fit.precision)
+        _, log_prior = np.linalg.slogdet(prior)
+        _, log_fit = np.linalg.slogdet(fit.prior_precision)
     except np.linalg.LinAlgError:
         return None
-    cost = float(inner[-1, -1] + away @ (away / std**2) - change @ gradient)
+    cost = float(inner[-1, -1] + away @ prior @ away - change @ gradient)
     known = model.witness_misfit(there + change) - fit.model.witness_misfit(fit.vector)
-    occam = float(log_new - log_old) + 2.0 * float(np.log(std[own]).sum())
+    occam = float(log_new - log_old - log_prior + log_fit)
     return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - known - occam))
 
 
-def _places(fit: Fit, model: ClosureModel) -> FloatArray:
+def _places(fit: Fit, model: ClosureModel) -> IntArray:
     """Return the index of each parameter of a fit in the larger model, (P,)."""
     result = np.arange(fit.model.layout.size)
     for effect in fit.model.effects:

@@ -11,8 +11,8 @@ import numpy as np
 
 from gateway.closure.data.campaign_data import Group
 from gateway.closure.effects.contact import CONTACT_EDGE_JITTER
-from gateway.closure.inference.acceptance_tests import outside_range
 from gateway.closure.inference.findings import fitted_parameter
+from gateway.closure.inference.parameter_range import outside_range
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
 
@@ -36,6 +37,7 @@ class _Place:
         scales: (parts, groups) size of each part of the discrepancy in each group.
         kernels: (kernels, REAL, REAL) of unit amplitude.
         information: (parts REAL, parts REAL) of the parts' coefficients.
+        thinning: factor on the whitening by a smaller number of revolutions.
     """
 
     groups: tuple[int, ...]
@@ -44,6 +46,7 @@ class _Place:
     scales: FloatArray
     kernels: FloatArray
     information: FloatArray
+    thinning: float = 1.0
 
     @property
     def parts(self) -> int:
@@ -118,6 +121,23 @@ class Discrepancy:
     def applied(self, amplitudes: FloatArray) -> Applied:
         """Return the discrepancy with its amplitudes."""
         return Applied(self, amplitudes, tuple(_solved(place, amplitudes[at]) for at, (*_, place) in self.enumerate()))
+
+    def thinned(self, share: float) -> Discrepancy:
+        """Return the same discrepancy for data with a share of the revolutions."""
+        thin = copy(self)
+        thin._places = [
+            (state, axis, replace(place, information=share * place.information, thinning=math.sqrt(share)))
+            for state, axis, place in self._places
+        ]
+        return thin
+
+    def scales(self, state: int, axis: int, group: int) -> FloatArray:
+        """Return the size of each part of the discrepancy in one group, (parts,)."""
+        for of, along, place in self._places:
+            if (of, along) == (state, axis):
+                result: FloatArray = place.scales[:, place.groups.index(group)]
+                return result
+        raise KeyError(f"no discrepancy on axis {axis} of state {state}")
 
     def enumerate(self) -> list[tuple[int, tuple[int, int, _Place]]]:
         """Return every place with its index, state and axis."""
@@ -238,7 +258,7 @@ def projected(place: _Place, rows: Sequence[FloatArray]) -> FloatArray:
     """Return whitened rows (p, m) of each group as the coefficients of a place see them, (p, parts REAL)."""
     seen = np.zeros((place.parts, len(rows[0]), REAL))
     for number, (index, columns, factor) in enumerate(zip(place.groups, place.columns, place.factors, strict=True)):
-        each = rows[index][:, columns] @ factor
+        each = place.thinning * (rows[index][:, columns] @ factor)
         seen += place.scales[:, number, None, None] * each
     return np.concatenate(seen, axis=1)
 

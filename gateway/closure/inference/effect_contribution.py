@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -11,9 +12,10 @@ from gateway.closure.data.campaign_data import Block, Campaign, Group
 from gateway.closure.effects.effect import CIRCUMFERENTIAL
 from gateway.closure.inference.fit import Fit
 from gateway.closure.model.baseline import NoShapeError
-from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.closure.result import Finding, Verdict
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.types import ComplexArray
 
 _SPEEDS: Final = 9
 # Effects found at some speeds, loads and pressures are valid slightly beyond them.
@@ -78,6 +80,23 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
         sensor_id=campaign.sensor_id,
         sources=campaign.recordings,
     )
+
+
+def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:
+    """Return the contribution of an effect to the orders of every group, (3, ORDERS) each.
+
+    It is not computed from derivatives: an order or a decay of 0 is not the absence of the effect.
+    """
+    without = fit.vector.copy()
+    without[fit.model.layout.effect(effect.name)] = 0.0
+    added = []
+    for index, predicted in enumerate(fit.predicted):
+        try:
+            added.append(fit.model.predict_mean(fit.vector, index) - fit.model.predict_mean(without, index))
+        except (NoShapeError, np.linalg.LinAlgError):
+            # Without the effect the ring has no solution at these parameters.
+            added.append(predicted * math.nan)
+    return added
 
 
 def _reference(campaign: Campaign) -> int:

@@ -13,8 +13,8 @@ from gateway.closure.inference.candidate_trial import bounds
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.model.closure_model import AngleEffect
-from gateway.reasons import Code, Reason
+from gateway.closure.inference.parameter_range import outside_range
+from gateway.reasons import Reason
 from gateway.types import FloatArray
 
 # Most steps of the amplitudes, and the change of log evidence at which they end.
@@ -86,9 +86,9 @@ def log_evidence(fit: Fit) -> float:
         raise ValueError("the evidence of a set needs its discrepancy")
     _, log_precision = np.linalg.slogdet(fit.precision)
     known = fit.model.witness_deviance()
-    spread = 2.0 * float(np.log(fit.prior_std).sum())
+    _, log_prior = np.linalg.slogdet(fit.prior_precision)
     odds = len(fit.model.effects) * math.log(criteria.PRIOR_ODDS)
-    return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + float(log_precision) + spread)
+    return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + float(log_precision - log_prior))
 
 
 def impossible(fit: Fit) -> tuple[str, Reason] | None:
@@ -100,24 +100,11 @@ def impossible(fit: Fit) -> tuple[str, Reason] | None:
         for parameter, value, error in zip(effect.parameters, values.tolist(), errors.tolist(), strict=True):
             slack = criteria.BEYOND_BOUND * error
             if not parameter.low - slack <= value <= parameter.high + slack:
-                return effect.name, outside_range(effect, parameter.name, value)
+                return effect.name, outside_range(parameter, value)
         reason = effect.reason_against(values, errors)
         if reason is not None:
             return effect.name, reason
     return None
-
-
-def outside_range(effect: AngleEffect, name: str, value: float) -> Reason:
-    """Return the reason to reject a value outside a parameter's plausible range; numbers are in the display unit."""
-    parameter = next(parameter for parameter in effect.parameters if parameter.name == name)
-    return Reason(
-        Code.IMPLAUSIBLE_PARAMETER,
-        parameter=parameter.name,
-        value=value * parameter.factor,
-        low=parameter.low * parameter.factor,
-        high=parameter.high * parameter.factor,
-        unit=parameter.display_unit or parameter.unit,
-    )
 
 
 def _settled(fit: Fit, applied: Applied, steps: int) -> tuple[Fit, Applied]:

@@ -13,11 +13,11 @@ from gateway.closure.data.campaign_data import Block, Campaign, Group
 from gateway.closure.data.side_information import CLOCK, HOST_CLOCK
 from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
-from gateway.closure.inference.likelihood import Whitened, whiten
+from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.reasons import Code, Reason
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import FloatArray
 
 # Reduction of the misfit at which two explanations count as distinguished.
 _DISTINGUISHED: Final = 25.0
@@ -38,7 +38,7 @@ _OTHERS: Final[tuple[tuple[Reason, Callable[[GroupConditions], GroupConditions]]
 )
 
 
-def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data: Whitened) -> Reason:
+def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect) -> Reason:
     """Return the recording that would distinguish an effect from a confounder.
 
     The final model is taken as true. Its prediction under other conditions is added to the campaign, and the rival in
@@ -52,7 +52,7 @@ def deciding_recording(final: Fit, effect: AngleEffect, rival: AngleEffect, data
     others = tuple(other for other in final.model.effects if other.name != effect.name)
     best: tuple[float, Reason] | None = None
     for recording, change in _OTHERS:
-        gain = _distinction(final, (*others, rival), change, data)
+        gain = _distinction(final, (*others, rival), change)
         if gain is not None and gain > _DISTINGUISHED and (best is None or gain > best[0]):
             best = (gain, recording)
     return NOTHING if best is None else best[1]
@@ -69,8 +69,9 @@ def _clock_decides(campaign: Campaign) -> Reason:
 
 
 def _distinction(
-    final: Fit, effects: tuple[AngleEffect, ...], change: Callable[[GroupConditions], GroupConditions], data: Whitened
+    final: Fit, effects: tuple[AngleEffect, ...], change: Callable[[GroupConditions], GroupConditions]
 ) -> float | None:
+    """Return the misfit that the rivals have with another recording beyond that without it; None if a fit fails."""
     campaign, size = final.model.campaign, len(final.model.campaign.groups)
     reference = int(np.argmax([sum(block.count for block in group.blocks) for group in campaign.groups]))
     known = campaign.groups[reference]
@@ -79,64 +80,64 @@ def _distinction(
     state = campaign.states if other_state else known.state
     share = there.omega_radps / known.conditions.omega_radps
     # The recording has the same duration, so a lower speed gives fewer revolutions.
-    blocks = tuple(
-        Block(max(1, round(share * block.count)), change(block.conditions), block.orders_mps2) for block in known.blocks
-    )
-    group: Group = replace(known, label="imagined", conditions=there, blocks=blocks, state=state)
+    count = max(1, round(share * sum(block.count for block in known.blocks)))
+    block = Block(count, there, known.blocks[0].orders_mps2)
+    scatter = _scatter(known, share)
+    group: Group = replace(known, label="imagined", conditions=there, blocks=(block,), state=state, variance=scatter)
     states = campaign.states + int(other_state)
-    larger = Campaign(campaign.wheel, campaign.recordings, (*campaign.groups, group), states, {})
+    larger = replace(campaign, groups=(*campaign.groups, group), states=states)
     truth = ClosureModel(larger, final.model.core, final.model.effects)
     vector = _carried(final.model, truth, final.vector, known.state, other_state)
     try:
         # Refined here and not in the first fit: the grid's error at the new conditions must be the same in both.
         truth.refine(vector)
-        predicted = truth.predict(vector)
-        rivals = ClosureModel(larger, final.model.core, effects)
-        weight, variance = _as_recorded(truth, vector, data, reference, predicted[-1])
-        imagined = Whitened(tuple(predicted), (*data.weights, weight), (*data.variance, variance))
-        old = _misfit(imagined, rivals, truth, vector, size)
-        new = fit_model(rivals, imagined, truth.layout.moved(vector, rivals.layout)).misfit
+        imagined = _as_predicted(larger, truth, vector)
+        data = whiten(imagined, with_mean=truth.core.mean)
+        rivals = ClosureModel(imagined, final.model.core, effects)
+        start = truth.layout.moved(vector, rivals.layout)
+        everything = fit_model(rivals, data, start).misfit
+        alone = replace(imagined, groups=imagined.groups[:size], states=campaign.states)
+        few = ClosureModel(alone, final.model.core, effects)
+        at_hand = fit_model(few, whiten(alone, with_mean=truth.core.mean), _carried_back(rivals, few, start)).misfit
     except (FitFailedError, NoShapeError):
         return None
-    return new - old
+    return everything - at_hand
 
 
-def _as_recorded(
-    truth: ClosureModel, vector: FloatArray, data: Whitened, reference: int, predicted: ComplexArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return weights and variance of the imagined recording, the campaign's last, (blocks, 3, ORDERS) each.
+def _as_predicted(campaign: Campaign, model: ClosureModel, vector: FloatArray) -> Campaign:
+    """Return a campaign whose waveforms are those of a model, under the scatter of the recorded ones."""
+    groups = []
+    for index, group in enumerate(campaign.groups):
+        predicted = model.predict_mean(vector, index)
+        orders = np.where(np.isfinite(group.blocks[0].orders_mps2), predicted, complex(math.nan, math.nan))
+        count = sum(block.count for block in group.blocks)
+        groups.append(replace(group, blocks=(Block(count, group.conditions, orders),)))
+    return replace(campaign, groups=tuple(groups))
 
-    Its scatter is the reference's at another speed: the sensor's own is white in time, so a revolution's goes with
-    omega; the rest is the ring's, and goes with omega^4. What equations and computing leave is of what is read there.
+
+def _scatter(known: Group, ratio: float) -> FloatArray:
+    """Return the scatter of a recording at another speed, (3, ORDERS).
+
+    The sensor's own is white in time, so a revolution's goes with omega; the rest is the ring's, and goes with omega^4.
     """
-    last = len(truth.campaign.groups) - 1
-    known, there = truth.campaign.groups[reference], truth.campaign.groups[last]
-    counts = np.array([block.count for block in known.blocks], dtype=np.float64)
-    one = (data.variance[reference] * counts[:, None, None]).mean(axis=0)
-    one = np.where(one > 0.0, one, np.nan)
+    one = np.where(known.variance > 0.0, known.variance, np.nan)
     quiet = np.isfinite(one).any(axis=1)
     own = np.zeros((3, 1))
     own[quiet] = np.nanquantile(one[quiet], _QUIETEST, axis=1)[:, None]
-    ratio = there.conditions.omega_radps / known.conditions.omega_radps
-    scatter = np.minimum(one, own) * ratio + np.maximum(one - own, 0.0) * ratio**4
-    # Equal conditions, so that speed differences between blocks do not count as scatter.
-    alike = tuple(replace(block, orders_mps2=predicted.mean(axis=0)) for block in there.blocks)
-    alone = replace(truth.campaign, groups=(replace(there, blocks=alike, variance=scatter),))
-    recorded = whiten(alone, with_mean=truth.core.mean)
-    left = []
-    for effect in truth.effects:
-        without = vector.copy()
-        without[truth.layout.effect(effect.name)] = 0.0
-        left.append([effect.equation_share * np.abs(predicted[0] - truth.predict_group(without, last)[0])])
-    doubted = recorded.doubting(left)
-    return doubted.weights[0], doubted.variance[0]
+    result: FloatArray = np.minimum(one, own) * ratio + np.maximum(one - own, 0.0) * ratio**4
+    return result
 
 
-def _misfit(data: Whitened, rivals: ClosureModel, truth: ClosureModel, vector: FloatArray, groups: int) -> float:
-    """Return the misfit of the confounder on the existing recordings alone."""
-    weights = (*data.weights[:groups], *(np.zeros_like(weight) for weight in data.weights[groups:]))
-    at_hand = Whitened(data.orders, weights, data.variance)
-    return fit_model(rivals, at_hand, truth.layout.moved(vector, rivals.layout)).misfit
+def _carried_back(larger: ClosureModel, smaller: ClosureModel, vector: FloatArray) -> FloatArray:
+    """Return the parameters without those of the imagined recording."""
+    result = np.zeros(smaller.layout.size)
+    for state in range(smaller.campaign.states):
+        result[smaller.layout.state(state)] = vector[larger.layout.state(state)]
+    for index in range(len(smaller.campaign.groups)):
+        result[smaller.layout.centre(index)] = vector[larger.layout.centre(index)]
+    for effect in smaller.effects:
+        result[smaller.layout.effect(effect.name)] = vector[larger.layout.effect(effect.name)]
+    return result
 
 
 def _carried(

@@ -1,123 +1,164 @@
-"""Findings from a selection: every effect with evidence, with its figures and confounders."""
+"""Findings from a posterior: every effect with evidence, its figures, its rivals and the recording that decides."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
 from gateway.closure.data.side_information import CLOCK
 from gateway.closure.effects.effect import Parameter
-from gateway.closure.inference import acceptance_tests as acceptance
-from gateway.closure.inference.ablation import added_by
-from gateway.closure.inference.candidate_selection import Step
-from gateway.closure.inference.confounders import rivals_of
+from gateway.closure.inference import criteria
+from gateway.closure.inference.effect_contribution import added_by
+from gateway.closure.inference.evidence import Evaluated
 from gateway.closure.inference.experiment_design import deciding_recording
-from gateway.closure.inference.fit import Fit, held_out_residuals
-from gateway.closure.inference.forward_selection import Selection
-from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.number_estimates import before_and_after, estimates_of
+from gateway.closure.inference.posterior import Posterior
 from gateway.closure.inference.residual import POWER_SHARE
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.reasons import Code, Reason
-from gateway.types import FloatArray
 
-
-def refused(step: Step, fit: Fit, reason: Reason) -> Finding:
-    """Return the finding of an effect that was added and then removed."""
-    return Finding(
-        name=step.effect.name,
-        verdict=Verdict.REFUSED,
-        parameters=_parameters(fit, step.effect),
-        chi2=step.fall,
-        held_out_gain=float(step.gain.sum()),
-        held_out_std=_spread(step.gain),
-        rms_mps2=_size(fit, step.effect),
-        reason=reason,
-        summary=step.effect.summary,
-        equation=step.effect.equation,
-    )
+# Impossible effects listed.
+_MOST_LISTED: Final = 4
 
 
 def findings_of(
-    selection: Selection, data: Whitened, effects: Mapping[str, AngleEffect]
-) -> tuple[list[Finding], list[tuple[Fit, ...]]]:
-    """Return the finding of every effect with evidence, and for every undecided one the fits of its confounders."""
-    found, undecided = [], []
-    final = selection.final
-    for step in selection.steps:
-        fits = rivals_of(final, step.effect, effects, data)
-        rivals = tuple(fits)
-        if fits:
-            undecided.append(tuple(fits.values()))
-        found.append(_added(final, step, data, rivals, _decide_with(final, step.effect, rivals, effects, data)))
-    for name, (reason, fall, gain, fit) in selection.refused.items():
-        found.append(
-            Finding(
-                name=name,
-                verdict=Verdict.REFUSED,
-                parameters=_parameters(fit, effects[name]),
-                chi2=fall,
-                held_out_gain=float(gain.sum()),
-                held_out_std=_spread(gain),
-                rms_mps2=_size(fit, effects[name]),
-                reason=reason,
-                summary=effects[name].summary,
-                equation=effects[name].equation,
-            )
-        )
-    return found, undecided
+    posterior: Posterior, effects: Mapping[str, AngleEffect], rms_of: Mapping[frozenset[str], float]
+) -> list[Finding]:
+    """Return the finding of every effect with evidence, most probable first.
 
-
-def _decide_with(
-    final: Fit, effect: AngleEffect, rivals: tuple[str, ...], effects: Mapping[str, AngleEffect], data: Whitened
-) -> Reason | None:
-    """Return the recording that would distinguish an effect from a confounder, preferably from the clock.
-
-    The clock needs no fit: a recording with the host's time measures it independently of other effects.
+    Args:
+        posterior: over sets of effects.
+        effects: candidates by name.
+        rms_of: held-out rms of sets of effects.
     """
-    if not rivals:
-        return None
-    rival = CLOCK if CLOCK in rivals else rivals[0]
-    recording = deciding_recording(final, effect, effects[rival], data)
-    return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
+    found = [_finding(posterior, name, Verdict.NAMED, rms_of) for name in posterior.identified()]
+    seen = set(posterior.identified())
+    for group in posterior.alternatives():
+        for name in group:
+            rivals = tuple(other for other in group if other != name)
+            finding = _finding(
+                posterior, name, Verdict.INDISTINGUISHABLE, rms_of, rivals, _decide(posterior, name, rivals, effects)
+            )
+            found.append(finding)
+        seen |= set(group)
+    for name in posterior.names:
+        probability = posterior.probability([name])
+        if name not in seen and probability >= criteria.REPORTED:
+            reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
+            found.append(_finding(posterior, name, Verdict.REFUSED, rms_of, reason=reason))
+            seen.add(name)
+    found += _impossible(posterior, seen)
+    return found
 
 
-def _added(final: Fit, step: Step, data: Whitened, rivals: tuple[str, ...], decide_with: Reason | None) -> Finding:
-    before, _ = estimates_of(step.before, data)
-    after, _ = estimates_of(step.after, data)
-    return Finding(
-        name=step.effect.name,
-        verdict=Verdict.INDISTINGUISHABLE if rivals else Verdict.NAMED,
-        parameters=_parameters(final, step.effect),
-        chi2=step.fall,
-        held_out_gain=float(step.gain.sum()),
-        held_out_std=_spread(step.gain),
-        rms_mps2=_size(final, step.effect),
-        rms_before_mps2=_rms(step.before),
-        rms_after_mps2=_rms(step.after),
+def _impossible(posterior: Posterior, seen: set[str]) -> list[Finding]:
+    """Return the effects that would be in the best set if their values were possible."""
+    found: list[Finding] = []
+    better = sorted(
+        (one for one in posterior.every.values() if one.objection is not None),
+        key=lambda one: (-one.log_evidence, sorted(one.names)),
+    )
+    for one in better:
+        if one.objection is None or one.log_evidence < posterior.best.log_evidence or len(found) >= _MOST_LISTED:
+            break
+        name, reason = one.objection
+        if name not in seen:
+            seen.add(name)
+            found.append(_of_set(one, name, Verdict.REFUSED, reason=reason, probability=0.0))
+    return found
+
+
+def _finding(
+    posterior: Posterior,
+    name: str,
+    verdict: Verdict,
+    rms_of: Mapping[frozenset[str], float],
+    rivals: tuple[str, ...] = (),
+    decide_with: Reason | None = None,
+    reason: Reason | None = None,
+) -> Finding:
+    inside = next(one for one in posterior.sets if name in one.names)
+    without = posterior.every.get(inside.names - {name}) or posterior.without(name)
+    before, _ = estimates_of([(without.fit, 1.0)])
+    after, _ = estimates_of([(inside.fit, 1.0)])
+    return _of_set(
+        inside,
+        name,
+        verdict,
+        chi2=without.fit.misfit - inside.fit.misfit,
+        rms_before=rms_of.get(without.names, math.nan),
+        rms_after=rms_of.get(inside.names, math.nan),
         estimates=before_and_after(before, after),
         rivals=rivals,
         decide_with=decide_with,
-        summary=step.effect.summary,
-        equation=step.effect.equation,
+        reason=reason,
+        probability=posterior.probability([name]),
+        log_odds=posterior.log_odds(name),
     )
 
 
-def _spread(gain: FloatArray) -> float:
-    """Return the standard error of a sum over folds; NaN for a single fold."""
-    return acceptance.spread(gain) if np.count_nonzero(gain) > 1 else float("nan")
+def _of_set(
+    one: Evaluated,
+    name: str,
+    verdict: Verdict,
+    *,
+    chi2: float = math.nan,
+    rms_before: float = math.nan,
+    rms_after: float = math.nan,
+    estimates: Mapping[str, tuple[Fitted, Fitted]] | None = None,
+    rivals: tuple[str, ...] = (),
+    decide_with: Reason | None = None,
+    reason: Reason | None = None,
+    probability: float = math.nan,
+    log_odds: float = math.nan,
+) -> Finding:
+    effect = next(effect for effect in one.fit.model.effects if effect.name == name)
+    return Finding(
+        name=name,
+        verdict=verdict,
+        parameters=_parameters(one, effect),
+        chi2=chi2,
+        held_out_gain=math.nan,
+        held_out_std=math.nan,
+        rms_mps2=_size(one, effect),
+        rms_before_mps2=rms_before,
+        rms_after_mps2=rms_after,
+        estimates=estimates or {},
+        rivals=rivals,
+        decide_with=decide_with,
+        reason=reason,
+        summary=effect.summary,
+        equation=effect.equation,
+        probability=probability,
+        log_odds=log_odds,
+    )
 
 
-def _parameters(fit: Fit, effect: AngleEffect) -> dict[str, Fitted]:
-    where = fit.model.layout.effect(effect.name)
-    std = np.sqrt(np.diagonal(fit.covariance()))[where]
-    found = {}
-    for parameter, value, error in zip(effect.parameters, fit.vector[where], std, strict=True):
-        found[parameter.name] = fitted_parameter(parameter, float(value), float(error))
-    return found
+def _decide(
+    posterior: Posterior, name: str, rivals: tuple[str, ...], effects: Mapping[str, AngleEffect]
+) -> Reason | None:
+    """Return the recording that would distinguish an effect from a rival, preferably from the clock.
+
+    The clock needs no fit: a recording with the host's time measures it independently of other effects.
+    """
+    rival = CLOCK if CLOCK in rivals else rivals[0]
+    inside = next(one for one in posterior.sets if name in one.names)
+    effect = next(effect for effect in inside.fit.model.effects if effect.name == name)
+    recording = deciding_recording(inside.fit, effect, effects[rival])
+    return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
+
+
+def _parameters(one: Evaluated, effect: AngleEffect) -> dict[str, Fitted]:
+    where = one.fit.model.layout.effect(effect.name)
+    std = np.sqrt(np.diagonal(one.fit.covariance))[where]
+    return {
+        parameter.name: fitted_parameter(parameter, float(value), float(error))
+        for parameter, value, error in zip(effect.parameters, one.fit.vector[where], std, strict=True)
+    }
 
 
 def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
@@ -126,17 +167,8 @@ def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
     return Fitted(value, std, parameter.unit, *shown)
 
 
-def _size(fit: Fit, effect: AngleEffect) -> float:
+def _size(one: Evaluated, effect: AngleEffect) -> float:
     """Return the rms of an effect's contribution over the groups, on the axis where it is largest."""
-    every = added_by(fit, effect)
-    total = sum(np.asarray((POWER_SHARE * np.abs(added[0]) ** 2).sum(axis=1)) for added in every)
+    every = added_by(one.fit, effect)
+    total = sum(np.asarray((POWER_SHARE * np.abs(added) ** 2).sum(axis=1)) for added in every)
     return math.sqrt(float(np.max(total)) / len(every))
-
-
-def _rms(fit: Fit) -> float:
-    """Return the rms of a fit's error on held-out folds."""
-    total, count = 0.0, 0
-    for error, rows in zip(held_out_residuals(fit), fit.rows, strict=True):
-        total += float((POWER_SHARE * np.abs(error) ** 2).sum())
-        count += int((rows.weight > 0.0).any(axis=2).sum())
-    return math.sqrt(total / max(count, 1))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -45,7 +44,7 @@ class Fit:
         rows: (P, m) whitened derivatives of each group.
         residual: (m,) whitened, of each group.
         prior_mean: (P,).
-        prior_std: (P,).
+        prior_precision: (P, P).
         scale: factor on the variance of the data, 1 with a discrepancy.
         applied: discrepancy in the covariance, if any.
     """
@@ -56,7 +55,7 @@ class Fit:
     rows: tuple[FloatArray, ...]
     residual: tuple[FloatArray, ...]
     prior_mean: FloatArray
-    prior_std: FloatArray
+    prior_precision: FloatArray
     scale: float = 1.0
     applied: Applied | None = None
 
@@ -98,31 +97,28 @@ class Fit:
     @property
     def cost(self) -> float:
         """Chi-square of data and priors."""
-        away = (self.vector - self.prior_mean) / self.prior_std
-        return float(self._gram[-1, -1]) + float(away @ away)
+        away = self.vector - self.prior_mean
+        return float(self._gram[-1, -1]) + float(away @ self.prior_precision @ away)
 
     @cached_property
     def precision(self) -> FloatArray:
         """Inverse of the parameters' covariance, (P, P)."""
-        return self.information + np.diag(self.prior_std**-2.0)
+        return self.information + self.prior_precision
 
     @cached_property
     def covariance(self) -> FloatArray:
         """Covariance of the parameters, (P, P)."""
-        inverse: FloatArray = np.linalg.inv(self.precision)
-        return inverse
+        return np.asarray(np.linalg.inv(self.precision), dtype=np.float64)
 
     @property
     def step(self) -> FloatArray:
         """Step to the optimum of the linearised model, (P,)."""
-        gradient = self.slope - (self.vector - self.prior_mean) * self.prior_std**-2.0
-        change: FloatArray = np.linalg.solve(self.precision, gradient)
-        return change
+        gradient = self.slope - self.prior_precision @ (self.vector - self.prior_mean)
+        return np.asarray(np.linalg.solve(self.precision, gradient), dtype=np.float64)
 
     def under(self, applied: Applied | None) -> Fit:
         """Return the same linearised model with another discrepancy in the covariance."""
-        _, std = self.model.priors()
-        return replace(self, applied=applied, scale=1.0, prior_std=std)
+        return replace(self, applied=applied, scale=1.0)
 
     def moved(self, change: FloatArray) -> Fit:
         """Return the linearised model moved by a change of its parameters (P,)."""
@@ -161,24 +157,24 @@ def fit_model(
     Raises:
         FitFailedError: the model has no equilibrium near the start.
     """
-    prior_mean, prior_std = model.priors()
+    prior_mean, _ = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
     try:
         if from_afar:
             for share in _ANNEAL:
-                vector = _descend(model, data.loosened(share), vector, prior_std, 1.0, None, most_steps, 0.0).vector
+                vector = _descend(model, data.loosened(share), vector, 1.0, None, most_steps, 0.0).vector
         model.refine(vector)
         if applied is not None:
-            return _descend(model, data, vector, prior_std, 1.0, applied, most_steps, 0.0)
+            return _descend(model, data, vector, 1.0, applied, most_steps, 0.0)
         scale = _overdispersion(_misfit(model, data, vector, None), data, model)
         for _ in range(_RESCALINGS):
-            fit = _descend(model, data, vector, prior_std, scale, None, most_steps, rough)
+            fit = _descend(model, data, vector, scale, None, most_steps, rough)
             vector, was = fit.vector, scale
             scale = _overdispersion(fit.misfit, data, model)
             model.refine(vector)
             if scale > _SETTLED * was:
                 break
-        return _descend(model, data, vector, prior_std, scale, None, most_steps, rough)
+        return _descend(model, data, vector, scale, None, most_steps, rough)
     except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
 
@@ -196,7 +192,7 @@ def linearised(
     Raises:
         NoShapeError: the ring has no solution there.
     """
-    prior_mean, prior_std = model.priors()
+    prior_mean, _ = model.priors()
     predicted, rows, residuals = [], [], []
     for index in range(len(model.campaign.groups)):
         places, base, derivatives = model.group_derivatives(vector, index)
@@ -212,7 +208,7 @@ def linearised(
         tuple(rows),
         tuple(residuals),
         prior_mean,
-        prior_std,
+        model.prior_precision(),
         scale,
         applied,
     )
@@ -222,7 +218,6 @@ def _descend(
     model: ClosureModel,
     data: Whitened,
     vector: FloatArray,
-    prior_std: FloatArray,
     scale: float,
     applied: Applied | None,
     most_steps: int,
@@ -255,8 +250,8 @@ def _better(fit: Fit, data: Whitened, change: FloatArray) -> FloatArray | None:
         except (NoShapeError, np.linalg.LinAlgError):
             change = 0.25 * change
             continue
-        away = (moved - fit.prior_mean) / fit.prior_std
-        if cost + float(away @ away) < fit.cost:
+        away = moved - fit.prior_mean
+        if cost + float(away @ fit.prior_precision @ away) < fit.cost:
             return moved
         change = 0.4 * change
     return None

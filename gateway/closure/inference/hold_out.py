@@ -1,228 +1,242 @@
-"""Nested hold-out: the whole selection is repeated without a fold and evaluated on that fold."""
+"""Error on held-out revolutions: parameters, discrepancy and choice of the set without the fold that is predicted."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import as_completed
-from dataclasses import dataclass, field, replace
-from functools import partial
-from types import TracebackType
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.effects.catalogue import candidates
-from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.inference.fit import Fit, FitFailedError
-from gateway.closure.inference.forward_selection import select
-from gateway.closure.inference.likelihood import Whitened, whiten
-from gateway.closure.inference.residual import POWER_SHARE, group_residuals, standing_out
-from gateway.closure.inference.worker_pool import Processes
-from gateway.closure.model.baseline_registry import angle_effects, make_core
-from gateway.closure.result import HeldOut
+from gateway.closure.inference.discrepancy import Applied
+from gateway.closure.inference.evidence import Evaluated, log_evidence
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import Whitened, as_complex
+from gateway.closure.inference.posterior import Posterior
+from gateway.closure.inference.residual import POWER_SHARE
+from gateway.closure.model.baseline import NoShapeError
+from gateway.closure.result import AxisError, HeldOut
+from gateway.constants import AXIS_NAMES
 from gateway.types import ComplexArray, FloatArray
 
+# Sets among which the choice is repeated without each fold.
+_MOST_SETS: Final = 6
+_PLACES: Final = 3
 
-@dataclass(frozen=True, slots=True)
-class FoldError:
-    """Errors on one fold that was held out of the fit.
+
+@dataclass(frozen=True)
+class _Fold:
+    """Prediction of one fold by one set.
 
     Attributes:
-        before: sum of squares of the baseline model's error, (m/s^2)^2.
-        after: with the effects that the other folds selected.
-        empirical: with the mean residual of the other folds added as well.
-        noise: lower limit set by the scatter of revolutions.
-        curves: number of waveforms in the sums.
-        revolutions: number held out.
-        effects: names selected without this fold.
-        states: share of each tire state in the sums `after` and `noise`: state -> (after, noise).
+        log_evidence: of the other folds.
+        predicted: (3, ORDERS) of each group that has the fold, None elsewhere.
+        with_discrepancy: likewise, its mean added.
     """
 
-    before: float
-    after: float
-    empirical: float
-    noise: float
-    curves: int
-    revolutions: int
-    effects: tuple[str, ...]
-    states: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    log_evidence: float
+    predicted: list[ComplexArray | None]
+    with_discrepancy: list[ComplexArray | None]
 
 
-class HoldOut:
-    """Nested hold-out of several folds, in other processes while the caller continues.
+@dataclass
+class _Sums:
+    """Sums of squares over held-out curves of each axis."""
 
-    A context manager: on exit, folds that have not started are cancelled.
+    error: FloatArray
+    weighted: FloatArray
+    noise: FloatArray
+    curves: FloatArray
+    coefficients: FloatArray
+
+    @classmethod
+    def empty(cls) -> _Sums:
+        return cls(*(np.zeros(_PLACES) for _ in range(5)))
+
+    def add(self, error: ComplexArray, weight: FloatArray) -> None:
+        used = weight > 0.0
+        square = np.abs(error) ** 2 * used
+        self.error += (POWER_SHARE * square).sum(axis=1)
+        self.weighted += (square * np.square(weight)).sum(axis=1)
+        self.noise += np.where(used, 1.0 / np.where(used, weight, 1.0) ** 2, 0.0).sum(axis=1)
+        self.curves += used.any(axis=1)
+        self.coefficients += 2.0 * used.sum(axis=1) - used[:, 0]
+
+    def rms_mps2(self) -> float:
+        return math.sqrt(float(self.error.sum()) / max(float(self.curves.sum()), 1.0))
+
+    def noise_mps2(self) -> float:
+        return math.sqrt(float(self.noise.sum()) / max(float(self.curves.sum()), 1.0))
+
+
+@dataclass(frozen=True)
+class HeldOutErrors:
+    """Errors on held-out revolutions.
+
+    Attributes:
+        summary: before and after, by axis too.
+        noise_mps2: rms that a perfect model would leave.
+        with_discrepancy_mps2: rms with the mean of the discrepancy added.
+        chosen: effects of the set that was chosen without each fold.
+        rms_of: rms of each set that was followed through all folds.
     """
 
-    def __init__(
-        self,
-        campaign: Campaign,
-        model: BaselineModel,
-        start: FloatArray,
-        folds: Sequence[int],
-        *,
-        without: frozenset[str] = frozenset(),
-        jobs: int = 1,
-    ) -> None:
-        """Start `jobs` - 1 processes.
-
-        Args:
-            campaign: the data.
-            model: baseline model.
-            start: initial parameter vector.
-            folds: indices of the folds.
-            without: effects excluded from the candidates.
-            jobs: number of processes, the caller's included.
-        """
-        self._folds = tuple(folds)
-        # The samples of the deviations are not needed there, and are most of a campaign's size.
-        light = replace(campaign, groups=tuple(replace(group, deviations_mps2=()) for group in campaign.groups))
-        self._fold = partial(hold_out_fold, light, model, start, without=without)
-        others = min(jobs - 1, len(self._folds))
-        self._pool = Processes(others) if others > 0 else None
-        self._waiting = {fold: self._pool.submit(self._fold, fold) for fold in self._folds} if self._pool else {}
-
-    def __enter__(self) -> HoldOut:
-        """Return this hold-out."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Cancel folds that have not started."""
-        if self._pool is not None:
-            self._pool.__exit__(kind, error, trace)
-
-    def errors(self, on_fold: Callable[[int], None] = lambda _: None) -> list[FoldError]:
-        """Compute in this process the folds that no other has started, and wait for the rest.
-
-        Args:
-            on_fold: called with the number of folds done.
-
-        Returns:
-            the folds' errors in order; a fold is missing if the fit without it fails.
-        """
-        found: dict[int, FoldError | None] = {}
-        for fold in reversed(self._folds):
-            if fold not in self._waiting or self._waiting[fold].cancel():
-                self._waiting.pop(fold, None)
-                found[fold] = self._fold(fold)
-                on_fold(len(found) + sum(future.done() for future in self._waiting.values()))
-        for future in as_completed(self._waiting.values()):
-            future.result()
-            on_fold(len(found) + sum(future.done() for future in self._waiting.values()))
-        found.update((fold, future.result()) for fold, future in self._waiting.items())
-        return [error for fold in self._folds if (error := found[fold]) is not None]
+    summary: HeldOut
+    noise_mps2: float
+    with_discrepancy_mps2: float
+    chosen: tuple[frozenset[str], ...]
+    rms_of: dict[frozenset[str], float]
 
 
-def hold_out(
-    campaign: Campaign,
-    model: BaselineModel,
-    start: FloatArray,
-    folds: Sequence[int],
-    *,
-    without: frozenset[str] = frozenset(),
-    jobs: int = 1,
-    on_fold: Callable[[int], None] = lambda _: None,
-) -> list[FoldError]:
-    """Run the nested hold-out of several folds and wait for it; see `HoldOut`."""
-    with HoldOut(campaign, model, start, folds, without=without, jobs=jobs) as held_out:
-        return held_out.errors(on_fold)
+def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = ()) -> HeldOutErrors:
+    """Return the errors of every fold under what the other folds determine.
 
-
-def hold_out_fold(
-    campaign: Campaign, model: BaselineModel, start: FloatArray, fold: int, without: frozenset[str] = frozenset()
-) -> FoldError | None:
-    """Return the error of one fold under the fit of all others; None if that fit fails.
+    Every fold of every group is held out once. The linearised fits are solved again without it, the discrepancy is
+    predicted from the others, and the set is chosen by the evidence of the others.
 
     Args:
-        campaign: the data.
-        model: baseline model.
-        start: initial parameter vector; it only starts the search, so nothing leaks from the fold.
-        fold: index of the fold.
-        without: effects excluded from the candidates.
+        posterior: over the sets.
+        data: whitened.
+        also: further sets whose error is wanted.
     """
-    core = make_core(model)
-    data = whiten(campaign, with_mean=core.mean, unseen=fold)
-    effects = {name: e for name, e in angle_effects(candidates(model)).items() if name not in without}
-    try:
-        selection = select(campaign, core, data.without(fold), effects, start=start)
-    except FitFailedError:
-        return None
-    final = selection.final
-    added = _empirical(final, selection.data)
-    every = range(len(campaign.groups))
-    before, _, curves = _squares(selection.start.predicted, data, fold, every)
-    after, noise, _ = _squares(final.predicted, data, fold, every)
-    states = {}
-    for state in range(campaign.states):
-        own = [index for index in every if campaign.groups[index].state == state]
-        left, least, count = _squares(final.predicted, data, fold, own)
-        if count:
-            states[state] = left, least
-    corrected = tuple(there + correction for there, correction in zip(final.predicted, added, strict=True))
-    empirical, _, _ = _squares(corrected, data, fold, every)
-    revolutions = sum(group.blocks[fold].count for group in campaign.groups if fold < len(group.blocks))
-    names = tuple(effect.name for effect in final.model.effects)
-    return FoldError(before, after, empirical, noise, curves, revolutions, names, states)
-
-
-def summary(errors: Sequence[FoldError]) -> tuple[HeldOut, float, float]:
-    """Return the figures of all folds, the noise floor, and the rms with the empirical correction, m/s^2."""
-    curves = max(1, sum(error.curves for error in errors))
-
-    def rms(total: float) -> float:
-        return math.sqrt(total / curves)
-
-    held_out = HeldOut(
-        rms(sum(error.before for error in errors)),
-        rms(sum(error.after for error in errors)),
-        sum(error.revolutions for error in errors),
-        len(errors),
+    sets = {one.names: one for one in (*posterior.sets[:_MOST_SETS], posterior.baseline, *also)}
+    folds = {names: _folds(one, data) for names, one in sets.items()}
+    errors = {names: _Sums.empty() for names in sets}
+    after, corrected = _Sums.empty(), _Sums.empty()
+    chosen = []
+    possible = [one.names for one in posterior.sets[:_MOST_SETS]]
+    for fold in range(data.folds):
+        best = max(possible, key=lambda names: (folds[names][fold].log_evidence, sorted(names)))
+        chosen.append(best)
+        for index, orders in enumerate(data.orders):
+            if fold >= len(orders):
+                continue
+            weight = data.weights[index][fold]
+            for names in sets:
+                predicted = folds[names][fold].predicted[index]
+                if predicted is not None:
+                    errors[names].add(orders[fold] - predicted, weight)
+            predicted, whole = folds[best][fold].predicted[index], folds[best][fold].with_discrepancy[index]
+            if predicted is not None and whole is not None:
+                after.add(orders[fold] - predicted, weight)
+                corrected.add(orders[fold] - whole, weight)
+    before = errors[frozenset()]
+    revolutions = int(sum(count.sum() for count in data.counts))
+    summary = HeldOut(before.rms_mps2(), after.rms_mps2(), revolutions, data.folds, _by_axis(before, after, corrected))
+    return HeldOutErrors(
+        summary,
+        before.noise_mps2(),
+        corrected.rms_mps2(),
+        tuple(chosen),
+        {names: sums.rms_mps2() for names, sums in errors.items()},
     )
-    return held_out, rms(sum(e.noise for e in errors)), rms(sum(e.empirical for e in errors))
 
 
-def over_noise(errors: Sequence[FoldError]) -> Mapping[int, float]:
-    """Return the ratio of the error with effects to the noise floor, for every held-out tire state."""
-    after: dict[int, float] = {}
-    noise: dict[int, float] = {}
-    for error in errors:
-        for state, (left, least) in error.states.items():
-            after[state] = after.get(state, 0.0) + left
-            noise[state] = noise.get(state, 0.0) + least
-    return {state: math.sqrt(left / noise[state]) if noise[state] > 0.0 else math.inf for state, left in after.items()}
-
-
-def agreement(errors: Sequence[FoldError]) -> Mapping[str, int]:
-    """Return the number of folds in which each effect was found."""
-    found: dict[str, int] = {}
-    for error in errors:
-        for name in error.effects:
-            found[name] = found.get(name, 0) + 1
-    return found
-
-
-def _squares(
-    predicted: Sequence[ComplexArray], data: Whitened, fold: int, groups: Iterable[int]
-) -> tuple[float, float, int]:
-    """Return the sums over groups and axes of the mean square error and of the noise, and the number of waveforms."""
-    error = noise = 0.0
-    curves = 0
-    for index in groups:
-        there, orders, weight = predicted[index], data.orders[index], data.weights[index]
-        if fold >= len(orders):
+def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, ...]:
+    found = []
+    for axis, name in enumerate(AXIS_NAMES):
+        curves = float(before.curves[axis])
+        if curves <= 0.0:
             continue
-        used = weight[fold] > 0.0
-        error += float((POWER_SHARE * np.abs(orders[fold] - there[fold]) ** 2 * used).sum())
-        noise += float((1.0 / np.square(weight[fold][used])).sum())
-        curves += int(used.any(axis=1).sum())
-    return error, noise, curves
+
+        def rms(square: FloatArray, at: int = axis, number: float = curves) -> float:
+            return math.sqrt(float(square[at]) / number)
+
+        def weighted(sums: _Sums, at: int = axis) -> float:
+            return math.sqrt(float(sums.weighted[at]) / max(float(sums.coefficients[at]), 1.0))
+
+        found.append(
+            AxisError(
+                axis=name,
+                before_mps2=rms(before.error),
+                after_mps2=rms(after.error),
+                with_discrepancy_mps2=rms(corrected.error),
+                noise_mps2=rms(before.noise),
+                before_weighted=weighted(before),
+                after_weighted=weighted(after),
+            )
+        )
+    return tuple(found)
 
 
-def _empirical(fit: Fit, data: Whitened) -> list[ComplexArray]:
-    """Return the mean residual of every group where it exceeds the noise, (3, ORDERS) each."""
-    residuals = group_residuals(fit, data)
-    keep = standing_out(residuals)
-    return [np.where(keep, residual.orders_mps2, 0.0)[None] for residual in residuals]
+def _folds(one: Evaluated, data: Whitened) -> list[_Fold]:
+    """Return the prediction of every fold by one set."""
+    fit = one.fit
+    if fit.applied is None:
+        raise ValueError("a set is held out with its discrepancy")
+    deviations = [_of_blocks(fit, data, index) for index in range(len(data.orders))]
+    applied: dict[float, Applied] = {}
+    return [_without(fit, data, deviations, fold, applied) for fold in range(data.folds)]
+
+
+def _of_blocks(fit: Fit, data: Whitened, index: int) -> ComplexArray:
+    """Return what the model predicts for each block beyond the group's mean, (blocks, 3, ORDERS)."""
+    try:
+        blocks = fit.model.predict_group(fit.vector, index)
+    except NoShapeError:
+        return np.zeros_like(data.orders[index])
+    result: ComplexArray = blocks - data.mean(index, blocks)
+    return result
+
+
+def _without(
+    fit: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold: int, applied: dict[float, Applied]
+) -> _Fold:
+    """Return the prediction of one fold by the linear fit to the others."""
+    if fit.applied is None:
+        raise ValueError("a set is held out with its discrepancy")
+    rows, residuals, means = [], [], []
+    kept = total = 0.0
+    for index, counts in enumerate(data.counts):
+        others = counts.copy()
+        if fold < len(counts) and len(counts) > 1:
+            others[fold] = 0.0
+        share = float(others.sum() / counts.sum())
+        kept, total = kept + float(others.sum()), total + float(counts.sum())
+        blocks = data.orders[index] - deviations[index]
+        mean = np.tensordot(others / others.sum(), blocks, axes=1)
+        change = data.white(index, mean - data.mean(index, blocks))
+        rows.append(math.sqrt(share) * fit.rows[index])
+        residuals.append(math.sqrt(share) * (fit.residual[index] + change))
+        means.append(share)
+    # Folds of nearly the same size share one discrepancy: its information is that of the mean share.
+    key = round(kept / total, 2)
+    if key not in applied:
+        applied[key] = fit.applied.discrepancy.thinned(key).applied(fit.applied.amplitudes)
+    thin = Fit(
+        fit.model,
+        fit.vector,
+        fit.predicted,
+        tuple(rows),
+        tuple(residuals),
+        fit.prior_mean,
+        fit.prior_precision,
+        1.0,
+        applied[key],
+    )
+    step = thin.step
+    there = thin.moved(step)
+    predicted: list[ComplexArray | None] = []
+    whole: list[ComplexArray | None] = []
+    left = there.applied.mean(there.residual) if there.applied is not None else []
+    for index, counts in enumerate(data.counts):
+        if fold >= len(counts) or len(counts) < 2:
+            predicted.append(None)
+            whole.append(None)
+            continue
+        base = _unwhitened(fit, data, index, step) + deviations[index][fold]
+        predicted.append(base)
+        own = base.copy()
+        for state, axis, coefficients, _ in left:
+            if state == fit.model.campaign.groups[index].state:
+                scales = fit.applied.discrepancy.scales(state, axis, index)
+                own[axis] += as_complex(scales @ coefficients)
+        whole.append(own)
+    return _Fold(log_evidence(there), predicted, whole)
+
+
+def _unwhitened(fit: Fit, data: Whitened, index: int, step: FloatArray) -> ComplexArray:
+    """Return the group's prediction after a step, (3, ORDERS), by the linearised model."""
+    change = step @ fit.rows[index]
+    return data.mean(index, data.orders[index]) - data.plain(index, fit.residual[index] - change)

@@ -33,12 +33,11 @@ ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL)
 def _to_field() -> FloatArray:
     """Return the matrix from the real coefficients to the curve at ANGLES; a coefficient is c - i s."""
     turned = np.outer(ANGLES, _ORDER)
-    matrix: FloatArray = np.hstack([np.cos(turned), -np.sin(turned[:, 1:])])
-    return matrix
+    return np.asarray(np.hstack([np.cos(turned), -np.sin(turned[:, 1:])]), dtype=np.float64)
 
 
 TO_FIELD: Final[FloatArray] = _to_field()
-FROM_FIELD: Final[FloatArray] = np.linalg.inv(TO_FIELD)
+FROM_FIELD: Final[FloatArray] = np.asarray(np.linalg.inv(TO_FIELD), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +72,18 @@ class Whitened:
         """Return coefficients (..., 3, ORDERS) of one group whitened as its mean, (..., m)."""
         real = as_real(coefficients)
         return np.concatenate([real[..., axis, :] @ self.factors[group][axis].T for axis in range(3)], axis=-1)
+
+    def plain(self, group: int, white: FloatArray) -> ComplexArray:
+        """Return the coefficients (3, ORDERS) of a whitened vector (m,) of one group; 0 where none is compared."""
+        result = np.zeros((3, REAL))
+        begin = 0
+        for axis, factor in enumerate(self.factors[group]):
+            chosen = np.flatnonzero(factor.any(axis=0))
+            if len(chosen):
+                own = white[begin : begin + len(factor)]
+                result[axis, chosen] = solve_triangular(factor[:, chosen], own, lower=True)
+            begin += len(factor)
+        return as_complex(result)
 
     def loosened(self, share: float) -> Whitened:
         """Return the same data as if every order were uncertain by this share of the signal, for a rough fit."""

@@ -80,7 +80,8 @@ class _Change:
 def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     """Return the residuals that change during a recording by more than the model predicts, largest first."""
     campaign = fit.model.campaign
-    changes = [_change(*one) for one in zip(campaign.groups, data.orders, data.weights, fit.predicted, strict=True)]
+    predicted = fit.model.predict(fit.vector)
+    changes = [_change(*one) for one in zip(campaign.groups, data.orders, data.weights, predicted, strict=True)]
     found = []
     for axis in range(3):
         seen = [one for one in changes if one is not None]

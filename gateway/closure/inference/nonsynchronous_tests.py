@@ -10,11 +10,11 @@ from typing import Final, Protocol, runtime_checkable
 import numpy as np
 
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions, SpectrumEffect
-from gateway.closure.inference.acceptance_tests import outside_range
 from gateway.closure.inference.narrow_lines import envelope_moment
 from gateway.closure.inference.nonsynchronous_density import Site, wide_density
 from gateway.closure.inference.nonsynchronous_selection import place_of
 from gateway.closure.inference.nonsynchronous_spectra import held_scaling
+from gateway.closure.inference.parameter_range import outside_range
 from gateway.closure.inference.whittle_fit import Observed, SpectrumFit
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.effects.wheel_nonuniformity import ROLLING_RADIUS
 from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.residual import GroupResidual, group_residuals
 from gateway.closure.result import Fitted, TireState
 from gateway.types import FloatArray
 
 NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
-# Orders over which the residual's power is smoothed, and its phase is one: it sits within 0.4 rad of the contact's
-# centre.
-_SMOOTHED: Final = 7
 # A number known worse than this is not determined; nor is bending below this share of tension.
 _WORST_SHARE: Final = 0.3
 _LEAST_BENDING: Final = 1e-3
@@ -29,73 +23,20 @@ _HALF_ANGLE: Final = "contact_half_angle_rad"
 _UNITS: Final = {"tread_stiffness_npm2": "N/m^2", _HALF_ANGLE: "rad"}
 
 
-def full_covariance(fit: Fit, data: Whitened) -> FloatArray:
-    """Return the covariance of the parameters by noise and by model error, (P, P).
-
-    The model error of an order is taken over its neighbourhood. It is the larger of two: the error allowed for the
-    effects' equations and for computation, and the residual of the fit beyond noise. The linear fit propagates it
-    with a phase that is independent between states. The phase is common to _SMOOTHED orders, since the error lies in
-    one part of the revolution, and to all blocks and recordings of a state, since they share one shape.
-    """
-    covariance = fit.covariance()
-    total = covariance.copy()
-    groups = fit.model.campaign.groups
-    residuals = group_residuals(fit, data)
-    for state in range(fit.model.campaign.states):
-        response = np.zeros((len(covariance), 3, ORDERS), dtype=np.complex128)
-        for index, (rows, residual) in enumerate(zip(fit.rows, residuals, strict=True)):
-            if groups[index].state == state:
-                size = np.sqrt(np.maximum(_doubt(rows.weight, data.variance[index]), _left(residual)))
-                response[rows.places] += (rows.rows * (rows.weight * size)[:, None]).sum(axis=0)
-        together = _neighbours(np.concatenate([response.real, response.imag], axis=1))
-        shift = covariance @ together.reshape(len(covariance), -1)
-        total += shift @ shift.T
-    return total
-
-
-def _doubt(weight: FloatArray, variance: FloatArray) -> FloatArray:
-    """Return the mean square that equations and computing may leave of each order of one group, (3, ORDERS)."""
-    used = weight > 0.0
-    square: FloatArray = np.where(used, np.where(used, weight, 1.0) ** -2.0 - variance, 0.0)
-    mean: FloatArray = np.maximum(square, 0.0).mean(axis=0)
-    return mean
-
-
-def _left(residual: GroupResidual) -> FloatArray:
-    """Return the mean square beyond noise that the fit leaves around each order of one group, (3, ORDERS)."""
-    excess = 0.5 * np.abs(residual.orders_mps2) ** 2 - residual.variance
-    kernel = np.ones(_SMOOTHED) / _SMOOTHED
-    smooth: FloatArray = np.stack([np.convolve(axis, kernel, mode="same") for axis in excess])
-    return np.maximum(smooth, 0.0)
-
-
-def _neighbours(response: FloatArray) -> FloatArray:
-    """Return responses (P, k, ORDERS) whose squares add up to those of errors that are alike in orders near by."""
-    padded = np.pad(response, ((0, 0), (0, 0), (_SMOOTHED, _SMOOTHED - 1)))
-    summed = np.cumsum(padded, axis=2)
-    result: FloatArray = (summed[..., _SMOOTHED:] - summed[..., :-_SMOOTHED]) / math.sqrt(_SMOOTHED)
-    return result
-
-
-def estimates_of(
-    fit: Fit, data: Whitened, undecided: Sequence[Sequence[Fit]] = (), far_off: Collection[int] = ()
-) -> tuple[dict[str, Fitted], dict[str, bool]]:
+def estimates_of(sets: Sequence[tuple[Fit, float]]) -> tuple[dict[str, Fitted], dict[str, bool]]:
     """Return every estimate, and whether the data determine it.
 
-    The state with the most revolutions goes by the plain names, `Bs`; others by `Bs (3500 N, 210 kPa)`.
+    The state with the most revolutions goes by the plain names, `Bs`; others by `Bs (3500 N, 210 kPa)`. A value is the
+    mean over the sets of effects. Its variance is the mean of theirs, discrepancy included, plus that of their values.
 
     Args:
-        fit: the model.
-        data: whitened.
-        undecided: for every effect that the data do not tell from its rivals the fits with each of these in its place;
-            an error holds as well by how much they would change the estimate.
-        far_off: states whose estimates are not determined, since the model is far from their data.
+        sets: fit and probability of each set of effects; probabilities add up to 1.
     """
-    covariance = full_covariance(fit, data)
     found: dict[str, Fitted] = {}
     determined: dict[str, bool] = {}
-    groups = fit.model.campaign.groups
-    counts = [0] * fit.model.campaign.states
+    campaign = sets[0][0].model.campaign
+    groups = campaign.groups
+    counts = [0] * campaign.states
     for group in groups:
         counts[group.state] += sum(block.count for block in group.blocks)
     reference = int(np.argmax(counts))
@@ -107,16 +48,24 @@ def estimates_of(
         tire_state = None if state == reference else TireState(conditions.load_n, conditions.pressure_pa)
         suffix = "" if tire_state is None else f" ({state_name(conditions)})"
         known = groups[index].load_known and groups[index].pressure_known
-        values = _values(fit, fit.vector, index)
-        errors = _errors(fit, covariance, index, values)
-        for rivals in undecided:
-            others = [_values(rival, rival.vector, index) for rival in rivals]
-            for name, value in values.items():
-                errors[name] = math.hypot(errors[name], max(abs(other[name] - value) for other in others))
+        values, errors = _mixture(sets, index)
         for name, value in values.items():
             found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state)
-            determined[name + suffix] = state not in far_off and _is_determined(name, values, errors, known)
+            determined[name + suffix] = _is_determined(name, values, errors, known)
     return found, determined
+
+
+def _mixture(sets: Sequence[tuple[Fit, float]], index: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the estimates of one group's state and their standard errors over all sets."""
+    mean: dict[str, float] = {}
+    square: dict[str, float] = {}
+    for fit, weight in sets:
+        values = _values(fit, fit.vector, index)
+        errors = _errors(fit, fit.covariance, index, values)
+        for name, value in values.items():
+            mean[name] = mean.get(name, 0.0) + weight * value
+            square[name] = square.get(name, 0.0) + weight * (value**2 + errors[name] ** 2)
+    return mean, {name: math.sqrt(max(square[name] - value**2, 0.0)) for name, value in mean.items()}
 
 
 def state_name(conditions: GroupConditions) -> str:

@@ -63,11 +63,11 @@ class GroupResidual:
 def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
     """Return the mean residual of every group."""
     residuals = []
-    for orders, weight, predicted in zip(data.orders, data.weights, fit.predicted, strict=True):
-        total = np.square(weight).sum(axis=0)
+    for index, predicted in enumerate(fit.predicted):
+        total = np.square(data.weights[index]).sum(axis=0)
         known = total > 0.0
         scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
-        mean = (np.square(weight) * (orders - predicted)).sum(axis=0) * scale
+        mean = np.where(known, data.mean(index, data.orders[index]) - predicted, 0.0)
         residuals.append(GroupResidual(mean, scale))
     return tuple(residuals)
 

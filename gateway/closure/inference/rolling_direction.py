@@ -35,7 +35,7 @@ def turned_round(fit: Fit, data: Whitened) -> list[int]:
         for index in (index for index, group in enumerate(groups) if group.recording == recording):
             weight = data.weights[index][:, CIRCUMFERENTIAL, 1:]
             measured = weight * data.orders[index][:, CIRCUMFERENTIAL, 1:]
-            modelled = weight * fit.predicted[index][:, CIRCUMFERENTIAL, 1:]
+            modelled = weight * fit.predicted[index][CIRCUMFERENTIAL, 1:]
             product += float(np.sum((measured * modelled.conj()).real))
             square += float(np.sum(np.abs(modelled) ** 2))
             left += float(np.sum(np.abs(measured) ** 2))

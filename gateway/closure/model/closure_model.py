@@ -67,6 +67,26 @@ class ClosureModel:
                 mean[where], std[where] = witness.value, witness.std
         return mean, std
 
+    def prior_precision(self) -> FloatArray:
+        """Return the inverse of the parameters' covariance before the waveforms are used, (P, P).
+
+        It is diagonal but for parameters that effects share: each is the common one plus a difference of its own.
+        """
+        _, std = self.priors()
+        precision = np.diag(std**-2.0)
+        shared: dict[str, list[tuple[int, float]]] = {}
+        for effect in self.effects:
+            first = self.layout.effect(effect.name).start
+            for place, parameter in enumerate(effect.parameters, first):
+                if parameter.shared_std is not None:
+                    shared.setdefault(parameter.name, []).append((place, parameter.shared_std))
+        for together in shared.values():
+            if len(together) > 1:
+                places, own = [place for place, _ in together], [std for _, std in together]
+                covariance = np.outer(std[places], std[places]) + np.diag(np.square(own))
+                precision[np.ix_(places, places)] = np.linalg.inv(covariance)
+        return precision
+
     def witness_misfit(self, vector: FloatArray) -> float:
         """Return the chi-square of the side information."""
         total = 0.0

@@ -51,12 +51,24 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
             "revolutions": int(held_out.revolutions),
             "folds": int(held_out.folds),
             "folds_of": _text(diagnosis.folds_of),
+            "axes": {
+                axis.axis: {
+                    "rms_before_mps2": _number(axis.before_mps2),
+                    "rms_after_mps2": _number(axis.after_mps2),
+                    "rms_with_discrepancy_mps2": _number(axis.with_discrepancy_mps2),
+                    "noise_floor_mps2": _number(axis.noise_mps2),
+                    "weighted_before": _number(axis.before_weighted),
+                    "weighted_after": _number(axis.after_weighted),
+                }
+                for axis in held_out.axes
+            },
         },
+        "complete": bool(diagnosis.complete),
         "noise_floor_mps2": _number(diagnosis.noise_floor_mps2),
         "effects": [_finding(finding) for finding in diagnosis.findings],
         "unexplained": [_unexplained(left) for left in diagnosis.unexplained],
         "estimates": {
-            "before": _estimates(diagnosis.estimates_before, diagnosis.determined),
+            "before": _estimates(diagnosis.estimates_before, diagnosis.determined_before),
             "after": _estimates(diagnosis.estimates_after, diagnosis.determined),
         },
         "groups": [
@@ -105,7 +117,9 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "parameters": {_text(name): _number(fitted.value) for name, fitted in finding.parameters.items()},
         "std": {_text(name): _number(fitted.std) for name, fitted in finding.parameters.items()},
         "units": {_text(name): _text(fitted.unit) for name, fitted in finding.parameters.items()},
+        "probability": _number(finding.probability),
         "evidence": {
+            "log_odds": _number(finding.log_odds),
             "chi2": _number(finding.chi2),
             "held_out_gain": _number(finding.held_out_gain),
             "held_out_std": _number(finding.held_out_std),
