@@ -175,7 +175,7 @@ def _try_from(
     except np.linalg.LinAlgError:
         return None
     cost = float(inner[-1, -1] + away @ prior @ away - change @ gradient)
-    known = model.witness_misfit(there + change) - fit.model.witness_misfit(fit.vector)
+    known = model.witness_deviance() - fit.model.witness_deviance()
     occam = float(log_new - log_old - log_prior + log_fit)
     return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - known - occam))
 

@@ -85,11 +85,6 @@ class Fit:
         return self._gram[:-1, -1]
 
     @property
-    def chi2(self) -> float:
-        """Chi-square of the data and of the side information, over `scale`."""
-        return float(self._gram[-1, -1]) + self.model.witness_misfit(self.vector)
-
-    @property
     def misfit(self) -> float:
         """Chi-square of the data by the scatter alone."""
         return sum(float(left @ left) for left in self.residual)

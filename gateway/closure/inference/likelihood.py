@@ -26,7 +26,7 @@ _LEAST_BLOCKS: Final = 3
 _LEAST_DEPENDENCE: Final = 0.5
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 
-ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL)
+ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL, dtype=np.float64)
 """Angles of the grid on which a waveform of all orders is complete, (REAL,)."""
 
 
