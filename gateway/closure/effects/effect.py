@@ -101,6 +101,7 @@ class Parameter:
         inverse_display: (factor, unit) where the value is the inverse of the quantity that engineers use, so that 0
             means absent. Tables show factor / value in that unit, under the name without its leading `inverse`.
         varies: True where the parameter may physically differ between recordings.
+        whole: True for a whole number. Start values and scans try its values; a fit keeps the one that it starts from.
     """
 
     name: str
@@ -113,6 +114,7 @@ class Parameter:
     factor: float = 1.0
     display_unit: str = ""
     varies: bool = False
+    whole: bool = False
     inverse_display: tuple[float, str] | None = None
 
     @property

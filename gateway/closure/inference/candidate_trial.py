@@ -119,9 +119,10 @@ def bare(fit: Fit, effect: AngleEffect, data: Whitened) -> Fit | None:
     """
     others = tuple(other for other in fit.model.effects if other.name != effect.name)
     model = ClosureModel(fit.model.campaign, fit.model.core, others)
-    mean, std = model.priors()
+    vector = fit.model.layout.moved(fit.vector, model.layout)
+    mean, std = model.priors(vector)
     try:
-        return linearised(model, data, fit.model.layout.moved(fit.vector, model.layout), mean, std * _tightened(fit))
+        return linearised(model, data, vector, mean, std * _tightened(fit))
     except (NoShapeError, np.linalg.LinAlgError):
         return None
 
@@ -186,7 +187,7 @@ def _tightened(fit: Fit) -> float:
 def _solved(
     effect: AngleEffect, start: FloatArray, model: ClosureModel, there: FloatArray, normal: Normal, tightened: float
 ) -> Trial | None:
-    mean, std = model.priors()
+    mean, std = model.priors(there)
     # The effect may be what distorts the states, so its own prior stays wide.
     own = model.layout.effect(effect.name)
     std[: own.start] *= tightened

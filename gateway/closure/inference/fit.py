@@ -165,7 +165,7 @@ def fit_model(
     Raises:
         FitFailedError: the model has no equilibrium near the start.
     """
-    prior_mean, prior_std = model.priors()
+    prior_mean, prior_std = model.priors(start)
     vector = prior_mean.copy() if start is None else start.copy()
     left = _Steps(most_steps, rough)
     try:

@@ -58,9 +58,15 @@ class ClosureModel:
         at = references(campaign)
         self._shifts = [shift(core.names, group.conditions, at[group.state]) for group in campaign.groups]
 
-    def priors(self) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of every parameter before the waveforms are used, (P,) each."""
+    def priors(self, near: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of every parameter before the waveforms are used, (P,) each.
+
+        Args:
+            near: vector that a fit starts from, whose whole numbers it keeps; None for the catalogue's own priors.
+        """
         mean, std = self.layout.priors(self.core, self.effects)
+        if near is not None:
+            self.layout.hold_whole(self.effects, near, mean, std)
         for witness in self._witnesses:
             if any(effect.name == witness.effect for effect in self.effects):
                 where = self.layout.effect(witness.effect)
