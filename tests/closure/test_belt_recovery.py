@@ -57,10 +57,12 @@ def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[f
         ("torsional ripple", (4e-4, 1e-4, 2.0), 7),
         ("torsional ripple", (0.013, -0.015, 3.0), 13),
         ("torsional ripple", (0.002, 0.001, 29.0), 14),
-        ("imbalance and hub motion", (8e-5, 1e-4), 8),
+        ("imbalance and hub motion", (8e-5, 1e-4, 0.0), 8),
         ("run-out", (3e-4, -2e-4), 9),
-        ("anti-alias filter", (1.0 / 500.0,), 11),
-        ("anti-alias filter", (1.0 / 800.0,), 12),
+        ("anti-alias filter", (1.0 / 500.0, 1.0), 11),
+        ("anti-alias filter", (1.0 / 800.0, 1.0), 12),
+        ("anti-alias filter", (1.0 / 600.0, 0.0), 15),
+        ("anti-alias filter", (1.0 / 700.0, 1.8), 16),
     ],
 )
 def test_effect_is_found_from_its_start_values(name: str, values: tuple[float, ...], seed: int) -> None:
@@ -90,3 +92,17 @@ def test_ripple_keeps_its_whole_order_beside_another_effect() -> None:
     assert trial is not None
     fit = refit(trial, without, data)
     assert fit.vector[fit.model.layout.effect(ripple.name)][2] == 3.0
+
+
+def test_hub_motion_may_grow_with_speed() -> None:
+    hub, truth = catalogue()["imbalance and hub motion"], np.array([8e-5, 1e-4, 1.6])
+    made = campaign(hub, truth, 17, (40.0, 70.0))
+    data = whiten(made, with_mean=True)
+    without = fit_model(ClosureModel(made, ExactCore()), data)
+    trial = try_effect(without, data, hub)
+    assert trial is not None
+    fit = refit(trial, without, data)
+    where = fit.model.layout.effect(hub.name)
+    std = np.sqrt(np.diagonal(fit.covariance()))[where]
+    assert (np.abs(fit.vector[where] - truth) < 4.0 * std).all()
+    assert std[2] < 0.1
