@@ -649,9 +649,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.UNUSUAL_PARAMETER: (
         "{parameter} would be {value:.4g}{unit: }, which is unusual, and only one speed was recorded"
     ),
-    Code.NOT_A_WHOLE_ORDER: (
-        "its order would be {order:.2f} per revolution, and only whole orders repeat with the wheel"
-    ),
     Code.STANDING_WAVES: (
         "its pitch of {pitch:.3g} ± {pitch_std:.2g} per revolution does not differ from 0: such waves stand still"
     ),

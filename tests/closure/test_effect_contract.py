@@ -107,6 +107,15 @@ def test_start_values_are_plausible(name: str) -> None:
         assert all(in_range(effect, (*starts[0][:place], value, *starts[0][place + 1 :])) for value in tried)
 
 
+@pytest.mark.parametrize("name", ALL)
+def test_whole_numbers_are_tried_one_by_one(name: str) -> None:
+    effect = ALL[name]
+    for place, parameter in enumerate(effect.parameters):
+        if parameter.whole:
+            tried = [start[place] for start in effect.starts(TWO_TEMPERATURES)]
+            assert tried == list(range(round(parameter.low), round(parameter.high) + 1))
+
+
 @pytest.mark.parametrize("name", RING)
 def test_ring_options_change_only_with_the_effect(name: str) -> None:
     effect = ALL[name]

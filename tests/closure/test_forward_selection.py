@@ -132,13 +132,6 @@ def test_edge_waves_stand_or_travel() -> None:
     assert not is_taken(angle_effect("gain"), [standing, travelling])
 
 
-@pytest.mark.parametrize(("order", "std", "may_be"), [(12.43, 0.01, False), (12.43, 0.2, True), (3.01, 0.001, True)])
-def test_ripple_has_a_whole_order(order: float, std: float, may_be: bool) -> None:
-    effect = angle_effect("torsional ripple")
-    reason = effect.reason_against(np.array([0.001, 0.0, order]), np.array([1e-4, 1e-4, std]))
-    assert (reason is None) is may_be
-
-
 @pytest.mark.parametrize(("curvature", "may_be"), [(0.003, True), (-0.0003, True), (-0.007, False), (-0.5, True)])
 def test_hollow_road_is_an_inner_drum(curvature: float, may_be: bool) -> None:
     effect = angle_effect("drum curvature")

@@ -29,7 +29,7 @@ EFFECTS = [effect for effect in catalogue().values() if isinstance(effect, Spect
 AT = {
     "road vibration": (1.3, 400.0, 2.2),
     "hub vibration": (0.7, 11.3, 5.0),
-    "cavity resonance": (0.9, 222.0, 6.0),
+    "cavity resonance": (0.9, 222.0, 6.0, 0.7),
 }
 CONSTANT = values_of(Scaling(ScalingStatus.KNOWN, 0.0))
 
@@ -69,7 +69,7 @@ class TestEffects:
         frequency, at = np.arange(2.0, 1600.0), np.array(AT[effect.name])
         analytic = effect.density_derivative(conditions(), frequency, at)
         for number, parameter in enumerate(effect.parameters):
-            step = np.zeros(3)
+            step = np.zeros(len(at))
             step[number] = parameter.step
             numeric = effect.density(conditions(), frequency, at + step) - effect.density(
                 conditions(), frequency, at - step
@@ -79,9 +79,10 @@ class TestEffects:
 
     def test_density_is_zero_at_zero_and_grows(self, effect: SpectrumEffect) -> None:
         frequency, at = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
-        assert not effect.density(conditions(), frequency, at * [0.0, 1.0, 1.0]).any()
+        assert not effect.density(conditions(), frequency, np.append(0.0, at[1:])).any()
         power = [effect.density(conditions(kmh), frequency, at).sum() for kmh in (50.0, 100.0)]
-        assert power[1] / power[0] == pytest.approx(4.0, rel=0.02)
+        growth = at[3] if effect.name == "cavity resonance" else 1.0
+        assert power[1] / power[0] == pytest.approx(4.0**growth, rel=0.02)
 
     def test_power_matches_the_parameter(self, effect: SpectrumEffect) -> None:
         frequency, at = np.arange(0.05, 2e4, 0.1), np.array(AT[effect.name])
@@ -207,8 +208,18 @@ class TestNotNamed:
         assert not named(result)
         reason = next(finding.reason for finding in result.findings if finding.name == "cavity resonance")
         assert reason is not None
-        assert reason.code is Code.WRONG_SPEED_EXPONENT
+        assert reason.code is Code.IMPLAUSIBLE_PARAMETER
+        assert dict(reason.values)["parameter"] == "growth"
         assert values_of(result.unexplained[0].scaling) == CONSTANT
+
+    def test_cavity_may_grow_slowly_with_speed(self) -> None:
+        groups = []
+        for kmh, rms in ((50.0, 0.6), (80.0, 0.7)):
+            groups += simulated_groups(f"[vibration]\ncavity_rms_mps2 = {rms * 65.0 / kmh:.4f}", (kmh,))
+        result = diagnose_time_locked(groups)
+        assert named(result) == {"cavity resonance"}
+        growth, std = values(result, "cavity resonance")["growth"]
+        assert abs(growth - math.log(0.7 / 0.6) / math.log(80.0 / 50.0)) < 3.0 * std
 
     def test_line_moving_with_speed_has_an_order(self) -> None:
         rng = np.random.default_rng(5)

@@ -235,3 +235,8 @@ def test_ranges(span, text):
 )
 def test_numbers_without_error(value, text):
     assert significant(value) == text
+
+
+def test_whole_number_is_shown_without_error() -> None:
+    order = catalogue()["torsional ripple"].parameters[2]
+    assert show_fitted(order.name, fitted_parameter(order, 12.0, order.step)).joined() == "12 per revolution"

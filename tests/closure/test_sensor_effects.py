@@ -49,8 +49,8 @@ from tests.closure.sensor_data import (
         ),
         ("gain_error_percent = [0.0, 0.0, 3.0]", {"gain": (0.03,)}, 3e-3),
         ("zero_g_offset_g = [1.0, -2.0, 3.0]", {"zero_g_offset": (G, -2.0 * G, 3.0 * G)}, 3e-3),
-        ("bandwidth_hz = 700.0", {"anti_alias_filter": (1.0 / 700.0,)}, 0.01),
-        ("bandwidth_hz = 1500.0", {"anti_alias_filter": (1.0 / 1500.0,)}, 0.03),
+        ("bandwidth_hz = 700.0", {"anti_alias_filter": (1.0 / 700.0, 1.0)}, 0.01),
+        ("bandwidth_hz = 1500.0", {"anti_alias_filter": (1.0 / 1500.0, 1.0)}, 0.03),
         ("coupling = 'ac'\nhighpass_hz = 2.0", {"AC_coupling": (2.0,)}, 2e-3),
         (
             "roll_deg = 2.0\npitch_deg = 1.5\ngain_error_percent = [0.0, 0.0, -4.0]\nzero_g_offset_g = [0.5, 1.0, -2.0]"
@@ -60,7 +60,7 @@ from tests.closure.sensor_data import (
                 "pitch_tilt": (math.radians(1.5),),
                 "gain": (-0.04,),
                 "zero_g_offset": (0.5 * G, G, -2.0 * G),
-                "anti_alias_filter": (1.0 / 900.0,),
+                "anti_alias_filter": (1.0 / 900.0, 1.0),
                 "AC_coupling": (1.0,),
             },
             4e-3,
@@ -209,7 +209,7 @@ def test_filter_delay_is_left_to_the_contact_centre() -> None:
     before = np.fft.rfft(block.signal_mps2[RADIAL])[1:6]
 
     def turned(inverse_corner_s: float) -> np.ndarray:
-        added = effect.contribution(block, np.array([inverse_corner_s]))[RADIAL]
+        added = effect.contribution(block, np.array([inverse_corner_s, 1.0]))[RADIAL]
         return np.angle(np.fft.rfft(block.signal_mps2[RADIAL] + added)[1:6] / before)
 
     order_hz = np.arange(1, 6) * block.conditions.omega_radps / (2.0 * math.pi)

@@ -28,7 +28,6 @@ from gateway.closure.effects.effect import (
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
 
-_ROOT_2: Final = math.sqrt(2.0)
 _ROOT_2PI: Final = math.sqrt(2.0 * math.pi)
 # Least width of a knee over the limit, so that the ends of the clipped part stay differentiable.
 _MIN_KNEE: Final = 1e-4
@@ -36,6 +35,9 @@ _MIN_KNEE: Final = 1e-4
 # overshoot.
 _CLIPPING_LEVELS: Final = (0.6, 0.9, 1.1, 1.2, 1.3, 1.4)
 _START_KNEE: Final = 0.01
+# Ends of p within which a low-pass has a corner at half its power, 1 -+ sqrt(2), with room.
+_FEWEST: Final = -0.4
+_SHARPEST: Final = 2.4
 # Orders of the spectra, 0 to FIELD_SIZE / 2.
 _ORDER: Final[ComplexArray] = np.arange(FIELD_SIZE // 2 + 1).astype(np.complex128)
 
@@ -150,7 +152,11 @@ class Clipping(SignalEffect):
 
 
 class AntiAliasFilter(SignalEffect):
-    """Two-pole Butterworth low-pass on all three axes; its parameter is 1 / corner, 0 for no filter.
+    """Low-pass of one or two poles on all three axes; its first parameter is 1 / corner, 0 for no filter.
+
+    The corner is where half the power passes. With x = f / corner the gain is 1 / (1 + i d x - p x^2), so that
+    d^2 = 1 + 2 p - p^2. p, the second parameter, is 0 for one pole, 1 for Butterworth's two (Q = 0.71), and in between
+    two real or nearly real poles; Q = sqrt(p) / d.
 
     The contact centre is found behind the filter and is as late as the low orders are. The contribution is therefore
     relative to a signal with the same delay, and a corner does not move the centre.
@@ -160,10 +166,10 @@ class AntiAliasFilter(SignalEffect):
     rank = 350
     summary = "An undeclared low-pass in front of the converter delays all axes and attenuates their highest orders."
     equation = (
-        "order n times exp(i sqrt(2) x) / (1 + i sqrt(2) x - x^2), x = n omega / (2 pi corner); the "
-        "centre is as late as the filter's delay"
+        "order n times exp(i d x) / (1 + i d x - p x^2), x = n omega / (2 pi corner), d^2 = 1 + 2 p - p^2, p = 0 for "
+        "one pole and 1 for two of Butterworth; the centre is as late as the filter's delay"
     )
-    source = "two-pole Butterworth low-pass"
+    source = "low-pass of first and second order with its corner at half the power"
     # Bandwidths of inner-liner elements: 400 Hz to 24 kHz; below 150 Hz no contact would be visible.
     parameters = (
         Parameter(
@@ -177,6 +183,8 @@ class AntiAliasFilter(SignalEffect):
             display_unit="ms",
             inverse_display=(1.0, "Hz"),
         ),
+        # From one pole, with room for its error, to two with a resonance of Q = 1.9.
+        Parameter("second_pole", "", -0.2, 2.2, 0.7, 1e-4, prior_mean=1.0),
     )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     observed_in = "contact edges, all axes, best at high speed; two speeds separate Hz from orders"
@@ -187,21 +195,19 @@ class AntiAliasFilter(SignalEffect):
         ),
         Confounder(("contact centre",), "the rounding of the edges; the delay alone looks like another centre"),
     )
-    # Corners of 1400 and 700 Hz. The effect goes with the cube: a linear step from far below would overshoot.
-    start_values = ((7e-4,), (1.5e-3,))
+    # Corners of 1400 and 700 Hz, with two poles and with one. The effect goes with the square or the cube: a linear
+    # step from far below would overshoot.
+    start_values = ((7e-4, 1.0), (1.5e-3, 1.0), (7e-4, 0.1), (1.5e-3, 0.1))
     stage = Stage.ELECTRIC
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the change by the filter."""
-        return _filtered(block.signal_mps2, _butterworth(self._order_hz(block) * float(parameters[0])) - 1.0)
+        return _filtered(block.signal_mps2, _low_pass(self._order_hz(block), parameters)[0] - 1.0)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivative by the inverse corner."""
-        per = self._order_hz(block)
-        x = per * float(parameters[0])
-        # d/dx of ln: i sqrt(2) - (i sqrt(2) - 2 x) / (1 + i sqrt(2) x - x^2)
-        slope = 1j * _ROOT_2 - (1j * _ROOT_2 - 2.0 * x) / (1.0 + x * (1j * _ROOT_2 - x))
-        return _filtered(block.signal_mps2, per * _butterworth(x) * slope)[None]
+        """Return the derivatives by the inverse corner and by p."""
+        _, by_corner, by_pole = _low_pass(self._order_hz(block), parameters)
+        return np.stack([_filtered(block.signal_mps2, by_corner), _filtered(block.signal_mps2, by_pole)])
 
     @staticmethod
     def _order_hz(block: ModelledBlock) -> ComplexArray:
@@ -265,10 +271,16 @@ def _filtered(signal: FloatArray, response: ComplexArray) -> FloatArray:
     return result
 
 
-def _butterworth(x: ComplexArray) -> ComplexArray:
-    """Return the filter's gain without its delay, at frequencies over its corner."""
-    result: ComplexArray = np.exp(1j * _ROOT_2 * x) / (1.0 + x * (1j * _ROOT_2 - x))
-    return result
+def _low_pass(frequency_hz: ComplexArray, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return a low-pass's gain without its delay, and its derivatives by the inverse corner and by p."""
+    inverse, second = float(parameters[0]), min(max(float(parameters[1]), _FEWEST), _SHARPEST)
+    first = math.sqrt(1.0 + second * (2.0 - second))
+    x = frequency_hz * inverse
+    below = 1.0 + x * (1j * first - second * x)
+    gain = np.exp(1j * first * x) / below
+    by_x = gain * (1j * first - (1j * first - 2.0 * second * x) / below)
+    turn = 1j * ((1.0 - second) / first) * x
+    return gain, frequency_hz * by_x, gain * (turn - (turn - x * x) / below)
 
 
 def _excess(over: FloatArray, width: float) -> FloatArray:

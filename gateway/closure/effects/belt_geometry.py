@@ -1,4 +1,4 @@
-"""Geometry and kinematics of the belt's shape: inclination, projections of gravity and spin, inertia, sensor offset."""
+"""Geometry and kinematics of the belt's shape: curvature, inclination, gravity, spin, inertia, sensor offset."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ _MIDDLE: Final = FIELD_SIZE // 2
 # Circumferential shape over the radius below which it is numeric error or belt extension, not a sensor offset: an
 # offset of 0.1 mm makes more.
 _OFFSET_VISIBLE_SHARE: Final = 2e-3
+# Each step takes 2 e kappa, a tenth, of the error of a curvature away.
+_DEPTH_STEPS: Final = 6
 _ORDER: Final[FloatArray] = np.arange(FIELD_SIZE // 2 + 1, dtype=np.float64)
 _SLOPE: Final[ComplexArray] = np.where(_ORDER <= SLOPE_ORDERS, 1j * _ORDER, 0.0)
 _INTEGRAL: Final[ComplexArray] = np.divide(1.0, 1j * _ORDER, out=np.zeros(len(_ORDER), complex), where=_ORDER > 0.0)
@@ -51,6 +53,36 @@ def inclination(block: ModelledBlock) -> FloatArray:
     bend = np.fft.irfft(deviation * _INTEGRAL, n=FIELD_SIZE)
     result: FloatArray = block.theta_rad + (bend - bend[_MIDDLE])
     return result
+
+
+def relative_curvature(block: ModelledBlock) -> FloatArray:
+    """Return R kappa of the belt's neutral layer, (FIELD_SIZE,); its mean is 1.
+
+    A sensor at depth e reads V^2 kappa (1 - e kappa) instead. A model with gravity has solved for the belt's direction
+    psi, whose derivative by theta it is, whatever the depth; for others the depth comes from `relative_offset`.
+    """
+    if block.shape.gravity_radial.any():
+        return _curvature_of_direction(block)
+    return _curvature_above(block, relative_offset(block))
+
+
+def _curvature_of_direction(block: ModelledBlock) -> FloatArray:
+    turned = np.arctan2(block.shape.gravity_circumferential, block.shape.gravity_radial) - block.theta_rad
+    # Both angles grow by a turn; their difference is far below half of one.
+    turned = np.mod(turned + math.pi, 2.0 * math.pi) - math.pi
+    result: FloatArray = 1.0 + slopes(turned)[0]
+    return result
+
+
+def _curvature_above(block: ModelledBlock, offset: float) -> FloatArray:
+    """Return R kappa from the radial axis of a sensor at a depth e / R; its mean may be missing."""
+    level = block.shape.radial_m / block.conditions.radius_m
+    level = level - level.mean()
+    curvature: FloatArray = 1.0 + level
+    for _ in range(_DEPTH_STEPS if offset else 0):
+        square = np.square(curvature)
+        curvature = 1.0 + level + offset * (square - square.mean())
+    return curvature
 
 
 def gravity_projections(block: ModelledBlock) -> FloatArray:
@@ -105,9 +137,11 @@ def relative_offset(block: ModelledBlock) -> float:
     along = block.shape.circumferential_m
     if float(np.abs(along).max()) < _OFFSET_VISIBLE_SHARE * block.conditions.radius_m:
         return 0.0
-    radial, offset = block.shape.radial_m, 0.0
-    for _ in range(2):
-        slope = slopes(radial + (offset / block.conditions.radius_m) * np.square(radial))[0]
+    solved = bool(block.shape.gravity_radial.any())
+    offset = 0.0
+    for _ in range(1 if solved else _DEPTH_STEPS):
+        curvature = _curvature_of_direction(block) if solved else _curvature_above(block, offset)
+        slope = slopes(block.conditions.radius_m * curvature)[0]
         power = float(slope @ slope)
         if not power > 0.0:
             return 0.0

@@ -103,6 +103,7 @@ class Parameter:
         varies: True where the parameter may physically differ between recordings.
         shared_std: where effects share the parameter of this name, the standard deviation by which each may differ
             from it, as their equations are models; None where it is the effect's own.
+        whole: True for a whole number. Start values and scans try its values; a fit keeps the one that it starts from.
     """
 
     name: str
@@ -115,6 +116,7 @@ class Parameter:
     factor: float = 1.0
     display_unit: str = ""
     varies: bool = False
+    whole: bool = False
     inverse_display: tuple[float, str] | None = None
     shared_std: float | None = None
 

@@ -1,7 +1,7 @@
 """Vibration that is not locked to the wheel: road texture, wheel hop, resonance of the air cavity.
 
 All three are power spectral densities. Excitation by the road is proportional to speed, as its slopes are passed
-faster.
+faster. That of a narrow resonance depends on the road's spectrum: its growth is a parameter.
 """
 
 from __future__ import annotations
@@ -136,13 +136,15 @@ class CavityResonance(SpectrumEffect):
     name = "cavity resonance"
     rank = 390
     summary = "The tire's air column resonates: narrow-band noise on the radial axis at a frequency of its own."
-    equation = "S(f) = (rms v / 65 km/h)^2 2 / (pi width) / (1 + ((f^2 - centre^2) / (f width))^2), radial"
-    source = "two-pole resonance"
+    equation = "S(f) = (rms (v / 65 km/h)^growth)^2 2 / (pi width) / (1 + ((f^2 - centre^2) / (f width))^2), radial"
+    source = "two-pole resonance; growth (w - 1) / 2 on a road whose spectrum falls with w, ISO 8608"
     # The speed of sound over a mean circumference of 1.4 to 2 m is 170 to 245 Hz; small and large tires lie beyond.
     parameters = (
         Parameter("rms_mps2", "m/s^2", 0.01, 60.0, 10.0, 1e-4),
         Parameter("centre_hz", "Hz", 150.0, 300.0, 40.0, 1e-3, prior_mean=222.0),
         Parameter("width_hz", "Hz", 1.5, 25.0, 6.0, 1e-4, prior_mean=6.0),
+        # Roads fall with w from 1.5 to 3.5. A band that does not grow at all is not of the road.
+        Parameter("growth", "", 0.2, 1.6, 0.25, 1e-4, prior_mean=0.9),
     )
     axes = (RADIAL,)
     observed_in = "radial axis, in the non-synchronous spectrum, any speed; two speeds fix its frequency"
@@ -152,14 +154,14 @@ class CavityResonance(SpectrumEffect):
         Confounder(("a loose sensor",), "it resonates on every axis that is loose"),
     )
     # Narrow peaks every few Hz over the range of tires.
-    start_values = tuple((0.2, centre, 6.0) for centre in np.arange(153.0, 300.0, 6.0).tolist())
+    start_values = tuple((0.2, centre, 6.0, 0.9) for centre in np.arange(153.0, 300.0, 6.0).tolist())
     # Car tires; at one speed nothing else separates it from another resonance.
     usual = ("centre_hz", 180.0, 260.0)
 
     def density(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the one-sided density, (3, m), (m/s^2)^2 per Hz."""
         result = np.zeros((3, len(frequency_hz)))
-        rms = float(parameters[0]) * _relative_speed(conditions)
+        rms = float(parameters[0]) * _relative_speed(conditions) ** float(parameters[3])
         result[RADIAL] = rms**2 * _resonance(frequency_hz, float(parameters[1]), float(parameters[2]))[0]
         return result
 
@@ -167,11 +169,12 @@ class CavityResonance(SpectrumEffect):
         self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray
     ) -> FloatArray:
         """Return d density / d parameters, (P, 3, m), analytic."""
-        result = np.zeros((3, 3, len(frequency_hz)))
-        rms = float(parameters[0])
+        result = np.zeros((4, 3, len(frequency_hz)))
+        rms, speed = float(parameters[0]), _relative_speed(conditions)
         shape, per_centre, per_width = _resonance(frequency_hz, float(parameters[1]), float(parameters[2]))
-        rows = np.stack((2.0 * rms * shape, rms**2 * per_centre, rms**2 * per_width))
-        result[:, RADIAL] = rows * _relative_speed(conditions) ** 2
+        per_growth = 2.0 * math.log(speed) * rms**2 * shape
+        rows = np.stack((2.0 * rms * shape, rms**2 * per_centre, rms**2 * per_width, per_growth))
+        result[:, RADIAL] = rows * speed ** (2.0 * float(parameters[3]))
         return result
 
     def noise_band(self, parameters: FloatArray) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -27,18 +26,14 @@ from gateway.closure.effects.effect import (
     Stage,
 )
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 # Cardan joints (2), tripods (3), tire non-uniformity and brake judder (1 to 3), wheel bolts (5), motor cogging and
-# gears (6, 12, 24, ..).
-_RIPPLE_START_ORDERS: Final = (*range(1, 25), 30, 36, 40, 48)
+# gears (6, 12, 24, ..); slots of a direct drive up to 48. Every order is tried: none is found from its neighbour.
+_MAX_RIPPLE_ORDER: Final = 48
 _RIPPLE_START_SHARE: Final = 2e-3
 # Ripple of a rolling wheel is some 0.1 %, brake judder reaches 1 %; more would be felt as shaking.
 _MAX_RIPPLE: Final = 0.03
-# Distance from a whole number that an order may have, plus this many standard errors.
-_WHOLE_ORDER_TOLERANCE: Final = 0.05
-_WHOLE_ORDER_SIGMAS: Final = 3.0
 
 
 class Gravity(LinearSignalEffect):
@@ -122,10 +117,6 @@ class _Modulation(NamedTuple):
     warp: FloatArray
     rate: FloatArray
 
-    def mixed(self, other: _Modulation, share: float) -> _Modulation:
-        """Return (1 - share) of this and `share` of another."""
-        return _Modulation(*((1.0 - share) * one + share * two for one, two in zip(self, other, strict=True)))
-
 
 class TorsionalRipple(SignalEffect):
     """Angular speed omega (1 + C cos(k phi) + S sin(k phi)), phi the angle that time gives at a steady speed.
@@ -145,8 +136,8 @@ class TorsionalRipple(SignalEffect):
     parameters = (
         Parameter("cosine", "", -_MAX_RIPPLE, _MAX_RIPPLE, 0.02, 1e-6, factor=100.0, display_unit="%"),
         Parameter("sine", "", -_MAX_RIPPLE, _MAX_RIPPLE, 0.02, 1e-6, factor=100.0, display_unit="%"),
-        # Only whole orders repeat in every revolution; between two, each has its share.
-        Parameter("order", "per revolution", 0.9, 60.0, 40.0, 1e-4, prior_mean=4.0),
+        # Only whole orders repeat in every revolution.
+        Parameter("order", "per revolution", 1.0, _MAX_RIPPLE_ORDER, 40.0, 1e-4, prior_mean=4.0, whole=True),
     )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     observed_in = (
@@ -166,15 +157,10 @@ class TorsionalRipple(SignalEffect):
             "0.5",
         ),
     )
-    start_values = tuple((_RIPPLE_START_SHARE, _RIPPLE_START_SHARE, float(order)) for order in _RIPPLE_START_ORDERS)
+    start_values = tuple(
+        (_RIPPLE_START_SHARE, _RIPPLE_START_SHARE, float(order)) for order in range(1, _MAX_RIPPLE_ORDER + 1)
+    )
     stage = Stage.BELT
-
-    def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
-        """Reject an order that is not whole: it would not repeat every revolution."""
-        order = float(parameters[2])
-        if abs(order - round(order)) <= _WHOLE_ORDER_TOLERANCE + _WHOLE_ORDER_SIGMAS * float(std[2]):
-            return None
-        return Reason(Code.NOT_A_WHOLE_ORDER, order=order)
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the signal with ripple less the signal without; a Taylor series in the warp."""
@@ -188,53 +174,32 @@ class TorsionalRipple(SignalEffect):
         return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives by both shares and by the order, towards the next higher order at a whole one."""
-        order = float(parameters[2])
-        modulation, higher = _modulation(block, order), _modulation_difference(block, order)
+        """Return the derivatives by both shares; the order is a whole number, which has none."""
+        modulation = _modulation(block, float(parameters[2]))
         speed, warp, rate = (parameters[:2] @ part for part in modulation)
-        along = [
-            np.concatenate([part, (parameters[:2] @ more)[np.newaxis]])
-            for part, more in zip(modulation, higher, strict=True)
-        ]
         turned, steady, spin = _parts(block)
         square = block.conditions.omega_radps**2
         by_speed = 2.0 * (1.0 + speed) * _at_warped_angle(turned, warp)
         by_warp = np.square(1.0 + speed) * _at_warped_angle(turned[1:], warp) + _at_warped_angle(steady[1:], warp)
         by_warp += square * rate * _at_warped_angle(spin[1:], warp)
         by_rate = square * _at_warped_angle(spin, warp)
-        rows: FloatArray = along[0][:, np.newaxis] * by_speed
-        rows += along[1][:, np.newaxis] * by_warp
-        rows += along[2][:, np.newaxis] * by_rate
+        rows = np.zeros((3, *block.signal_mps2.shape))
+        rows[:2] = modulation.speed[:, np.newaxis] * by_speed
+        rows[:2] += modulation.warp[:, np.newaxis] * by_warp
+        rows[:2] += modulation.rate[:, np.newaxis] * by_rate
         return rows
 
 
-def _whole_order(block: ModelledBlock, order: int) -> _Modulation:
-    phase = order * block.theta_rad
+def _modulation(block: ModelledBlock, order: float) -> _Modulation:
+    """Return the modulation of the nearest whole order, 1 at least."""
+    whole = max(1, round(order))
+    phase = whole * block.theta_rad
     cosine, sine = np.cos(phase), np.sin(phase)
     return _Modulation(
         np.stack([cosine, sine]),
-        np.stack([sine, 1.0 - cosine]) / order,
-        np.stack([-order * sine, order * cosine]),
+        np.stack([sine, 1.0 - cosine]) / whole,
+        np.stack([-whole * sine, whole * cosine]),
     )
-
-
-def _modulation(block: ModelledBlock, order: float) -> _Modulation:
-    """Return the modulation of an order; between two whole orders it is interpolated."""
-    low = _whole_order_below(order)
-    share = order - low
-    return _whole_order(block, low).mixed(_whole_order(block, low + 1), share) if share else _whole_order(block, low)
-
-
-def _modulation_difference(block: ModelledBlock, order: float) -> _Modulation:
-    """Return the derivative of `_modulation` by the order."""
-    low = _whole_order_below(order)
-    pairs = zip(_whole_order(block, low), _whole_order(block, low + 1), strict=True)
-    return _Modulation(*(two - one for one, two in pairs))
-
-
-def _whole_order_below(order: float) -> int:
-    """Return the whole order at or below; an order below 1 is extrapolated from orders 1 and 2."""
-    return max(1, math.floor(order))
 
 
 def _parts(block: ModelledBlock) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -17,6 +18,7 @@ from gateway.closure.effects.effect import (
     ModelledBlock,
     Parameter,
     RingEffect,
+    SignalEffect,
     Stage,
 )
 from gateway.closure.model.ring_options import RingOptions
@@ -27,6 +29,8 @@ _MM: Final = 1e3
 _MAX_RUNOUT_M: Final = 3e-3
 # Hub motion: 20 g at 0.2 m on 40 kg of unsprung mass is 0.1 mm; 150 g, and a wheel hop resonance near order 1, is 3 mm.
 _MAX_HUB_MOTION_M: Final = 3e-3
+# Speed at which hub motion is stated.
+_REFERENCE_MPS: Final = 65.0 / 3.6
 
 
 def _harmonic(name: str, most_m: float, prior_std_m: float, step_m: float) -> Parameter:
@@ -72,47 +76,74 @@ class RunOut(RingEffect):
         return replace(options, runout_cosine_m=cosine, runout_sine_m=-sine if conditions.reverse else sine)
 
 
-class Imbalance(LinearSignalEffect):
-    """Vertical acceleration of the hub, synchronous with the wheel."""
+class Imbalance(SignalEffect):
+    """Vertical acceleration of the hub, synchronous with the wheel.
+
+    A free mass moves by the same distance at every speed. On its tire and suspension the hub moves by more the faster
+    it turns, with omega^2 far below wheel hop and steeply near it, so the growth of the distance is a parameter.
+    """
 
     name = "imbalance and hub motion"
     rank = 160
     summary = "The hub moves vertically once a revolution, and the whole wheel with it."
-    equation = "omega^2 (x cos(theta) + y sin(theta)) felt like gravity: times cos(psi) radially, sin(psi) along"
+    equation = (
+        "omega^2 (v / 65 km/h)^growth (x cos(theta) + y sin(theta)) felt like gravity: times cos(psi) radially, "
+        "sin(psi) along"
+    )
     source = "specific force of a frame that accelerates vertically"
     parameters = (
         _harmonic("cosine", _MAX_HUB_MOTION_M, 2e-3, 1e-6),
         _harmonic("sine", _MAX_HUB_MOTION_M, 2e-3, 1e-6),
+        # 0 above wheel hop, 2 far below it; near it the distance rises by up to the fourth power and falls beyond.
+        Parameter("growth", "", -2.0, 4.0, 0.7, 1e-4),
     )
     axes = (CIRCUMFERENTIAL, RADIAL)
     observed_in = (
         "orders 0 and 2 and the orders that the contact makes of them, radial and circumferential alike; grows with"
-        " omega^2"
+        " omega^2 or faster"
     )
     confounders = (
         Confounder(("torsional ripple",), "the circumferential axis", "0.9 at orders 1 and 2 on the radial axis"),
         Confounder(
             ("zero-g offset",),
-            "two speeds; near wheel hop the hub motion does not go with omega^2",
+            "two speeds",
             "0.9 on the radial axis, 0.7 with the circumferential axis, 0.55 with two speeds",
         ),
         Confounder(("gain",), "the circumferential axis", "0.8 on the radial axis, 0.6 with the circumferential axis"),
     )
-    start_values = ((1e-4, 1e-4),)
+    start_values = ((1e-4, 1e-4, 0.0),)
     stage = Stage.BELT
 
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return omega^2 cos(theta) and sin(theta) of the projections; the heavy spot is fixed to the sensor.
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the signal of the hub's motion."""
+        change: FloatArray = np.tensordot(parameters[:2], self._waves(block, float(parameters[2])), 1)
+        return change
 
-        In reverse it is the mirror image: what came ahead comes behind.
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives by both parts of the motion and by its growth."""
+        rows = np.zeros((3, *block.signal_mps2.shape))
+        rows[:2] = self._waves(block, float(parameters[2]))
+        rows[2] = math.log(_relative_speed(block.conditions)) * np.tensordot(parameters[:2], rows[:2], 1)
+        return rows
+
+    @staticmethod
+    def _waves(block: ModelledBlock, growth: float) -> FloatArray:
+        """Return cos(theta) and sin(theta) of the projections for a metre, (2, 3, FIELD_SIZE).
+
+        The heavy spot is fixed to the sensor. In reverse it is the mirror image: what came ahead comes behind.
         """
         conditions = block.conditions
         rows = np.stack([block.zeros()] * 2)
-        felt = conditions.omega_radps**2 * gravity_projections(block)
+        felt = conditions.omega_radps**2 * _relative_speed(conditions) ** growth * gravity_projections(block)
         waves = (np.cos(block.theta_rad), np.sin(block.theta_rad) * (-1.0 if conditions.reverse else 1.0))
         for row, wave in zip(rows, waves, strict=True):
             row[[CIRCUMFERENTIAL, RADIAL]] = wave * felt
         return rows
+
+
+def _relative_speed(conditions: GroupConditions) -> float:
+    """Return the speed over the one at which the hub's motion is stated."""
+    return conditions.omega_radps * conditions.radius_m / _REFERENCE_MPS
 
 
 class RollingRadius(LinearSignalEffect):

@@ -152,8 +152,8 @@ def _try_from(
         return None
     inner = gram(new, None, fit.applied) / fit.scale
     cross = fit.cross(new)
-    mean, _ = model.priors()
-    prior = model.prior_precision()
+    mean, _ = model.priors(there)
+    prior = model.prior_precision(there)
     old = _places(fit, model)
     new_places = np.arange(own.start, own.stop)
     matrix = prior.copy()
@@ -177,6 +177,7 @@ def _try_from(
     cost = float(inner[-1, -1] + away @ prior @ away - change @ gradient)
     known = model.witness_deviance() - fit.model.witness_deviance()
     occam = float(log_new - log_old - log_prior + log_fit)
+    occam += 2.0 * (model.log_choices() - fit.model.log_choices())
     return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - known - occam))
 
 

@@ -87,7 +87,7 @@ def log_evidence(fit: Fit) -> float:
     _, log_precision = np.linalg.slogdet(fit.precision)
     known = fit.model.witness_deviance()
     _, log_prior = np.linalg.slogdet(fit.prior_precision)
-    odds = len(fit.model.effects) * math.log(criteria.PRIOR_ODDS)
+    odds = len(fit.model.effects) * math.log(criteria.PRIOR_ODDS) - fit.model.log_choices()
     return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + float(log_precision - log_prior))
 
 

@@ -164,7 +164,8 @@ def _parameters(one: Evaluated, effect: AngleEffect) -> dict[str, Fitted]:
 def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
     """Return a parameter's value in SI, with its display unit."""
     shown = parameter.factor, parameter.display_unit, parameter.inverse_display
-    return Fitted(value, std, parameter.unit, *shown)
+    # A whole number is tried, not fitted: it has no error.
+    return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)
 
 
 def _size(one: Evaluated, effect: AngleEffect) -> float:

@@ -187,7 +187,7 @@ def linearised(
     Raises:
         NoShapeError: the ring has no solution there.
     """
-    prior_mean, _ = model.priors()
+    prior_mean, _ = model.priors(vector)
     predicted, rows, residuals = [], [], []
     for index in range(len(model.campaign.groups)):
         places, base, derivatives = model.group_derivatives(vector, index)
@@ -203,7 +203,7 @@ def linearised(
         tuple(rows),
         tuple(residuals),
         prior_mean,
-        model.prior_precision(),
+        model.prior_precision(vector),
         scale,
         applied,
     )

@@ -103,7 +103,7 @@ def objection(
                 return Reason(Code.NOTHING_REMAINS), False
             return outside_range(one, float(value)), False
     size = effect_size(sites, observed, fit, effect)
-    reason = _axes_differ(effect, size) or _groups_differ(effect, size, sites)
+    reason = _axes_differ(effect, size) or _groups_differ(effect, size, sites, own)
     if reason is None and isinstance(effect, Rotating):
         reason = _wrong_sense(sites, fit, effect, own)
     if reason is None and isinstance(effect, NarrowNoise):
@@ -176,7 +176,7 @@ def group_sizes(effect: SpectrumEffect, size: Size) -> tuple[FloatArray, FloatAr
     return (weight * size.factor[:, axes]).sum(axis=1) / total, total**-0.5
 
 
-def _groups_differ(effect: SpectrumEffect, size: Size, sites: Sequence[Site]) -> Reason | None:
+def _groups_differ(effect: SpectrumEffect, size: Size, sites: Sequence[Site], own: FloatArray) -> Reason | None:
     if len(sites) < 2:
         return None
     factor, std = group_sizes(effect, size)
@@ -185,11 +185,13 @@ def _groups_differ(effect: SpectrumEffect, size: Size, sites: Sequence[Site]) ->
         if value + away < _GROUPS_RATIO**-2 or value - away > _GROUPS_RATIO**2:
             ratio = math.sqrt(max(value, 0.0))
             return Reason(Code.RECORDING_HAS_OTHER_SIZE, recording=site.spectra.label, ratio=ratio)
-    rms = np.sqrt(np.maximum(factor, 0.05)) * [site.spectra.speed_mps for site in sites]
-    error = 0.5 * std / np.maximum(factor, 0.05) * rms
-    exponent, unsure = held_scaling([site.spectra for site in sites], rms.tolist(), error.tolist())
-    if unsure < _KNOWN_EXPONENT and abs(exponent - 1.0) > _EXPONENT + 2.0 * unsure:
-        return Reason(Code.WRONG_SPEED_EXPONENT, exponent=exponent, exponent_std=unsure)
+    beyond = np.sqrt(np.maximum(factor, 0.05))
+    error = 0.5 * std / np.maximum(factor, 0.05) * beyond
+    exponent, unsure = held_scaling([site.spectra for site in sites], beyond.tolist(), error.tolist())
+    if unsure < _KNOWN_EXPONENT and abs(exponent) > _EXPONENT + 2.0 * unsure:
+        names = [parameter.name for parameter in effect.parameters]
+        grown = float(own[names.index("growth")]) if "growth" in names else 1.0
+        return Reason(Code.WRONG_SPEED_EXPONENT, exponent=grown + exponent, exponent_std=unsure)
     return None
 
 

@@ -58,21 +58,30 @@ class ClosureModel:
         at = references(campaign)
         self._shifts = [shift(core.names, group.conditions, at[group.state]) for group in campaign.groups]
 
-    def priors(self) -> tuple[FloatArray, FloatArray]:
-        """Return mean and standard deviation of every parameter before the waveforms are used, (P,) each."""
+    def priors(self, near: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
+        """Return mean and standard deviation of every parameter before the waveforms are used, (P,) each.
+
+        Args:
+            near: vector that a fit starts from, whose whole numbers it keeps; None for the catalogue's own priors.
+        """
         mean, std = self.layout.priors(self.core, self.effects)
+        if near is not None:
+            self.layout.hold_whole(self.effects, near, mean, std)
         for witness in self._witnesses:
             if any(effect.name == witness.effect for effect in self.effects):
                 where = self.layout.effect(witness.effect)
                 mean[where], std[where] = witness.value, witness.std
         return mean, std
 
-    def prior_precision(self) -> FloatArray:
+    def prior_precision(self, near: FloatArray | None = None) -> FloatArray:
         """Return the inverse of the parameters' covariance before the waveforms are used, (P, P).
 
         It is diagonal but for parameters that effects share: each is the common one plus a difference of its own.
+
+        Args:
+            near: as in `priors`.
         """
-        _, std = self.priors()
+        _, std = self.priors(near)
         precision = np.diag(std**-2.0)
         shared: dict[str, list[tuple[int, float]]] = {}
         for effect in self.effects:
@@ -105,6 +114,11 @@ class ClosureModel:
                     variance += effect.parameters[0].prior_std ** 2
             total += witness.value**2 / variance + math.log(variance)
         return total
+
+    def log_choices(self) -> float:
+        """Return the logarithm of the number of values that the effects' whole numbers can take."""
+        whole = (parameter for effect in self.effects for parameter in effect.parameters if parameter.whole)
+        return sum(math.log(math.floor(parameter.high) - math.ceil(parameter.low) + 1) for parameter in whole)
 
     def tire(self, vector: FloatArray, index: int) -> FloatArray:
         """Return the parameters of the tire's state, (K,), as they are at the load and pressure of one group."""

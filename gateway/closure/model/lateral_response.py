@@ -2,7 +2,7 @@
 
 A shear-flexible beam under tension on the lateral sidewall, a tread that sticks to the road, in closed form order by
 order of the wheel. It shares the beam's equations with `gateway.physics.lateral_belt` (docs/explanation/ply-steer.md)
-but neither its grid nor its sliding nor its uneven tension, and it needs nothing of the ring but the waveform and the
+but neither its grid nor its sliding nor its uneven tension, and it needs nothing of the ring but its curvature and the
 edges: per length of belt and order k = n / R,
 
     y D = f - B (i k gamma0 + kappa0),   B = EI k^2 / (1 + EI k^2 / Ks),   D = k^2 (B + T) + ky
@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.closure.effects.belt_geometry import relative_curvature
 from gateway.closure.effects.effect import ModelledBlock
 from gateway.types import ComplexArray, FloatArray
 
@@ -114,19 +115,19 @@ class Response:
 
     def __init__(
         self,
-        radial_m: FloatArray,
+        curvature: FloatArray,
         edges_rad: tuple[float, float],
         radius_m: float,
         pressure_pa: float,
         load: Load,
         at: Stiffness,
     ) -> None:
-        """Solve belt and tread; arguments as in `unit_response`."""
-        self._size = len(radial_m)
+        """Solve belt and tread on a belt of this curvature times its radius, (FIELD_SIZE,)."""
+        self._size = len(curvature)
         self._orders = orders = np.arange(min(_HIGHEST_ORDER, self._size // 2 - 1) + 1)
         # The grid begins at -pi: turned, a coefficient belongs to exp(i n theta).
         self._turn = np.where(orders % 2, -1.0, 1.0)
-        bent = np.fft.rfft(radial_m - radial_m.mean())[: len(orders)] * self._turn / (self._size * radius_m**2)
+        bent = np.fft.rfft(curvature - 1.0)[: len(orders)] * self._turn / (self._size * radius_m)
         self._forcing: ComplexArray = bent * (1j * orders / radius_m if load is Load.PLY_STEER else load is Load.CONE)
         self._k2 = (orders / radius_m) ** 2
         bending = BENDING_STIFFNESS_NM2 * np.exp(at.bending_ln)
@@ -174,17 +175,16 @@ class Response:
 def unit_response(here: ModelledBlock, load: Load, stiffness: Stiffness) -> Response:
     """Return the response on the belt's shape at `here`; quick when the shape was seen before.
 
-    The curvature comes from the radial waveform, kappa - 1/R = (s - mean s) / R^2: exact for a sensor on the neutral
-    layer, within 2 e/R of itself below it.
+    The curvature is the neutral layer's, whatever the depth of the sensor that the model has.
     """
-    radial = np.ascontiguousarray(here.shape.radial_m, dtype=np.float64)
+    curvature = np.ascontiguousarray(relative_curvature(here), dtype=np.float64)
     at = here.conditions
     edges = here.leading_edge_rad, here.trailing_edge_rad
-    return _solved(radial.tobytes(), edges, at.radius_m, at.pressure_pa, load, stiffness)
+    return _solved(curvature.tobytes(), edges, at.radius_m, at.pressure_pa, load, stiffness)
 
 
 @lru_cache(maxsize=64)
 def _solved(
-    radial: bytes, edges_rad: tuple[float, float], radius_m: float, pressure_pa: float, load: Load, at: Stiffness
+    curvature: bytes, edges_rad: tuple[float, float], radius_m: float, pressure_pa: float, load: Load, at: Stiffness
 ) -> Response:
-    return Response(np.frombuffer(radial), edges_rad, radius_m, pressure_pa, load, at)
+    return Response(np.frombuffer(curvature), edges_rad, radius_m, pressure_pa, load, at)

@@ -62,6 +62,14 @@ class Layout:
             std[where] = [parameter.prior_std for parameter in effect.parameters]
         return mean, std
 
+    def hold_whole(self, effects: Sequence[Effect], near: FloatArray, mean: FloatArray, std: FloatArray) -> None:
+        """Set the priors of whole numbers, in place, so that a fit from the vector `near` keeps them."""
+        for effect in effects:
+            first = self.effect(effect.name).start
+            for place, parameter in enumerate(effect.parameters, first):
+                if parameter.whole:
+                    mean[place], std[place] = near[place], parameter.step
+
     def moved(self, vector: FloatArray, other: Layout) -> FloatArray:
         """Return a vector of this layout in another one; missing parameters are 0."""
         result = np.zeros(other.size)

@@ -76,6 +76,8 @@ def show_fitted(name: str, fitted: Fitted | None, *, state: bool = True) -> Show
         std = value * float(fitted.std) / float(fitted.value)
         label = label.removeprefix(_INVERSE)
         return ShownNumber(label, round_to_error(value, std).joined(), typeset(unit), value, std)
+    if fitted.std == 0.0 and float(fitted.value).is_integer():
+        return ShownNumber(label, f"{fitted.value:.0f}", typeset(fitted.display_unit or fitted.unit), fitted.value, 0.0)
     suffix = next((suffix for suffix in UNITS if quantity.endswith(suffix) and len(quantity) > len(suffix)), "")
     factor, unit = fitted.factor, fitted.display_unit or fitted.unit
     if not fitted.display_unit and fitted.unit in ("", _SI.get(suffix)):
