@@ -18,7 +18,9 @@ from gateway.views.output_file import check_outputs, is_stdout, write_whole
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
+    from gateway.closure.effects.effect import BaselineModel
     from gateway.closure.result import Diagnosis
+    from gateway.config.vehicle import VehicleConfig
 
 MODELS: Final = ("exact", "series", "paper")
 
@@ -84,6 +86,13 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     help="Write the identified effects to this file, for --effects of live, record, replay and estimate.",
 )
 @click.option(
+    "--effects",
+    "known_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Do not search: report the error with the effects of this file, exactly as found in other recordings.",
+)
+@click.option(
     "--folds",
     type=click.IntRange(2, 20),
     default=5,
@@ -122,6 +131,7 @@ def diagnose(
     html_path: Path | None,
     empirical: bool,
     effects_path: Path | None,
+    known_path: Path | None,
     folds: int,
     jobs: int | None,
     budget_s: float | None,
@@ -143,14 +153,20 @@ def diagnose(
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error.
 
+    With --effects, nothing is searched for. The error on RECORDING... is reported without the effects of the file and
+    with them, their parameters as found; only the tire's own parameters and the contact's centre are fitted again.
+
     --list-effects prints the catalogue: physics, equation, parameters and confounders of each effect.
 
     \b
       treadlink diagnose 40kmh.mcap 80kmh.mcap 120kmh.mcap --html report.html
       treadlink diagnose drive.mcap --wheel FL --save-effects fl.effects.json
       treadlink estimate drive.mcap --effects fl.effects.json
+      treadlink diagnose other.mcap --effects fl.effects.json
       treadlink diagnose ahead.mcap back.mcap --reverse back.mcap
     """
+    if known_path is not None and (html_path is not None or effects_path is not None or empirical):
+        raise click.UsageError("--effects only compares: leave out --html, --save-effects and --empirical.")
     if effects_path is not None and model != "exact":
         raise TreadlinkError(
             "--save-effects requires --model exact",
@@ -172,6 +188,20 @@ def diagnose(
     from gateway.views.report.terminal import closure_summary_lines
 
     vehicle = load_vehicle(config_path) if config_path is not None else None
+    if known_path is not None:
+        _transfer(
+            _distinct(recordings),
+            known_path,
+            vehicle,
+            BaselineModel(model),
+            folds,
+            jobs or min(2, os.cpu_count() or 1),
+            reverse,
+            key_file,
+            json_path,
+            force=force,
+        )
+        return
     with progress_bar(" " * _LABEL_CELLS) as bar:
         diagnosis = diagnose_recordings(
             _distinct(recordings),
@@ -191,6 +221,48 @@ def diagnose(
     for line in closure_summary_lines(diagnosis, columns):
         click.echo(clean(line), err=outputs_to_stdout)
     _write(diagnosis, json_path, html_path, effects_path, force=force)
+
+
+def _transfer(
+    recordings: list[Path],
+    known_path: Path,
+    vehicle: VehicleConfig | None,
+    model: BaselineModel,
+    folds: int,
+    jobs: int,
+    reverse: tuple[Path, ...],
+    key_file: Path | None,
+    json_path: Path | None,
+    *,
+    force: bool,
+) -> None:
+    """Report the error with the effects of a file, as found before."""
+    from gateway.config.effects_file import load_effects
+    from gateway.session.campaign_diagnosis import transfer_effects
+    from gateway.views.progress import progress_bar
+    from gateway.views.report.transfer_report import transfer_json, transfer_lines
+
+    table = load_effects(known_path)
+    with progress_bar(" " * _LABEL_CELLS) as bar:
+        result = transfer_effects(
+            recordings,
+            table,
+            vehicle=vehicle,
+            model=model,
+            folds=folds,
+            jobs=jobs,
+            reverse=reverse,
+            key_file=key_file,
+            on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
+        )
+    to_stdout = json_path is not None and is_stdout(json_path)
+    for line in transfer_lines(result, str(known_path)):
+        click.echo(clean(line), err=to_stdout)
+    if json_path is not None:
+        text = json.dumps(transfer_json(result), indent=2, ensure_ascii=False, allow_nan=False)
+        write_whole(json_path, text + "\n", force=force)
+        if not to_stdout:
+            click.echo(clean(f"written: {json_path}"))
 
 
 def _write(

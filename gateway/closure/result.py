@@ -6,19 +6,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from gateway.closure.data.campaign_data import Remark
 from gateway.reasons import Reason
 from gateway.signal.effect_correction import CorrectionTable
 from gateway.types import FloatArray
-
-FAR_OFF: Final = 1.2
-"""Held-out error over the noise floor above which the remaining misfit may bias estimates beyond their errors.
-
-From `paper` and `series`, errors of Bs, Cw, Rs, Ts over their standard errors stay below 3.3 up to this ratio and reach
-6 and more beyond it.
-"""
 
 
 class Verdict(StrEnum):

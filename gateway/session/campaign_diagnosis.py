@@ -11,11 +11,15 @@ from gateway.clock import Clock, SystemClock
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.result import Diagnosis
+from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
 from gateway.session.campaign import read_campaign
+from gateway.signal.effect_correction import CorrectionTable
 
 # Share of reading in the total time.
 _READING_SHARE: Final = 0.15
+# Likewise where effects are only compared.
+_READ_SHARE: Final = 0.3
 
 Progress = Callable[[float, str], None]
 
@@ -84,3 +88,49 @@ def diagnose_recordings(
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
     return replace(diagnosis, notes=notes, stated=campaign.stated)
+
+
+def transfer_effects(
+    paths: Sequence[Path],
+    table: CorrectionTable,
+    *,
+    vehicle: VehicleConfig | None = None,
+    model: BaselineModel = BaselineModel.EXACT,
+    folds: int = 5,
+    jobs: int = 2,
+    reverse: Collection[Path] = (),
+    key_file: Path | None = None,
+    on_progress: Progress | None = None,
+) -> Transfer:
+    """Return the error on recordings with the effects of an effects file, exactly as they were found.
+
+    Args:
+        paths: recordings.
+        table: of the effects file.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        model: baseline model.
+        folds: blocks of revolutions under the same conditions, for held-out errors.
+        jobs: maximum number of processes.
+        reverse: those of `paths` recorded in the opposite direction.
+        key_file: keys of signed frames, where the configuration asks for them.
+        on_progress: called with the share done, 0 to 1, and the present step.
+
+    Raises:
+        TreadlinkError: a recording cannot be read or contains nothing usable, or an effect is not known.
+    """
+    report = on_progress or (lambda _share, _text: None)
+    report(0.0, "reading")
+    campaign = read_campaign(
+        paths,
+        vehicle=vehicle,
+        wheel=table.position,
+        folds=folds,
+        jobs=jobs,
+        reverse=reverse,
+        key_file=key_file,
+    )
+    report(_READ_SHARE, "comparing with and without the effects")
+    found = {effect.name: {one.name: one.value for one in effect.parameters} for effect in table.effects}
+    result = transfer(campaign, found, model=model)
+    report(1.0, "done")
+    return result

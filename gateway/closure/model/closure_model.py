@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Final
@@ -32,6 +32,8 @@ _DRIFT_STEP_RADPS2: Final = 0.01
 # Step of the logarithm of load or pressure, and the difference within a group that is neglected.
 _STATE_STEP: Final = 1e-3
 _STEADY: Final = 1e-5
+# Standard deviation of a parameter that a fit keeps, in its steps.
+_HELD_STEPS: Final = 1e-3
 
 
 class ClosureModel:
@@ -44,9 +46,24 @@ class ClosureModel:
         layout: layout of the parameter vector.
     """
 
-    def __init__(self, campaign: Campaign, core: Core, effects: Sequence[AngleEffect] = ()) -> None:
-        """Assemble the model; effects keep their order within a stage."""
+    def __init__(
+        self,
+        campaign: Campaign,
+        core: Core,
+        effects: Sequence[AngleEffect] = (),
+        *,
+        held: Mapping[str, FloatArray] | None = None,
+    ) -> None:
+        """Assemble the model; effects keep their order within a stage.
+
+        Args:
+            campaign: the data's conditions.
+            core: the baseline model.
+            effects: in the model.
+            held: by effect the values of parameters that a fit keeps.
+        """
         self.campaign = campaign
+        self._held = dict(held or {})
         self.core = core
         self._ring = tuple(effect for effect in effects if not isinstance(effect, SignalEffect))
         self._signal = tuple(
@@ -71,6 +88,11 @@ class ClosureModel:
             if any(effect.name == witness.effect for effect in self.effects):
                 where = self.layout.effect(witness.effect)
                 mean[where], std[where] = witness.value, witness.std
+        for effect in self.effects:
+            if effect.name in self._held:
+                where = self.layout.effect(effect.name)
+                mean[where] = self._held[effect.name]
+                std[where] = [_HELD_STEPS * parameter.step for parameter in effect.parameters]
         return mean, std
 
     def prior_precision(self, near: FloatArray | None = None) -> FloatArray:

@@ -16,6 +16,7 @@ from gateway.views import wording
 from gateway.views.output_file import write_whole
 from gateway.views.report.phrases import residual_sentence, scaling_text
 from gateway.views.report.quantities import residuals
+from gateway.views.report.transfer_report import held_out_json
 
 FORMAT: Final = "treadlink diagnosis"
 FORMAT_VERSION: Final = 1
@@ -45,23 +46,9 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         },
         "revolutions": {"used": int(diagnosis.revolutions), "rejected": int(diagnosis.rejected)},
         "held_out": {
-            "rms_before_mps2": _number(held_out.rms_before_mps2),
-            "rms_after_mps2": _number(held_out.rms_after_mps2),
+            **held_out_json(held_out),
             "rms_empirical_mps2": _number(diagnosis.empirical_rms_mps2),
-            "revolutions": int(held_out.revolutions),
-            "folds": int(held_out.folds),
             "folds_of": _text(diagnosis.folds_of),
-            "axes": {
-                axis.axis: {
-                    "rms_before_mps2": _number(axis.before_mps2),
-                    "rms_after_mps2": _number(axis.after_mps2),
-                    "rms_with_discrepancy_mps2": _number(axis.with_discrepancy_mps2),
-                    "noise_floor_mps2": _number(axis.noise_mps2),
-                    "weighted_before": _number(axis.before_weighted),
-                    "weighted_after": _number(axis.after_weighted),
-                }
-                for axis in held_out.axes
-            },
         },
         "complete": bool(diagnosis.complete),
         "noise_floor_mps2": _number(diagnosis.noise_floor_mps2),

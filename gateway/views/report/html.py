@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.closure.result import FAR_OFF, Curves, Diagnosis, Spectra, Trend
+from gateway.closure.result import Curves, Diagnosis, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.views.numbers import fixed, split_name
 from gateway.views.output_file import check_target, write_whole
@@ -52,12 +52,14 @@ from gateway.views.report.quantities import (
     typeset,
 )
 from gateway.views.report.report_tables import (
+    AxisRow,
     EffectRow,
     ErrorRow,
     EstimateRow,
     StateRows,
     StepRow,
     UnexplainedRow,
+    axis_rows,
     by_state,
     effect_rows,
     error_rows,
@@ -139,6 +141,7 @@ class _Page:
     answer: str
     folds: str
     errors: list[ErrorRow]
+    axes: list[AxisRow]
     effects: list[EffectRow]
     refused: list[EffectRow]
     unexplained: list[UnexplainedRow]
@@ -147,7 +150,6 @@ class _Page:
     legend: bool
     states: bool
     logarithms: bool
-    doubt: str
     step_names: list[str]
     steps: list[StateRows[StepRow]]
     stated: list[str]
@@ -171,6 +173,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         answer=" ".join(_answer(diagnosis)),
         folds=_folds(diagnosis),
         errors=error_rows(diagnosis),
+        axes=axis_rows(diagnosis),
         effects=effect_rows(diagnosis),
         refused=refused_rows(diagnosis),
         unexplained=unexplained_rows(diagnosis),
@@ -179,7 +182,6 @@ def _page(diagnosis: Diagnosis) -> _Page:
         legend=any(row.drawn for row in estimates),
         states=any(row.state for row in estimates),
         logarithms=any(name.endswith("_ln") for finding in diagnosis.findings for name in finding.parameters),
-        doubt=_doubt(diagnosis),
         step_names=step_names,
         steps=by_state(step_rows),
         stated=[remark(text) for text in diagnosis.stated],
@@ -206,21 +208,7 @@ def _folds(diagnosis: Diagnosis) -> str:
     text = f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; "
     if held_out.revolutions >= used:
         return f"{text}{held_out.revolutions} revolutions in all."
-    return (
-        f"{text}{held_out.revolutions} of the {used} revolutions in all. The others were part of every fit: at most "
-        "five folds are held out, and in a small group each revolution is one fold."
-    )
-
-
-def _doubt(diagnosis: Diagnosis) -> str:
-    """Return a warning about the estimates of a model with a large residual; empty otherwise."""
-    share = ratio(diagnosis.held_out.rms_after_mps2, diagnosis.noise_floor_mps2)
-    if not share > FAR_OFF:
-        return ""
-    return (
-        f"The error after is {fixed(share, 2)} times the noise floor. Standard errors treat the residual as random; a "
-        "missing effect may bias the estimates by more."
-    )
+    return f"{text}{held_out.revolutions} of the {used} revolutions in all."
 
 
 def _answer(diagnosis: Diagnosis) -> Iterator[str]:

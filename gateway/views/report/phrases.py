@@ -11,7 +11,6 @@ from gateway.closure.data.campaign_data import Remark
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.inference.effect_contribution import MEASURED
 from gateway.closure.result import (
-    FAR_OFF,
     Diagnosis,
     Finding,
     Scaling,
@@ -21,7 +20,7 @@ from gateway.closure.result import (
 )
 from gateway.reasons import Reason
 from gateway.views import wording
-from gateway.views.report.quantities import orders_text, parameter_label, ratio, span_text, typeset
+from gateway.views.report.quantities import orders_text, parameter_label, span_text, typeset
 from gateway.views.text import clean
 
 MODELS: Final = {
@@ -197,9 +196,6 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     """Return the main reason why some estimates are not determined, and the remedy; empty for none."""
     if not names:
         return ""
-    share = ratio(diagnosis.held_out.rms_after_mps2, diagnosis.noise_floor_mps2)
-    if share > FAR_OFF:
-        return "the residual is too large; explain it first"
     known = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
     assumed = [quantity for quantity, stated in known if not stated]
     if assumed:
@@ -207,9 +203,6 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     estimates = [diagnosis.estimates_after[name] for name in names if name in diagnosis.estimates_after]
     if any(not one.std < _LARGEST_RELATIVE_STD * abs(one.value) for one in estimates):
         return "standard error above 30 %; record longer, or at more loads"
-    # Each state is judged separately, so all estimates of one may be doubtful where most data are well described.
-    if len(estimates) > 1:
-        return "the residual at this load and pressure is too large"
     return "too small to be measured; record at more loads"
 
 

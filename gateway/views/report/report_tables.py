@@ -33,6 +33,9 @@ from gateway.views.text import clean
 
 _DEGREES: Final = 180.0 / math.pi
 _BAND_STDS: Final = 2.0
+# Probabilities above are shown as a bound, and with a third digit.
+_CERTAIN: Final = 0.999
+_NEARLY: Final = 0.9
 
 
 class _HasState(Protocol):
@@ -54,6 +57,19 @@ class ErrorRow(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class AxisRow:
+    """Held-out errors of one axis, as text."""
+
+    axis: str
+    before: str
+    after: str
+    with_discrepancy: str
+    floor: str
+    before_weighted: str
+    after_weighted: str
+
+
+@dataclass(frozen=True, slots=True)
 class EffectRow:
     """One effect; remarks are (label, text)."""
 
@@ -64,7 +80,7 @@ class EffectRow:
     parameters: tuple[ShownNumber, ...]
     rms: str
     held_out: str
-    gain: str
+    probability: str
     chi2: str
     reason: str
     remarks: tuple[tuple[str, str], ...]
@@ -155,6 +171,31 @@ def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
     ]
 
 
+def axis_rows(diagnosis: Diagnosis) -> list[AxisRow]:
+    """Return the errors of each axis."""
+    return [
+        AxisRow(
+            axis.axis,
+            significant(axis.before_mps2),
+            significant(axis.after_mps2),
+            significant(axis.with_discrepancy_mps2),
+            significant(axis.noise_mps2),
+            fixed(axis.before_weighted, 2),
+            fixed(axis.after_weighted, 2),
+        )
+        for axis in diagnosis.held_out.axes
+    ]
+
+
+def probability_text(probability: float) -> str:
+    """Return a probability, near 1 as a bound."""
+    if not math.isfinite(probability):
+        return MISSING
+    if probability > _CERTAIN:
+        return f"> {_CERTAIN}"
+    return f"{probability:.3f}" if probability > _NEARLY else f"{probability:.2f}"
+
+
 def effect_rows(diagnosis: Diagnosis) -> list[EffectRow]:
     """Return the effects that were identified or cannot be distinguished, in the diagnosis's order."""
     return [_effect(finding) for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED]
@@ -238,7 +279,7 @@ def _effect(finding: Finding) -> EffectRow:
         parameters=tuple(show_fitted(name, fitted) for name, fitted in finding.parameters.items()),
         rms=significant(finding.rms_mps2),
         held_out=change,
-        gain=plain(finding.held_out_gain, finding.held_out_std),
+        probability=probability_text(finding.probability),
         chi2=significant(finding.chi2),
         reason=reason_text(finding.reason),
         remarks=tuple((label, text) for label, text in remarks if text),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from gateway.closure.result import FAR_OFF, Diagnosis, Finding
+from gateway.closure.result import Diagnosis, Finding
 from gateway.views.numbers import fixed
 from gateway.views.report.phrases import (
     GROWN,
@@ -23,6 +23,7 @@ from gateway.views.report.phrases import (
     why_undetermined,
 )
 from gateway.views.report.quantities import plain, ratio, show_fitted, significant
+from gateway.views.report.transfer_report import axis_lines
 from gateway.views.text import ELLIPSIS, clean, crop, pad, width
 
 LINE_WIDTH: Final = 80
@@ -60,8 +61,8 @@ class _Lines:
         before, after = fixed(held_out.rms_before_mps2, 2), fixed(held_out.rms_after_mps2, 2)
         yield self._row("held-out rms", f"{before} m/s² before, {after} m/s² after{' (increased)' if grown else ''}")
         share = ratio(held_out.rms_after_mps2, floor)
-        far = " (estimates may be biased)" if share > FAR_OFF else ""
-        yield self._row("noise floor", f"{fixed(floor, 2)} m/s²; after / noise floor {fixed(share, 2)}{far}")
+        yield from axis_lines(held_out)
+        yield self._row("noise floor", f"{fixed(floor, 2)} m/s²; after / noise floor {fixed(share, 2)}")
         undecided = undecided_sets(diagnosis)
         yield from self._named(diagnosis.named, bool(undecided))
         yield from self._undecided(undecided)
