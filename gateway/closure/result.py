@@ -41,6 +41,7 @@ class ScalingStatus(StrEnum):
     UNCERTAIN = "uncertain"
     ONE_SPEED = "one_speed"
     SEEN_AT_ONE_SPEED = "seen_at_one_speed"
+    SPEED_WITH_LOAD = "speed_with_load"
     TOO_WEAK = "too_weak"
     NON_STATIONARY = "non_stationary"
 

@@ -17,7 +17,7 @@ from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.model.sensor_signal import THETA, orders_field
 from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from gateway.constants import AXIS_NAMES
-from gateway.types import BoolArray, ComplexArray, FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
 
 POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
@@ -31,6 +31,8 @@ _WIDEST_RAD: Final = 2.2
 # Speeds must differ by this ratio for an exponent to be fitted.
 _SPEED_RATIO: Final = 1.15
 _HIGHEST_EXPONENT: Final = 4
+# Standard error from which an exponent is uncertain.
+_UNCERTAIN: Final = 0.5
 # Share of the largest residual below which a band is not listed.
 _NEGLIGIBLE: Final = 0.02
 # Standard errors above which a residual is listed.
@@ -137,7 +139,8 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     low, high = _core_orders(residuals, axis, first, last)
     omegas = np.array([group.conditions.omega_radps for group in campaign.groups])
     hz = (low * float(omegas.min()) / (2.0 * math.pi), high * float(omegas.max()) / (2.0 * math.pi))
-    scaling = _scaling(omegas, rms, error)
+    states = np.array([group.state for group in campaign.groups])
+    scaling = _scaling(omegas, states, rms, error)
     window = _window(residuals[at], axis, first, last)
     return Unexplained(AXIS_NAMES[axis], "angle", (low, high), hz, window, scaling, size, std)
 
@@ -175,23 +178,38 @@ def _window(residual: GroupResidual, axis: int, first: int, last: int) -> tuple[
     return float(THETA[start]), float(THETA[start]) + float(widths[start]) * step
 
 
-def _scaling(omegas: FloatArray, rms: FloatArray, error: FloatArray) -> Scaling:
-    """Return the growth of a size with speed."""
+def _scaling(omegas: FloatArray, states: IntArray, rms: FloatArray, error: FloatArray) -> Scaling:
+    """Return the growth of a size with speed at one load and pressure; speeds of different states say nothing."""
     if omegas.max() < _SPEED_RATIO * omegas.min():
         return Scaling(ScalingStatus.ONE_SPEED)
+    if not _has_speeds(omegas, states):
+        return Scaling(ScalingStatus.SPEED_WITH_LOAD)
     sure = rms > 3.0 * error
-    if sure.sum() < 2 or omegas[sure].max() < _SPEED_RATIO * omegas[sure].min():
+    if not _has_speeds(omegas[sure], states[sure]):
         return Scaling(ScalingStatus.TOO_WEAK)
     weight = rms[sure] / error[sure]
-    slope, slope_error = _slope(np.log(omegas[sure]), np.log(rms[sure]), weight)
+    slope, slope_error = _slope(np.log(omegas[sure]), np.log(rms[sure]), states[sure], weight)
     nearest = min(range(_HIGHEST_EXPONENT + 1), key=lambda power: abs(slope - power))
     if abs(slope - nearest) < max(0.35, 2.0 * slope_error) and slope_error < 0.5:
         return Scaling(ScalingStatus.KNOWN, float(nearest))
+    if slope_error >= _UNCERTAIN:
+        return Scaling(ScalingStatus.UNCERTAIN, slope, slope_error)
     return Scaling(ScalingStatus.KNOWN, slope)
 
 
-def _slope(x: FloatArray, y: FloatArray, weight: FloatArray) -> tuple[float, float]:
+def _has_speeds(omegas: FloatArray, states: IntArray) -> bool:
+    """Return whether one state of the tire was driven at two speeds."""
+    own = [omegas[states == state] for state in np.unique(states)]
+    return any(len(speeds) > 1 and speeds.max() >= _SPEED_RATIO * speeds.min() for speeds in own)
+
+
+def _slope(x: FloatArray, y: FloatArray, states: IntArray, weight: FloatArray) -> tuple[float, float]:
+    """Return the slope within states and its standard error."""
     square = np.square(np.minimum(weight, 20.0))
-    centre = float(square @ x / square.sum())
-    spread = float(square @ np.square(x - centre))
-    return float(square @ ((x - centre) * y)) / spread, 1.0 / math.sqrt(spread)
+    product = spread = 0.0
+    for state in np.unique(states):
+        own = states == state
+        away = x[own] - float(square[own] @ x[own] / square[own].sum())
+        product += float(square[own] @ (away * y[own]))
+        spread += float(square[own] @ np.square(away))
+    return product / spread, 1.0 / math.sqrt(spread)

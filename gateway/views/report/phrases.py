@@ -36,6 +36,7 @@ VERDICTS: Final = {
 SCALINGS: Final = {
     ScalingStatus.ONE_SPEED: "one speed",
     ScalingStatus.SEEN_AT_ONE_SPEED: "seen at one speed on this axis",
+    ScalingStatus.SPEED_WITH_LOAD: "speed and load or pressure changed together",
     ScalingStatus.TOO_WEAK: "too weak at other speeds",
     ScalingStatus.NON_STATIONARY: "changes during the recording",
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Final
 
 from gateway import __version__
 from gateway.closure.result import HeldOut
@@ -14,7 +14,8 @@ from gateway.views.report.phrases import counted, effects_listed, listed, model_
 from gateway.views.report.quantities import ratio
 from gateway.views.text import clean, pad
 
-_LABEL_WIDTH = 13
+_LABEL_WIDTH: Final = 13
+_AXES: Final = {"circumferential": "  circumf.", "lateral": "  lateral", "radial": "  radial"}
 
 
 def transfer_lines(result: Transfer, source: str) -> Iterator[str]:
@@ -42,7 +43,7 @@ def axis_lines(held_out: HeldOut) -> Iterator[str]:
     """Yield a line for each axis: error before, after and with the discrepancy, and the noise floor."""
     for axis in held_out.axes:
         yield _row(
-            f"  {axis.axis[:11]}",
+            _AXES.get(axis.axis, axis.axis),
             f"{fixed(axis.before_mps2, 2)} -> {fixed(axis.after_mps2, 2)} m/s², floor {fixed(axis.noise_mps2, 2)}; "
             f"in noise {fixed(axis.before_weighted, 2)} -> {fixed(axis.after_weighted, 2)}",
         )
