@@ -57,7 +57,7 @@ def test_planted_tilt_is_named_with_its_probability() -> None:
     assert tilt.name == "roll tilt"
     assert tilt.probability > 0.99
     assert tilt.log_odds > 100.0
-    assert tilt.parameters["angle_rad"].value == pytest.approx(0.03, abs=4.0 * tilt.parameters["angle_rad"].std)
+    assert tilt.parameters["roll_rad"].value == pytest.approx(0.03, abs=4.0 * tilt.parameters["roll_rad"].std)
     assert tilt.rms_before_mps2 > 2.0 * tilt.rms_after_mps2
     assert found.held_out.rms_after_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)
     assert found.empirical_rms_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)

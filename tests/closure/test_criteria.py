@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
+
+import pytest
 
 from gateway.closure.inference import criteria
 
@@ -21,6 +24,16 @@ def test_every_threshold_has_a_reason() -> None:
         assert len(str(after.value.value)) > 15, names[-1]
     assert len(names) == len(set(names)) >= 15
     assert {name for name in vars(criteria) if name.isupper()} == set(names)
+
+
+def test_page_lists_every_threshold() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "explanation" / "closing-the-loop.md").read_text()
+    listed = dict(re.findall(r"^\| `([A-Z_]+)` \| ([^|]+) \|", page, re.MULTILINE))
+    assert set(listed) == {name for name in vars(criteria) if name.isupper()}
+    for name, shown in listed.items():
+        value = getattr(criteria, name)
+        stated = tuple(map(float, shown.split(", ")))
+        assert stated == pytest.approx(value if isinstance(value, tuple) else (value,), rel=1e-3), name
 
 
 def test_names_are_rarely_wrong() -> None:

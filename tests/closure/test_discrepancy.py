@@ -154,6 +154,6 @@ def test_planted_amplitude_is_recovered(rms_mps2: float) -> None:
 def test_undisturbed_ring_has_no_discrepancy() -> None:
     one, data = evaluated(campaign_of(ONE_SPEED))
     assert one.fit.applied is not None
-    # The standard error of one coefficient of the mean is 0.1 m/s^2.
-    assert np.sqrt(one.fit.applied.amplitudes[:, 0].sum(axis=1)).max() < 0.2
+    # The scatter of the mean waveform is 1.05 m/s^2.
+    assert np.sqrt(one.fit.applied.amplitudes[:, 0].sum(axis=1)).max() < 0.4
     assert one.fit.misfit < 1.15 * data.size
