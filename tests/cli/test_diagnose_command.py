@@ -75,7 +75,7 @@ def refused(*arguments):
 
 def test_options_reach_the_diagnosis(closed, recording):
     asked, _ = closed
-    result = run(recording, "--model", "paper", "--empirical", "--jobs", "3", "--folds", "4")
+    result = run(recording, "--model", "paper", "--empirical", "--jobs", "3", "--folds", "4", "--budget", "500")
     assert result.exit_code == 0, result.output
     ((campaign, options),) = asked
     assert isinstance(campaign, Campaign)
@@ -84,7 +84,16 @@ def test_options_reach_the_diagnosis(closed, recording):
     assert not campaign.groups[0].conditions.reverse
     assert options["model"] is BaselineModel.PAPER
     assert options["empirical"] is True
-    assert options["jobs"] == 3
+    assert not options["expired"]()
+
+
+def test_search_ends_with_the_budget(closed, recording):
+    asked, _ = closed
+    assert run(recording, "--budget", "1e-9").exit_code == 0
+    assert asked[0][1]["expired"]()
+    assert run(recording).exit_code == 0
+    assert not asked[1][1]["expired"]()
+    assert run(recording, "--budget", "0").exit_code == 2
 
 
 def test_summary_and_all_files_are_written(closed, recording, tmp_path):
@@ -243,6 +252,17 @@ class TestEffectsFiles:
         result = CliRunner().invoke(treadlink, ["estimate", str(other), "--effects", str(saved)])
         assert isinstance(result.exception, TreadlinkError)
         assert "no configuration" in str(result.exception)
+
+
+def test_effects_of_another_recording_exclude_a_search(closed, recording, tmp_path):
+    path = tmp_path / "w0.effects.json"
+    assert run(recording, "--save-effects", path).exit_code == 0
+    result = run(recording, "--effects", path, "--html", tmp_path / "a.html")
+    assert result.exit_code == 2
+    assert "--html" in result.output
+    message, remedy = refused(recording, "--effects", path)
+    assert "no effect 'imbalance'" in message
+    assert "--save-effects" in remedy
 
 
 def test_list_effects_needs_no_recording():

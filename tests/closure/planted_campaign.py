@@ -6,7 +6,7 @@ The ring is solved with numbers, a belt and a grid of its own; speed, gravity, o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -25,8 +25,12 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
+from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.evidence import Evaluated, evaluate
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened, whiten
+from gateway.closure.inference.posterior import Posterior, posterior_of
+from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.constants import STANDARD_GRAVITY_MPS2
@@ -191,6 +195,26 @@ def fitted(campaign: Campaign, *effects: AngleEffect) -> tuple[Fit, Whitened]:
     for effect in effects:
         start[model.layout.effect(effect.name)] = effect.starts(tuple(g.conditions for g in campaign.groups))[0]
     return fit_model(model, data, start, from_afar=True), data
+
+
+def evaluated(campaign: Campaign, *effects: AngleEffect) -> tuple[Evaluated, Whitened]:
+    """Return the exact ring with effects and its evidence, and the data."""
+    fit, data = fitted(campaign, *effects)
+    return evaluate(fit, data, Discrepancy(campaign, data), None), data
+
+
+def searched(
+    campaign: Campaign,
+    effects: Mapping[str, AngleEffect],
+    model: BaselineModel = BaselineModel.EXACT,
+    expired: Callable[[], bool] = lambda: False,
+) -> tuple[Posterior, SetSearch]:
+    """Return the posterior over sets of these effects, and the finished search."""
+    core = make_core(model)
+    data = whiten(campaign, with_mean=core.mean)
+    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data), expired)
+    search.run(baseline_fit(campaign, core, data))
+    return posterior_of(search), search
 
 
 class Sideways(SignalEffect):

@@ -110,10 +110,10 @@ def test_travelling_waves_and_a_packet_ahead_are_found() -> None:
     made = campaign(effect(), np.array(TRAVELLING), 21)
     data = whiten(made, with_mean=True)
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    trial = try_effect(without, data, effect())
+    trial = try_effect(without, data, effect(), range(len(data.orders)))
     assert trial is not None
-    fit = refit(trial, without, data)
-    assert fit.misfit < 1.15 * data.used
+    fit = refit(trial, data)
+    assert fit.misfit < 1.15 * data.size
 
 
 @pytest.mark.parametrize(
@@ -129,13 +129,16 @@ def test_other_effects_are_not_better_explained_by_waves(name: str, values: tupl
     made = campaign(true, np.array(values), 31)
     data = whiten(made, with_mean=True)
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    ours, theirs = try_effect(without, data, effect()), try_effect(without, data, true)
+    ours, theirs = (
+        try_effect(without, data, effect(), range(len(data.orders))),
+        try_effect(without, data, true, range(len(data.orders))),
+    )
     assert theirs is not None
-    right = refit(theirs, without, data)
+    right = refit(theirs, data)
     if ours is None:
         return
     try:
-        wrong = refit(ours, without, data)
+        wrong = refit(ours, data)
     except FitFailedError:
         return
     assert wrong.misfit > right.misfit + 100.0

@@ -8,14 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.closure.effects.effect import LATERAL, BaselineModel, GroupConditions
-from gateway.closure.inference.confounders import rivals_of
-from gateway.closure.inference.experiment_design import deciding_recording
-from gateway.closure.inference.forward_selection import select
-from gateway.closure.inference.likelihood import whiten
-from gateway.closure.model.baseline import Core
-from gateway.closure.model.baseline_registry import make_core
-from gateway.reasons import Code
+from gateway.closure.effects.effect import LATERAL, GroupConditions
+from gateway.closure.inference.findings import findings_of
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -23,7 +18,7 @@ from tests.closure.planted_campaign import (
     Plant,
     among,
     campaign_of,
-    fitted,
+    searched,
     sideways,
 )
 from tests.closure.sensor_data import G, applied, at_angles, block_of, plan_of, samples, tail
@@ -56,23 +51,16 @@ def test_ac_coupled_sensor_does_not_pass_camber() -> None:
     assert not EFFECTS["camber"].derivative(ac, np.array([0.05])).any()  # type: ignore[union-attr]
 
 
-@pytest.mark.parametrize(("name", "rival"), [("camber", "zero-g offset"), ("zero-g offset", "camber")])
-def test_lateral_constant_is_camber_or_zero_g_offset(name: str, rival: str) -> None:
-    fit, data = fitted(campaign_of(TWO_SPEEDS, sideways(0.5), axes=ALL_AXES), EFFECTS[name])
-    assert tuple(rivals_of(fit, EFFECTS[name], EFFECTS, data)) == (rival,)
-    deciding = deciding_recording(fit, EFFECTS[name], EFFECTS[rival], data)
-    assert deciding.code is Code.RECORD_AT_REST
+def test_lateral_constant_is_camber_or_zero_g_offset() -> None:
+    """No rolling tire separates them; a recording at rest does."""
+    found, _ = searched(campaign_of(TWO_SPEEDS, sideways(0.5), axes=ALL_AXES), EFFECTS)
+    assert [set(group) for group in found.alternatives()] == [{"camber", "zero-g offset"}]
+    for finding in findings_of(found, EFFECTS, {}):
+        assert finding.decide_with == Reason(Code.RECORD_AT_REST)
 
 
 @pytest.mark.parametrize("plant", [sideways(2.0), on_all_axes], ids=["more than 6 deg", "on other axes too"])
 def test_implausible_camber_is_a_zero_g_offset(plant: Plant) -> None:
-    fit, data = fitted(campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES), EFFECTS["zero-g offset"])
-    assert not set(rivals_of(fit, EFFECTS["zero-g offset"], EFFECTS, data))
-
-
-@pytest.mark.parametrize(("plant", "name"), [(sideways(0.5), "camber"), (on_all_axes, "zero-g offset")])
-def test_search_adds_camber_or_offset(plant: Plant, name: str) -> None:
-    campaign = campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES)
-    core: Core = make_core(BaselineModel.EXACT)
-    found = select(campaign, core, whiten(campaign, with_mean=core.mean), EFFECTS)
-    assert [step.effect.name for step in found.steps] == [name]
+    found, _ = searched(campaign_of(TWO_SPEEDS, plant, axes=ALL_AXES), EFFECTS)
+    assert found.identified() == ("zero-g offset",)
+    assert found.alternatives() == ()

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from gateway.closure.effects.effect import RADIAL, GroupConditions
-from gateway.closure.inference.confounders import rivals_of
 from gateway.closure.inference.findings import fitted_parameter
 from gateway.types import FloatArray
 from gateway.views.report.quantities import show_fitted
@@ -16,9 +15,9 @@ from tests.closure.planted_campaign import (
     among,
     campaign_of,
     conditions,
-    fitted,
     gain,
     larger_belt,
+    searched,
 )
 from tests.closure.sensor_data import OMEGA, applied, at_angles, block_of, plan_of, rms, samples, tail
 
@@ -50,27 +49,27 @@ def test_nonlinearity_matches_samples_changed_one_by_one(square: float, cube: fl
     assert not expected[:, :RADIAL].any()
 
 
-@pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
-@pytest.mark.parametrize(("square", "cube"), [(SQUARE, 0.0), (0.0, -CUBE)], ids=["square", "cube"])
+@pytest.mark.parametrize(
+    ("groups", "square", "cube"), [(TWO_SPEEDS, SQUARE, 0.0), (THREE_LOADS, 0.0, -CUBE)], ids=["square", "cube"]
+)
 def test_nonlinearity_is_separated_from_scaling_effects(
     groups: tuple[GroupConditions, ...], square: float, cube: float
 ) -> None:
     """One speed is enough: the shares of overshoot and free arc differ."""
-    fit, data = fitted(campaign_of(groups, bent(square, cube)), EFFECTS[NAME])
-    assert fit.misfit < 1.05 * data.used
-    found = fit.vector[fit.model.layout.effect(NAME)]
-    std = np.sqrt(np.diagonal(fit.covariance()))[fit.model.layout.effect(NAME)]
-    assert np.all(np.abs(found - [square, cube]) < 4.0 * std)
-    assert not set(rivals_of(fit, EFFECTS[NAME], EFFECTS, data))
+    found, search = searched(campaign_of(groups, bent(square, cube)), EFFECTS)
+    assert found.identified() == (NAME,)
+    fit = found.best.fit
+    assert fit.misfit < 1.05 * search.data.size
+    where = fit.model.layout.effect(NAME)
+    std = np.sqrt(np.diagonal(fit.covariance))[where]
+    assert np.all(np.abs(fit.vector[where] - [square, cube]) < 4.0 * std)
 
 
 @pytest.mark.parametrize(("plant", "name"), [(gain, "gain"), (larger_belt, "rolling radius")])
-@pytest.mark.parametrize("groups", [TWO_SPEEDS, THREE_LOADS], ids=["speeds", "loads"])
-def test_scaling_effects_are_not_taken_for_nonlinearity(
-    plant: Plant, name: str, groups: tuple[GroupConditions, ...]
-) -> None:
-    fit, data = fitted(campaign_of(groups, plant), EFFECTS[name])
-    assert NAME not in set(rivals_of(fit, EFFECTS[name], EFFECTS, data))
+def test_scaling_effects_are_not_taken_for_nonlinearity(plant: Plant, name: str) -> None:
+    found, _ = searched(campaign_of(TWO_SPEEDS, plant), EFFECTS)
+    assert name in found.best.names | set(*found.alternatives())
+    assert found.probability([NAME]) < 0.05
 
 
 def test_plausible_range_is_in_display_units() -> None:

@@ -13,15 +13,11 @@ from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
     RADIAL,
-    BaselineModel,
     GroupConditions,
     ModelledBlock,
 )
 from gateway.closure.inference.experiment_design import NOTHING, deciding_recording
 from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.forward_selection import select
-from gateway.closure.inference.likelihood import Whitened, whiten
-from gateway.closure.model.baseline_registry import make_core
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
@@ -38,6 +34,7 @@ from tests.closure.planted_campaign import (
     campaign_of,
     conditions,
     drift,
+    evaluated,
     fast_clock,
     fitted,
     gain,
@@ -67,33 +64,33 @@ CASES: list[tuple[Callable[[GroupConditions], float], Reason]] = [
 
 
 @cache
-def with_constant() -> tuple[Sideways, Fit, Whitened]:
+def with_constant() -> tuple[Sideways, Fit]:
     """Return an effect that is the same everywhere, found in one recording."""
     constant = Sideways("constant")
-    return constant, *fitted(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), constant)
+    return constant, fitted(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), constant)[0]
 
 
 @pytest.mark.parametrize(("goes_with", "recording"), CASES, ids=[str(reason.code) for _, reason in CASES])
 def test_recording_at_the_condition_that_differs(
     goes_with: Callable[[GroupConditions], float], recording: Reason
 ) -> None:
-    constant, fit, data = with_constant()
-    assert deciding_recording(fit, constant, Sideways("other", goes_with), data) == recording
+    constant, fit = with_constant()
+    assert deciding_recording(fit, constant, Sideways("other", goes_with)) == recording
 
 
 @pytest.mark.parametrize(("size_mps2", "recording"), [(20.0, FASTER), (0.7, NOTHING)])
 def test_faster_recording_decides_when_effect_grows(size_mps2: float, recording: Reason) -> None:
     """A weak effect is not resolved by one more recording, whatever its speed."""
     growing, constant = Sideways("growing", SPEED_SQUARED), Sideways("constant")
-    fit, data = fitted(campaign_of(ONE_SPEED, sideways(size_mps2), noise_mps2=NOISY, axes=ALL_AXES), growing)
-    assert deciding_recording(fit, growing, constant, data) == recording
+    fit, _ = fitted(campaign_of(ONE_SPEED, sideways(size_mps2), noise_mps2=NOISY, axes=ALL_AXES), growing)
+    assert deciding_recording(fit, growing, constant) == recording
 
 
 def test_most_informative_recording_is_chosen() -> None:
     """A warmer tire and the other direction both separate them; the direction is better."""
-    constant, fit, data = with_constant()
+    constant, fit = with_constant()
     other = Sideways("other", lambda here: (here.temperature_degc - 5.0) / 20.0 * (-1.0 if here.reverse else 1.0))
-    assert deciding_recording(fit, constant, other, data) == REVERSED
+    assert deciding_recording(fit, constant, other) == REVERSED
 
 
 @pytest.mark.parametrize(
@@ -109,8 +106,8 @@ def test_pairs_of_the_catalogue(
     groups: tuple[GroupConditions, ...], plant: Plant, name: str, rival: str, recording: Reason
 ) -> None:
     effects = among(name, rival)
-    fit, data = fitted(campaign_of(groups, plant, noise_mps2=NOISY, axes=ALL_AXES), effects[name])
-    assert deciding_recording(fit, effects[name], effects[rival], data) == recording
+    fit, _ = fitted(campaign_of(groups, plant, noise_mps2=NOISY, axes=ALL_AXES), effects[name])
+    assert deciding_recording(fit, effects[name], effects[rival]) == recording
 
 
 @pytest.mark.parametrize(
@@ -123,8 +120,8 @@ def test_pairs_of_the_catalogue(
 )
 def test_clock_error_needs_another_clock(plant: Plant, name: str, rival: str) -> None:
     effects = among(name, rival)
-    fit, data = fitted(campaign_of(ONE_SPEED, plant), effects[name])
-    found = deciding_recording(fit, effects[name], effects[rival], data)
+    fit, _ = fitted(campaign_of(ONE_SPEED, plant), effects[name])
+    found = deciding_recording(fit, effects[name], effects[rival])
     assert found == Reason(Code.RECORD_LIVE)
 
 
@@ -136,10 +133,8 @@ def test_gravity_separates_gain_from_radius_when_slow(plant: Plant, name: str, r
     """At speed a share of gravity is less than what their equations leave, a hundredth of what they add."""
     effects = among(name, rival)
     campaign = campaign_of((conditions(90.0),), plant, noise_mps2=noise_mps2)
-    core = make_core(BaselineModel.EXACT)
-    found = select(campaign, core, whiten(campaign, with_mean=core.mean), {name: effects[name]})
-    recording = deciding_recording(found.final, effects[name], effects[rival], found.data)
-    assert recording == SLOWER
+    found, _ = evaluated(campaign, effects[name])
+    assert deciding_recording(found.fit, effects[name], effects[rival]) == SLOWER
 
 
 def test_conditions_start_from_the_largest_group() -> None:
@@ -152,8 +147,8 @@ def test_conditions_start_from_the_largest_group() -> None:
         groups = list(campaign.groups)
         blocks = groups[more].blocks
         groups[more] = replace(groups[more], blocks=tuple(replace(block, count=2 * block.count) for block in blocks))
-        fit, data = fitted(replace(campaign, groups=tuple(groups)), constant)
-        found.append(deciding_recording(fit, constant, other, data))
+        fit, _ = fitted(replace(campaign, groups=tuple(groups)), constant)
+        found.append(deciding_recording(fit, constant, other))
     assert found == [NOTHING, WARMER]
 
 
@@ -176,23 +171,23 @@ class TestUndecidable:
         def both(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
             return sideways(3.0)(turned(CIRCUMFERENTIAL, 0.01)(signal, theta, here), theta, here)
 
-        fit, data = fitted(campaign_of(ONE_SPEED, both, noise_mps2=0.2, axes=ALL_AXES), true, beside)
-        assert deciding_recording(fit, true, twin, data) == NOTHING
+        fit, _ = fitted(campaign_of(ONE_SPEED, both, noise_mps2=0.2, axes=ALL_AXES), true, beside)
+        assert deciding_recording(fit, true, twin) == NOTHING
 
     def test_another_load_has_its_own_ring_parameters(self) -> None:
         """The state's own parameters absorb the change that resembles a stiffer sidewall."""
         true, other = Stiffer("true"), Stiffer("other", lambda here: here.load_n / LOAD_N)
-        fit, data = fitted(campaign_of(ONE_SPEED), true)
+        fit, _ = fitted(campaign_of(ONE_SPEED), true)
         place = fit.model.layout.effect("true").start
         fit = replace(fit, vector=np.where(np.arange(len(fit.vector)) == place, 6.0, fit.vector))
-        assert deciding_recording(fit, true, other, data) == NOTHING
+        assert deciding_recording(fit, true, other) == NOTHING
 
     def test_existing_evidence_is_not_counted(self) -> None:
         """Of 1000 in chi-square the rival leaves 20 in two recordings; a third one adds 10, not 30."""
         std = NOISY * (REVOLUTIONS * BLOCKS * 2) ** -0.5
         true, rival = Sideways("true"), Sideways("rival", bent=0.02**0.5)
         two = campaign_of((conditions(), conditions(time_s=60.0)), noise_mps2=NOISY, axes=ALL_AXES)
-        fit, data = fitted(with_lateral_means(two, [1000.0**0.5 * std] * BLOCKS), true)
+        fit, _ = fitted(with_lateral_means(two, [1000.0**0.5 * std] * BLOCKS), true)
         without, _ = fitted(with_lateral_means(two, [1000.0**0.5 * std] * BLOCKS), rival)
         assert without.misfit - fit.misfit == pytest.approx(20.0, rel=0.05)
-        assert deciding_recording(fit, true, rival, data) == NOTHING
+        assert deciding_recording(fit, true, rival) == NOTHING

@@ -33,8 +33,7 @@ def against(confounder: str) -> Reason:
 def test_clock_uncertainty_chooses_the_recording(std: float, recording: Reason, names: tuple[str, str]) -> None:
     final: Any = SimpleNamespace(model=SimpleNamespace(campaign=SimpleNamespace(clock_error=(0.0, std))))
     effect, rival = (cast(AngleEffect, catalogue()[name]) for name in names)
-    data: Any = None
-    assert deciding_recording(final, effect, rival, data) == recording
+    assert deciding_recording(final, effect, rival) == recording
 
 
 @pytest.mark.parametrize(
@@ -53,18 +52,15 @@ def test_clock_comes_first(
     monkeypatch: pytest.MonkeyPatch, rivals: tuple[str, ...], asked: str, recording: Reason
 ) -> None:
     effects = {name: cast(AngleEffect, effect) for name, effect in catalogue().items()}
-    step: Any = SimpleNamespace(effect=effects["rolling radius"])
-    selection: Any = SimpleNamespace(final=None, steps=[step], refused={})
-    data: Any = None
+    own = effects["rolling radius"]
+    inside: Any = SimpleNamespace(names={own.name}, fit=SimpleNamespace(model=SimpleNamespace(effects=(own,))))
+    posterior: Any = SimpleNamespace(sets=(inside,))
     seen: list[str] = []
 
-    def deciding(_final: object, effect: AngleEffect, rival: AngleEffect, _data: object) -> Reason:
+    def deciding(_final: object, effect: AngleEffect, rival: AngleEffect) -> Reason:
         seen.append(f"{effect.name} or {rival.name}")
         return AGAIN
 
-    monkeypatch.setattr(findings, "rivals_of", lambda *_: dict.fromkeys(rivals))
     monkeypatch.setattr(findings, "deciding_recording", deciding)
-    monkeypatch.setattr(findings, "_added", lambda *arguments: arguments[-1])
-    found, _ = findings.findings_of(selection, data, effects)
-    assert cast(list[object], found) == [recording]
+    assert findings._decide(posterior, own.name, rivals, effects) == recording
     assert seen == [f"rolling radius or {asked}"]

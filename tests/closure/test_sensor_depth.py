@@ -76,7 +76,7 @@ def test_ply_steer_is_recovered_at_any_depth(depth_m: float, declared: bool) -> 
     else:
         effects = among("mounting offset", "ply steer")
     fit, _ = fitted(made, *effects.values())
-    std = np.sqrt(np.diagonal(fit.covariance()))
+    std = np.sqrt(np.diagonal(fit.covariance))
     where = fit.model.layout.effect("ply steer")
     assert (np.abs(fit.vector[where] - TRUE) < 3.0 * std[where]).all()
     assert std[where][0] < 0.02 * TRUE[0]

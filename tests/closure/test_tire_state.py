@@ -11,14 +11,12 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import tire_states
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import RADIAL, BaselineModel
-from gateway.closure.inference.forward_selection import select
-from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore, ring_parameters
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.tire_state import shift, slopes
-from tests.closure.planted_campaign import LOAD_N, PLANE, campaign_of, conditions
+from tests.closure.planted_campaign import LOAD_N, PLANE, campaign_of, conditions, searched
 
 NAMES = ExactCore.names
 HERE = conditions()
@@ -58,10 +56,10 @@ def test_similar_loads_need_no_effect() -> None:
     """The ring of the test keeps its numbers at every load, which is what one tire does."""
     loads = (conditions(load_n=LOAD_N), conditions(load_n=1.02 * LOAD_N), conditions(load_n=0.98 * LOAD_N))
     campaign = one_state(campaign_of(loads, noise_mps2=1.0))
-    core = make_core(BaselineModel.EXACT)
-    found = select(campaign, core, whiten(campaign, with_mean=True), angle_effects(candidates(BaselineModel.EXACT)))
-    assert not found.steps
-    assert found.final.misfit < 1.1 * found.data.used
+    found, search = searched(campaign, angle_effects(candidates(BaselineModel.EXACT)))
+    assert found.identified() == ()
+    assert found.best.names == frozenset()
+    assert found.best.fit.misfit < 1.1 * search.data.size
 
 
 def test_drifting_load_is_predicted_by_block() -> None:

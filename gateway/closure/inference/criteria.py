@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 NAMED: Final = 0.99
@@ -55,9 +54,6 @@ BEYOND_BOUND: Final = 1.0
 
 EXPLAINED_SHARE: Final = 0.02
 """A candidate of a chain must remove this share of the misfit beyond noise: the true one removes a large part."""
-
-LOG_NAMED: Final = math.log(NAMED / (1.0 - NAMED))
-"""Log odds of `NAMED`."""
 
 WORTH_WORK: Final = 25.0
 """Difference of log evidence from the best set, after the first step, up to which a set is worked out: later steps gain

@@ -1,0 +1,33 @@
+"""Covariance of a campaign's whitened data as one dense matrix, written out with numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gateway.closure.inference.discrepancy import Applied
+from gateway.closure.inference.likelihood import Whitened
+from gateway.types import FloatArray
+
+
+def covariance_of(applied: Applied, data: Whitened) -> FloatArray:
+    """Return the covariance of all whitened data, scatter and discrepancy, (size, size)."""
+    widths = [sum(len(factor) for factor in factors) for factors in data.factors]
+    begins = np.concatenate([[0], np.cumsum(widths)]).astype(int)
+    total = np.eye(int(begins[-1]))
+    for at, (_, _, place) in applied.discrepancy.enumerate():
+        rows = []
+        for number, (index, columns, factor) in enumerate(zip(place.groups, place.columns, place.factors, strict=True)):
+            for part in range(place.parts):
+                wide = np.zeros((int(begins[-1]), factor.shape[1]))
+                wide[begins[index] + columns.start : begins[index] + columns.stop] = factor
+                rows.append((part, place.scales[part, number] * wide))
+        for part in range(place.parts):
+            seen = sum((row for of, row in rows if of == part), np.zeros_like(rows[0][1]))
+            kernel = np.tensordot(applied.amplitudes[at, part], place.kernels, axes=1)
+            total += seen @ kernel @ seen.T
+    return total
+
+
+def joined(rows: tuple[FloatArray, ...]) -> FloatArray:
+    """Return whitened rows of each group side by side, (p, size)."""
+    return np.concatenate([np.atleast_2d(row) for row in rows], axis=1)

@@ -1,0 +1,124 @@
+"""A whole diagnosis: verdicts, errors before and after, progress, an end by time, and data that cannot be diagnosed."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import pytest
+
+from gateway.closure import closed_loop
+from gateway.closure.closed_loop import diagnose
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.result import Verdict
+from gateway.errors import TreadlinkError
+from gateway.physics.rolling_ring import RingNotConvergedError
+from gateway.reasons import Code, Reason
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    ONE_SPEED,
+    TWO_SPEEDS,
+    campaign_of,
+    larger_belt,
+    nothing,
+    turned,
+)
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Restrict the catalogue."""
+    names = ("rolling radius", "sample clock error", "zero-g offset", "roll tilt", "pitch tilt")
+    chosen = {name: catalogue()[name] for name in names}
+    monkeypatch.setattr(closed_loop, "candidates", lambda _model: chosen)
+
+
+def test_exact_ring_gives_no_findings() -> None:
+    """The whole catalogue on an exact ring's noise, one group of three axes."""
+    notices: list[tuple[float, str]] = []
+    found = diagnose(campaign_of(ONE_SPEED, nothing, axes=ALL_AXES), on_progress=lambda *step: notices.append(step))
+    assert not found.named
+    assert [finding.verdict for finding in found.findings if finding.lock == "angle"] == []
+    assert found.held_out.rms_after_mps2 == found.held_out.rms_before_mps2
+    assert found.complete
+    assert all(found.determined[name] for name in ("Cw", "Rs", "contact_half_angle_rad"))
+    shares = [share for share, _ in notices]
+    assert all(earlier <= later for earlier, later in itertools.pairwise(shares))
+    assert 0.0 <= shares[0] < shares[-1] == 1.0
+    assert all(text for _, text in notices)
+
+
+@pytest.mark.usefixtures("few")
+def test_planted_tilt_is_named_with_its_probability() -> None:
+    found = diagnose(campaign_of(TWO_SPEEDS, turned(LATERAL, 0.03), axes=ALL_AXES), empirical=True)
+    (tilt,) = found.named
+    assert tilt.name == "roll tilt"
+    assert tilt.probability > 0.99
+    assert tilt.log_odds > 100.0
+    assert tilt.parameters["roll_rad"].value == pytest.approx(0.03, abs=4.0 * tilt.parameters["roll_rad"].std)
+    assert tilt.rms_before_mps2 > 2.0 * tilt.rms_after_mps2
+    assert found.held_out.rms_after_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)
+    assert found.empirical_rms_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)
+    assert found.correction is not None
+    assert [effect.name for effect in found.correction.effects] == ["roll tilt"]
+
+
+@pytest.mark.usefixtures("few")
+def test_undecided_effects_widen_the_estimates() -> None:
+    found = diagnose(campaign_of(ONE_SPEED, larger_belt))
+    open_ = [finding for finding in found.findings if finding.verdict is Verdict.INDISTINGUISHABLE]
+    assert {finding.name for finding in open_} == {"rolling radius", "sample clock error"}
+    assert all(finding.decide_with == Reason(Code.RECORD_LIVE) for finding in open_)
+    cw = found.estimates_after["Cw"]
+    assert cw.value == pytest.approx(0.21, abs=2.0 * cw.std)
+
+
+@pytest.mark.usefixtures("few")
+def test_estimates_before_are_judged_by_themselves() -> None:
+    """A large tilt makes the numbers of the baseline model uncertain, those with the tilt are as good as ever."""
+    found = diagnose(campaign_of(ONE_SPEED, turned(CIRCUMFERENTIAL, 0.2)))
+    assert [finding.name for finding in found.named] == ["pitch tilt"]
+    assert found.determined["Rs"]
+    assert found.determined_before != found.determined
+    before, after = found.estimates_before["Rs"], found.estimates_after["Rs"]
+    assert before.std > 5.0 * after.std
+
+
+@pytest.mark.usefixtures("few")
+def test_expired_budget_reports_what_is_known() -> None:
+    found = diagnose(campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES), expired=lambda: True)
+    assert not found.complete
+    (note,) = [note for note in found.notes if note.code is Code.SEARCH_ENDED_EARLY]
+    assert note["sets"] >= 1
+    assert found.estimates_after["Cw"].std > 0.0
+    assert found.held_out.folds == 5
+
+
+@pytest.mark.usefixtures("few")
+def test_same_campaign_gives_the_same_diagnosis() -> None:
+    campaign = campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES)
+    one, other = diagnose(campaign), diagnose(campaign)
+    assert one.findings == other.findings
+    assert one.estimates_after == other.estimates_after
+    assert one.held_out == other.held_out
+
+
+def test_single_fold_has_a_remedy() -> None:
+    campaign = campaign_of(ONE_SPEED)
+    (group,) = campaign.groups
+    with pytest.raises(TreadlinkError, match="at least two revolutions") as error:
+        diagnose(replace(campaign, groups=(replace(group, blocks=group.blocks[:1]),)))
+    assert "Record longer" in error.value.remedy
+
+
+def test_unfittable_model_has_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unsolvable(*_: object, **__: object) -> None:
+        raise RingNotConvergedError("no equilibrium")
+
+    for method in ("shape", "refine"):
+        monkeypatch.setattr(ExactCore, method, unsolvable)
+    with pytest.raises(TreadlinkError, match="'exact' cannot be fitted") as error:
+        diagnose(campaign_of(ONE_SPEED))
+    assert "radius, load and pressure" in error.value.remedy

@@ -1,0 +1,159 @@
+"""Discrepancy: kernels, covariance of the data, and amplitudes by restricted likelihood."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.effects.effect import RADIAL
+from gateway.closure.inference import criteria
+from gateway.closure.inference.discrepancy import Applied, Discrepancy
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, Whitened, as_complex
+from gateway.types import FloatArray
+from tests.closure.dense_covariance import covariance_of, joined
+from tests.closure.planted_campaign import (
+    ONE_SPEED,
+    TWO_SPEEDS,
+    campaign_of,
+    evaluated,
+    fitted,
+    with_blocks,
+)
+
+
+@cache
+def two_speeds() -> tuple[Fit, Whitened, Discrepancy]:
+    """Return the ring fitted at two speeds, which have a part in proportion to omega^2 and a constant one."""
+    campaign = campaign_of(TWO_SPEEDS)
+    fit, data = fitted(campaign)
+    return fit, data, Discrepancy(campaign, data)
+
+
+def some_amplitudes(discrepancy: Discrepancy) -> FloatArray:
+    return np.random.default_rng(2).uniform(0.1, 4.0, discrepancy.shape)
+
+
+def draw(power: float, length_rad: float, seed: int) -> FloatArray:
+    """Return a random curve at ANGLES, smooth over a length, of this mean square."""
+    away = 1.0 - np.cos(ANGLES[:, None] - ANGLES[None, :])
+    values, vectors = np.linalg.eigh(power * np.exp(-away / length_rad**2))
+    curve: FloatArray = vectors @ (
+        np.sqrt(np.maximum(values, 0.0)) * np.random.default_rng(seed).normal(size=len(ANGLES))
+    )
+    return curve
+
+
+def test_kernels_are_positive_semidefinite() -> None:
+    _, _, discrepancy = two_speeds()
+    for _, (_, _, place) in discrepancy.enumerate():
+        assert len(place.kernels) == 2 * len(criteria.LENGTHS_RAD)
+        for kernel in place.kernels:
+            values = np.linalg.eigvalsh(kernel)
+            assert values[0] > -1e-9 * values[-1]
+
+
+def test_kernels_have_unit_power() -> None:
+    _, _, discrepancy = two_speeds()
+    power = np.where(np.arange(2 * ORDERS - 1) == 0, 1.0, 0.5)
+    (_, (_, _, place)), *_ = discrepancy.enumerate()
+    for kernel in place.kernels:
+        # Orders beyond the last are folded back by the shortest length.
+        assert float(power @ np.diagonal(kernel)) == pytest.approx(1.0, rel=0.02)
+
+
+def test_gram_equals_dense_covariance() -> None:
+    fit, data, discrepancy = two_speeds()
+    applied = discrepancy.applied(some_amplitudes(discrepancy))
+    dense = covariance_of(applied, data)
+    rows = joined(fit.rows)
+    expected = rows @ np.linalg.solve(dense, rows.T)
+    scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
+    assert np.abs(applied.gram(fit.rows) - expected).max() < 1e-5 * scale.max()
+    assert applied.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-5)
+    residual = [left[None] for left in fit.residual]
+    direct = rows @ np.linalg.solve(dense, joined(tuple(residual)).T)
+    assert applied.gram(fit.rows, residual) == pytest.approx(direct, abs=1e-5 * np.abs(direct).max())
+    assert applied.cross(residual, applied.seen(residual), fit.rows) == pytest.approx(
+        direct.T, abs=1e-5 * np.abs(direct).max()
+    )
+
+
+def test_mean_equals_dense_regression() -> None:
+    fit, data, discrepancy = two_speeds()
+    applied = discrepancy.applied(some_amplitudes(discrepancy))
+    dense = covariance_of(applied, data)
+    residual = joined(fit.residual)[0]
+    # What the discrepancy is expected to be in the whitened data: (C - 1) C^-1 r.
+    expected = residual - np.linalg.solve(dense, residual)
+    found = np.zeros_like(residual)
+    width = sum(len(factor) for factor in data.factors[0])
+    for state, axis, coefficients, _ in applied.mean(fit.residual):
+        for group in range(len(data.orders)):
+            curve = np.zeros((3, ORDERS), complex)
+            curve[axis] = as_complex(discrepancy.scales(state, axis, group) @ coefficients)
+            found[group * width : (group + 1) * width] += data.white(group, curve)
+    assert found == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
+
+
+def restricted(fit: Fit, applied: Applied) -> float:
+    """Return the restricted log likelihood of amplitudes at the fit's linear optimum."""
+    there = fit.under(applied)
+    there = there.moved(there.step)
+    return -0.5 * (there.cost + applied.log_determinant + float(np.linalg.slogdet(there.precision)[1]))
+
+
+def test_amplitude_steps_reach_a_stationary_point() -> None:
+    bump = FROM_FIELD @ draw(9.0, 0.12, 4)
+    campaign = with_blocks(
+        campaign_of(ONE_SPEED),
+        lambda _, orders: orders + (np.arange(3) == RADIAL)[:, None] * as_complex(bump),
+    )
+    fit, data = fitted(campaign)
+    discrepancy = Discrepancy(campaign, data)
+    applied = discrepancy.applied(discrepancy.start(fit.residual))
+    first = restricted(fit, applied)
+    for _ in range(60):
+        there = fit.under(applied)
+        there = there.moved(there.step)
+        applied = applied.improved(there.rows, there.residual, there.precision)
+    assert restricted(fit, applied) > first
+    least = (criteria.LEAST_SHARE * discrepancy.reference_mps2) ** 2
+    slopes = []
+    for where in np.argwhere(applied.amplitudes > 1e3 * least):
+        both = []
+        for factor in (1.05, 1.0 / 1.05):
+            amplitudes = applied.amplitudes.copy()
+            amplitudes[tuple(where)] *= factor
+            both.append(restricted(fit, discrepancy.applied(amplitudes)))
+        slopes.append((both[0] - both[1]) / (2.0 * np.log(1.05)))
+    assert len(slopes) > 0
+    assert np.abs(slopes).max() < 0.05
+
+
+@pytest.mark.parametrize("rms_mps2", [1.0, 10.0])
+def test_planted_amplitude_is_recovered(rms_mps2: float) -> None:
+    curve = FROM_FIELD @ draw(rms_mps2**2, 0.03, 7)
+    campaign = with_blocks(
+        campaign_of(ONE_SPEED),
+        lambda _, orders: orders + (np.arange(3) == RADIAL)[:, None] * as_complex(curve),
+    )
+    one, _ = evaluated(campaign)
+    assert one.fit.applied is not None
+    power = dict.fromkeys(range(3), 0.0)
+    for at, (_, axis, _) in one.fit.applied.discrepancy.enumerate():
+        power[axis] += float(one.fit.applied.amplitudes[at, 0].sum())
+    # Places near the contact and away from it are windows of unit mean square each, so their sum counts twice.
+    assert 0.5 * rms_mps2**2 < power[RADIAL] < 4.0 * rms_mps2**2
+    assert power[0] < 0.05 * rms_mps2**2
+
+
+def test_undisturbed_ring_has_no_discrepancy() -> None:
+    one, data = evaluated(campaign_of(ONE_SPEED))
+    assert one.fit.applied is not None
+    # The scatter of the mean waveform is 1.05 m/s^2.
+    assert np.sqrt(one.fit.applied.amplitudes[:, 0].sum(axis=1)).max() < 0.4
+    assert one.fit.misfit < 1.15 * data.size

@@ -1,0 +1,74 @@
+"""Evidence of a set of effects: the exact Gaussian evidence, prior odds, impossible values."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.effect import Parameter
+from gateway.closure.inference import criteria
+from gateway.closure.inference.evidence import log_evidence
+from gateway.closure.inference.parameter_range import outside_range
+from gateway.reasons import Code
+from tests.closure.dense_covariance import covariance_of, joined
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    ONE_SPEED,
+    TWO_SPEEDS,
+    Sideways,
+    campaign_of,
+    evaluated,
+    fitted,
+    sideways,
+)
+
+
+@pytest.mark.parametrize("groups", [ONE_SPEED, TWO_SPEEDS], ids=["one speed", "two speeds"])
+def test_evidence_equals_exact_gaussian(groups: tuple[object, ...]) -> None:
+    """The linearised model's evidence is that of a normal distribution with all parameters integrated out."""
+    speeds = ONE_SPEED if len(groups) == 1 else TWO_SPEEDS
+    one, data = evaluated(campaign_of(speeds, sideways(2.0), axes=ALL_AXES), Sideways("constant"))
+    fit = one.fit
+    assert fit.applied is not None
+    rows = joined(fit.rows)
+    spread = covariance_of(fit.applied, data) + rows.T @ np.linalg.solve(fit.prior_precision, rows)
+    residual = joined(fit.residual)[0] + (fit.vector - fit.prior_mean) @ rows
+    _, log_determinant = np.linalg.slogdet(spread)
+    exact = -0.5 * (float(residual @ np.linalg.solve(spread, residual)) + float(log_determinant))
+    assert log_evidence(fit) == pytest.approx(exact + math.log(criteria.PRIOR_ODDS), abs=0.02)
+
+
+def test_evidence_needs_a_discrepancy() -> None:
+    fit, _ = fitted(campaign_of(ONE_SPEED))
+    with pytest.raises(ValueError, match="discrepancy"):
+        log_evidence(fit)
+
+
+def test_absent_effect_costs_its_odds_and_its_width() -> None:
+    campaign = campaign_of(ONE_SPEED, axes=ALL_AXES)
+    without, _ = evaluated(campaign)
+    beside, _ = evaluated(campaign, Sideways("constant"))
+    where = beside.fit.model.layout.effect("constant")
+    std = float(np.sqrt(beside.fit.covariance[where, where][0, 0]))
+    pull = float(beside.fit.vector[where][0]) / std
+    prior = Sideways("constant").parameters[0].prior_std
+    expected = math.log(criteria.PRIOR_ODDS) + math.log(std / prior) + 0.5 * pull**2
+    assert beside.log_evidence - without.log_evidence == pytest.approx(expected, abs=0.3)
+
+
+@pytest.mark.parametrize(("high", "possible"), [(2.4, True), (1.6, False)])
+def test_value_beyond_its_range_is_impossible(high: float, possible: bool) -> None:
+    one, _ = evaluated(campaign_of(ONE_SPEED, sideways(2.0), axes=ALL_AXES), Sideways("constant", high=high))
+    assert (one.objection is None) is possible
+    assert math.isfinite(one.score) is possible
+    if one.objection is not None:
+        name, reason = one.objection
+        assert (name, reason.code) == ("constant", Code.IMPLAUSIBLE_PARAMETER)
+
+
+def test_range_is_reported_in_display_units() -> None:
+    parameter = Parameter("offset_m", "m", -0.01, 0.012, 0.005, 1e-6, factor=1e3, display_unit="mm")
+    reason = outside_range(parameter, 0.02)
+    assert (reason["value"], reason["low"], reason["high"], reason["unit"]) == (20.0, -10.0, 12.0, "mm")

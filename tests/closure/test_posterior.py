@@ -1,0 +1,161 @@
+"""Posterior over sets of effects: probabilities, rivals that share one, and effects that are identified."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.catalogue import candidates
+from gateway.closure.effects.effect import LATERAL, BaselineModel, GroupConditions
+from gateway.closure.inference import criteria
+from gateway.closure.inference.findings import findings_of
+from gateway.closure.inference.posterior import Posterior
+from gateway.closure.model.baseline_registry import angle_effects
+from gateway.closure.model.closure_model import AngleEffect
+from gateway.closure.result import Verdict
+from gateway.reasons import Code, Reason
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    COLD_AND_WARM,
+    ONE_SPEED,
+    TWO_SPEEDS,
+    WARM,
+    Plant,
+    Sideways,
+    among,
+    campaign_of,
+    conditions,
+    drift,
+    fast_clock,
+    gain,
+    larger_belt,
+    searched,
+    sideways,
+    turned,
+)
+
+NOISY = 7.0
+SENSOR = among("gain", "gain-temperature drift", "zero-g offset", "pitch tilt", "clipping")
+SIDE = among("roll tilt", "zero-g offset", "yaw tilt", "ply steer", "conicity", "gain")
+SPEED = among("rolling radius", "sample clock error", "pitch tilt", "zero-g offset", "clipping")
+TWINS = {"one": Sideways("one"), "other": Sideways("other")}
+
+
+def same(one: Posterior, other: Posterior) -> bool:
+    """Return whether two posteriors have the same sets, weights and parameters."""
+    return (
+        [each.names for each in one.sets] == [each.names for each in other.sets]
+        and one.weights == other.weights
+        and all(np.array_equal(a.fit.vector, b.fit.vector) for a, b in zip(one.sets, other.sets, strict=True))
+    )
+
+
+def test_probabilities_add_up() -> None:
+    found, _ = searched(campaign_of(ONE_SPEED, sideways(1.0), axes=ALL_AXES), TWINS)
+    assert sum(found.weights) == pytest.approx(1.0)
+    assert sum(weight for _, weight in found.considered) == pytest.approx(1.0)
+    alone = [found.probability([name]) for name in TWINS]
+    both = sum(weight for one, weight in zip(found.sets, found.weights, strict=True) if len(one.names) == 2)
+    assert found.probability(TWINS) == pytest.approx(sum(alone) - both)
+    odds = found.log_odds("one")
+    assert math.isfinite(odds)
+
+
+def test_indistinguishable_effects_are_reported_together() -> None:
+    found, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    assert found.identified() == ()
+    assert [set(group) for group in found.alternatives()] == [{"one", "other"}]
+    findings = findings_of(found, TWINS, {})
+    assert [finding.verdict for finding in findings] == [Verdict.INDISTINGUISHABLE] * 2
+    for finding in findings:
+        (rival,) = finding.rivals
+        assert {finding.name, rival} == {"one", "other"}
+        assert finding.probability == pytest.approx(0.5, abs=0.02)
+        # They are the same under all conditions.
+        assert finding.decide_with == Reason(Code.NO_RECORDING_DECIDES)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_order_of_candidates_does_not_matter(reverse: bool) -> None:
+    campaign = campaign_of(ONE_SPEED, gain, noise_mps2=NOISY)
+    first, _ = searched(campaign, SENSOR)
+    names = sorted(SENSOR, reverse=reverse)
+    again, _ = searched(campaign, {name: SENSOR[name] for name in names})
+    assert same(first, again)
+
+
+def test_impossible_set_has_no_weight() -> None:
+    """Its finding says which value is out of range."""
+    effects = {"small": Sideways("small", high=1.0)}
+    found, search = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), effects)
+    assert frozenset(["small"]) in search.found
+    assert found.probability(["small"]) == 0.0
+    assert found.best.names == frozenset()
+    (finding,) = findings_of(found, effects, {})
+    assert (finding.verdict, finding.probability) == (Verdict.REFUSED, 0.0)
+    assert finding.reason is not None
+    assert finding.reason.code is Code.IMPLAUSIBLE_PARAMETER
+
+
+def test_weak_effect_is_refused_with_its_probability() -> None:
+    effects = {"weak": Sideways("weak")}
+    # Some four standard errors of the mean.
+    found, _ = searched(campaign_of(ONE_SPEED, sideways(0.45), axes=ALL_AXES), effects)
+    probability = found.probability(["weak"])
+    assert criteria.REPORTED < probability < criteria.NAMED
+    (finding,) = findings_of(found, effects, {})
+    assert finding.verdict is Verdict.REFUSED
+    assert finding.reason == Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
+    assert finding.parameters["size_mps2"].value == pytest.approx(0.45, abs=3.0 * finding.parameters["size_mps2"].std)
+
+
+def outcome(
+    groups: tuple[GroupConditions, ...], plant: Plant, effects: Mapping[str, AngleEffect], **of: object
+) -> object:
+    """Return the identified effects and the groups of rivals."""
+    found, _ = searched(campaign_of(groups, plant, **of), effects)  # type: ignore[arg-type]
+    return found.identified(), [set(group) for group in found.alternatives()]
+
+
+@pytest.mark.parametrize(("plant", "name"), [(gain, "gain"), (drift, "gain-temperature drift")])
+def test_gain_and_its_drift_need_two_temperatures(plant: Plant, name: str) -> None:
+    assert outcome(WARM, plant, SENSOR, noise_mps2=NOISY) == ((), [{"gain", "gain-temperature drift"}])
+    assert outcome(COLD_AND_WARM, plant, SENSOR, noise_mps2=NOISY) == ((name,), [])
+
+
+@pytest.mark.parametrize(("plant", "name"), [(turned(LATERAL, 0.008), "roll tilt"), (sideways(8.0), "zero-g offset")])
+def test_tilt_and_offset_are_separated_by_two_speeds(plant: Plant, name: str) -> None:
+    assert outcome(TWO_SPEEDS, plant, SIDE, noise_mps2=NOISY, axes=ALL_AXES) == ((name,), [])
+
+
+@pytest.mark.parametrize("plant", [fast_clock, larger_belt])
+def test_speed_does_not_separate_clock_from_radius(plant: Plant) -> None:
+    found = outcome(TWO_SPEEDS, plant, SPEED)
+    assert found == ((), [{"sample clock error", "rolling radius"}])
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "measured"), [(fast_clock, "sample clock error", 0.008), (larger_belt, "rolling radius", 0.0)]
+)
+def test_host_time_stamps_separate_clock_from_radius(plant: Plant, name: str, measured: float) -> None:
+    assert outcome(ONE_SPEED, plant, SPEED, clock_error=(measured, 1e-6)) == ((name,), [])
+
+
+CONDITIONS = (conditions(60.0), conditions(40.0), conditions(60.0, load_n=5500.0))
+
+
+@pytest.mark.parametrize(
+    ("model", "lacking"),
+    [
+        (BaselineModel.PAPER, {"gravity", "belt kinematics (n^2-1)", "pressure shape", "geometric tension loss"}),
+        (BaselineModel.SERIES, {"pressure shape", "geometric tension loss"}),
+        (BaselineModel.EXACT, set()),
+    ],
+)
+def test_undisturbed_ring_lacks_only_model_terms(model: BaselineModel, lacking: set[str]) -> None:
+    found, search = searched(campaign_of(CONDITIONS, noise_mps2=1.5), angle_effects(candidates(model)), model)
+    assert set(found.identified()) == lacking
+    assert found.best.fit.misfit < 1.15 * search.data.size

@@ -1,0 +1,115 @@
+"""Search of sets: trials, forms of one effect, limits of plausible values, and an end by time."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import LATERAL, GroupConditions
+from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.set_search import is_taken
+from gateway.closure.model.baseline_registry import angle_effects
+from gateway.closure.model.closure_model import AngleEffect
+from gateway.types import FloatArray
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    ONE_SPEED,
+    TWO_SPEEDS,
+    Sideways,
+    among,
+    campaign_of,
+    fitted,
+    gain,
+    searched,
+    turned,
+)
+
+
+def angle_effect(name: str) -> AngleEffect:
+    return angle_effects(catalogue())[name]
+
+
+def test_small_tilt_has_a_realistic_trial() -> None:
+    angle_rad = 5e-5
+    campaign = campaign_of(TWO_SPEEDS, turned(LATERAL, angle_rad), noise_mps2=0.05, axes=ALL_AXES)
+    fit, data = fitted(campaign)
+    trial = try_effect(fit, data, angle_effect("roll tilt"), range(len(campaign.groups)))
+    assert trial is not None
+    assert trial.vector[trial.model.layout.effect("roll tilt")] == pytest.approx(angle_rad, rel=0.1)
+    # The full fit confirms the trial.
+    after = refit(trial, data)
+    assert trial.cost == pytest.approx(after.cost, abs=3.0)
+    assert trial.promise > 10.0
+
+
+def two_tilts(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    return turned(LATERAL, 0.03)(gain(signal, theta, here), theta, here)
+
+
+def test_two_effects_are_found_together() -> None:
+    effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
+    found, _ = searched(campaign_of(TWO_SPEEDS, two_tilts, axes=ALL_AXES), effects)
+    assert found.best.names == {"roll tilt", "gain"}
+    assert set(found.identified()) == {"roll tilt", "gain"}
+
+
+def test_best_set_beats_every_other_set() -> None:
+    effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
+    found, search = searched(campaign_of(ONE_SPEED, two_tilts, axes=ALL_AXES), effects)
+    assert found.best.score == max(one.score for one in search.found.values())
+    assert frozenset() in search.found
+    assert search.complete
+
+
+@pytest.mark.parametrize("answers", [0, 1, 4])
+def test_expired_search_returns_what_is_known(answers: int) -> None:
+    asked = itertools.count()
+    effects = among("roll tilt", "gain")
+    found, search = searched(
+        campaign_of(ONE_SPEED, two_tilts, axes=ALL_AXES), effects, expired=lambda: next(asked) >= answers
+    )
+    assert not search.complete
+    assert found.best.names in search.found
+    assert sum(found.weights) == pytest.approx(1.0)
+    assert found.baseline.names == frozenset()
+
+
+def test_form_of_one_effect_excludes_the_other() -> None:
+    standing, travelling = angle_effect("tire-locked edge waves"), angle_effect("travelling edge waves")
+    assert is_taken(travelling, [standing])
+    assert is_taken(standing, [travelling])
+    assert not is_taken(angle_effect("gain"), [standing, travelling])
+
+
+def test_scan_order_does_not_depend_on_the_catalogue() -> None:
+    effects: dict[str, AngleEffect] = {name: Sideways(name) for name in ("b", "a", "c")}
+    campaign = campaign_of(ONE_SPEED, axes=ALL_AXES)
+    first, _ = searched(campaign, effects)
+    again, _ = searched(campaign, dict(reversed(effects.items())))
+    assert first.weights == again.weights
+    assert [one.names for one in first.sets] == [one.names for one in again.sets]
+
+
+@pytest.mark.parametrize(("curvature", "may_be"), [(0.003, True), (-0.0003, True), (-0.007, False), (-0.5, True)])
+def test_hollow_road_is_an_inner_drum(curvature: float, may_be: bool) -> None:
+    effect = angle_effect("drum curvature")
+    assert (effect.reason_against(np.array([curvature]), np.array([2e-4])) is None) is may_be
+
+
+@pytest.mark.parametrize(("decay", "may_be"), [(4.0, True), (20.0, False)])
+def test_wave_has_at_least_one_wavelength(decay: float, may_be: bool) -> None:
+    effect = angle_effect("tire-locked edge waves")
+    values = np.array([0.1, 0.1, 60.0, decay, 0.1, 0.1, 52.0, 1.4])
+    assert (effect.reason_against(values, np.full(8, 0.01)) is None) is may_be
+    # A wave that is indistinguishable from zero cannot be wrong.
+    assert effect.reason_against(values, np.full(8, 0.1)) is None
+
+
+@pytest.mark.parametrize(("pitch", "std", "may_be"), [(66.0, 2.0, True), (3.0, 2.0, False), (-4.0, 0.5, False)])
+def test_travelling_waves_have_a_pitch(pitch: float, std: float, may_be: bool) -> None:
+    effect = angle_effect("travelling edge waves")
+    values = np.array([0.1, 0.1, 92.0, 4.0, 0.1, 0.1, 52.0, 1.4, pitch, 0.0, 0.0, 30.0, 0.25, 0.09])
+    assert (effect.reason_against(values, np.full(14, std)) is None) is may_be
