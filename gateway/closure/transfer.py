@@ -11,7 +11,7 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.evidence import Evaluated, evaluate
+from gateway.closure.inference.evidence import evaluate
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
@@ -82,7 +82,9 @@ def transfer(
             f"the model cannot be fitted to these recordings: {error}",
             "Check that the effects belong to this tire and sensor.",
         ) from error
-    errors = hold_out(_certain(kept, baseline), data)
+    pair = {kept.names: kept, baseline.names: baseline}
+    certain = Posterior(pair, {kept.names: 1.0, baseline.names: 0.0}, (kept,), (1.0,))
+    errors = hold_out(certain, data)
     return Transfer(
         model=str(model),
         wheel=campaign.wheel,
@@ -148,8 +150,3 @@ def _kept(
     if not fits:
         raise FitFailedError("no equilibrium with these effects")
     return min(fits, key=lambda fit: fit.misfit)
-
-
-def _certain(kept: Evaluated, baseline: Evaluated) -> Posterior:
-    """Return the posterior in which the effects are certain."""
-    return Posterior((kept,), (1.0,), baseline, {kept.names: kept, baseline.names: baseline})

@@ -22,6 +22,10 @@ NEAR_RAD: Final = 0.15
 FADE_RAD: Final = 0.3
 """Angle over which the window near the contact ends."""
 
+OWN_SHARE: Final = 0.1
+"""Share of the discrepancy's power that each recording has for itself: a third of its size, between the laws of growth
+with speed that it has."""
+
 START_SHARE: Final = 2e-5
 """Least amplitude of the discrepancy at the start, as a share of R omega^2: the equations' own errors."""
 

@@ -1,8 +1,9 @@
 """Discrepancy: the part of the waveforms that no effect explains, a Gaussian process over the belt's angle.
 
 For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each. Recordings
-of one state of the tire share them: a part in proportion to omega^2 and, where the speeds differ, one that is
-the same at all speeds. Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
+of one state of the tire share them: a part in proportion to omega^2 and, where the speeds differ, one that is the same
+at all speeds. A share of their power is each recording's own, as nature keeps no such law strictly.
+Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
 """
 
 from __future__ import annotations
@@ -36,8 +37,6 @@ class _Place:
         factors: of each group, (m, REAL).
         scales: (parts, groups) size of each part of the discrepancy in each group.
         kernels: (kernels, REAL, REAL) of unit amplitude.
-        information: (parts REAL, parts REAL) of the parts' coefficients.
-        thinning: factor on the whitening by a smaller number of revolutions.
     """
 
     groups: tuple[int, ...]
@@ -45,8 +44,6 @@ class _Place:
     factors: tuple[FloatArray, ...]
     scales: FloatArray
     kernels: FloatArray
-    information: FloatArray
-    thinning: float = 1.0
 
     @property
     def parts(self) -> int:
@@ -88,15 +85,8 @@ class Discrepancy:
                 factors = tuple(data.factors[index][axis] for index in groups)
                 if not any(len(factor) for factor in factors):
                     continue
-                grams = [factor.T @ factor for factor in factors]
-                information = np.block(
-                    [
-                        [sum(a * b * g for a, b, g in zip(one, two, grams, strict=True)) for two in scales]
-                        for one in scales
-                    ]
-                )
                 columns = tuple(slice(int(ends[index][axis]), int(ends[index][axis + 1])) for index in groups)
-                place = _Place(groups, columns, factors, np.stack(scales), kernels, information)
+                place = _Place(groups, columns, factors, np.stack(scales), kernels)
                 self._places.append((state, axis, place))
         self.shape = len(self._places), 2, 2 * len(lengths_rad)
 
@@ -126,7 +116,7 @@ class Discrepancy:
         """Return the same discrepancy for data with a share of the revolutions."""
         thin = copy(self)
         thin._places = [
-            (state, axis, replace(place, information=share * place.information, thinning=math.sqrt(share)))
+            (state, axis, replace(place, factors=tuple(math.sqrt(share) * factor for factor in place.factors)))
             for state, axis, place in self._places
         ]
         return thin
@@ -146,10 +136,29 @@ class Discrepancy:
 
 @dataclass(frozen=True, slots=True)
 class _Solved:
-    """A place with amplitudes: posterior covariance of its coefficients, log determinant."""
+    """A place with amplitudes.
+
+    Attributes:
+        covariance: posterior covariance of its coefficients.
+        information: of its coefficients, (parts REAL, parts REAL).
+        roots: of each group the matrix (m, m) that whitens its own share too, None where it has none.
+        through: of each group the matrix (m, REAL) from whitened rows to what the coefficients see.
+        log_determinant: of the covariance over that of the scatter.
+    """
 
     covariance: FloatArray
+    information: FloatArray
+    roots: tuple[FloatArray | None, ...]
+    through: tuple[FloatArray, ...]
     log_determinant: float
+
+    def inner(self, place: _Place, rows: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
+        """Return the product of rows and others' under the scatter and the groups' own share, (p, q)."""
+        total = np.zeros((len(rows[0]), len(others[0])))
+        for index, columns, root in zip(place.groups, place.columns, self.roots, strict=True):
+            left, right = rows[index][:, columns], others[index][:, columns]
+            total += left @ right.T if root is None else (left @ root.T) @ (right @ root.T).T
+        return total
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,25 +188,25 @@ class Applied:
             others: likewise, (q, m); None for `rows`.
         """
         pairs = rows if others is None else others
-        total = plain_gram(rows, pairs)
+        total = np.zeros((len(rows[0]), len(pairs[0])))
         for (_, (_, _, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True):
-            left = projected(place, rows)
-            right = left if others is None else projected(place, pairs)
-            total -= left @ solved.covariance @ right.T
+            left = projected(place, solved, rows)
+            right = left if others is None else projected(place, solved, pairs)
+            total += solved.inner(place, rows, pairs) - left @ solved.covariance @ right.T
         return total
 
     def seen(self, rows: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
         """Return rows (p, m) of each group as each place corrects for them, for `cross`."""
         return tuple(
-            projected(place, rows) @ solved.covariance
+            projected(place, solved, rows) @ solved.covariance
             for (_, (_, _, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True)
         )
 
     def cross(self, rows: Sequence[FloatArray], seen: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
         """Return `gram(rows, others)` where `seen` is known."""
-        total = plain_gram(rows, others)
-        for (_, (_, _, place)), known in zip(self.discrepancy.enumerate(), seen, strict=True):
-            total -= known @ projected(place, others).T
+        total = np.zeros((len(rows[0]), len(others[0])))
+        for (_, (_, _, place)), solved, known in zip(self.discrepancy.enumerate(), self.solved, seen, strict=True):
+            total += solved.inner(place, rows, others) - known @ projected(place, solved, others).T
         return total
 
     def mean(self, residual: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray, FloatArray]]:
@@ -209,7 +218,7 @@ class Applied:
         found = []
         rows = [row[None] for row in residual]
         for (_, (state, axis, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True):
-            coefficients = solved.covariance @ projected(place, rows)[0]
+            coefficients = solved.covariance @ projected(place, solved, rows)[0]
             found.append((state, axis, coefficients.reshape(place.parts, REAL), solved.covariance))
         return found
 
@@ -229,10 +238,10 @@ class Applied:
         least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
         for at, (_, _, place) in self.discrepancy.enumerate():
             solved = self.solved[at]
-            seen = projected(place, stacked)
+            seen = projected(place, solved, stacked)
             # C^-1 of rows and residual, as the coefficients see it, and C^-1 itself.
-            through = seen - seen @ solved.covariance @ place.information
-            inside = place.information - place.information @ solved.covariance @ place.information
+            through = seen - seen @ solved.covariance @ solved.information
+            inside = solved.information - solved.information @ solved.covariance @ solved.information
             fitted = through[:-1].T @ spread
             for part in range(place.parts):
                 own = slice(part * REAL, (part + 1) * REAL)
@@ -254,28 +263,47 @@ def plain_gram(rows: Sequence[FloatArray], others: Sequence[FloatArray]) -> Floa
     return total
 
 
-def projected(place: _Place, rows: Sequence[FloatArray]) -> FloatArray:
+def projected(place: _Place, solved: _Solved, rows: Sequence[FloatArray]) -> FloatArray:
     """Return whitened rows (p, m) of each group as the coefficients of a place see them, (p, parts REAL)."""
     seen = np.zeros((place.parts, len(rows[0]), REAL))
-    for number, (index, columns, factor) in enumerate(zip(place.groups, place.columns, place.factors, strict=True)):
-        each = place.thinning * (rows[index][:, columns] @ factor)
-        seen += place.scales[:, number, None, None] * each
+    for number, (index, columns, through) in enumerate(zip(place.groups, place.columns, solved.through, strict=True)):
+        seen += place.scales[:, number, None, None] * (rows[index][:, columns] @ through)
     return np.concatenate(seen, axis=1)
 
 
 def _solved(place: _Place, amplitudes: FloatArray) -> _Solved:
     size = place.parts * REAL
+    priors = [np.tensordot(amplitudes[part], place.kernels, axes=1) for part in range(place.parts)]
     lower = np.zeros((size, size))
-    for part in range(place.parts):
+    for part, prior in enumerate(priors):
         own = slice(part * REAL, (part + 1) * REAL)
-        prior = np.tensordot(amplitudes[part], place.kernels, axes=1)
-        prior[np.diag_indices(REAL)] += _JITTER * float(np.trace(prior)) / REAL
-        lower[own, own] = cholesky(prior, lower=True)
-    inner = lower.T @ place.information @ lower
+        lower[own, own] = cholesky(prior + np.eye(REAL) * (_JITTER * float(np.trace(prior)) / REAL), lower=True)
+    information = np.zeros((place.parts, REAL, place.parts, REAL))
+    roots: list[FloatArray | None] = []
+    through = []
+    log_determinant = 0.0
+    for number, factor in enumerate(place.factors):
+        root, passed = None, factor
+        if len(place.groups) > 1:
+            # What the groups do not share. Where there is one group, it is no different from what they share.
+            shared = sum(scale**2 * prior for scale, prior in zip(place.scales[:, number], priors, strict=True))
+            spread = np.eye(len(factor)) + criteria.OWN_SHARE * (factor @ shared @ factor.T)
+            triangle = cholesky(spread, lower=True)
+            root = solve_triangular(triangle, np.eye(len(factor)), lower=True)
+            passed = root.T @ (root @ factor)
+            log_determinant += 2.0 * float(np.log(np.diagonal(triangle)).sum())
+        roots.append(root)
+        through.append(passed)
+        gram = factor.T @ passed
+        scales = place.scales[:, number]
+        information += np.multiply.outer(scales, np.multiply.outer(scales, gram)).transpose(0, 2, 1, 3)
+    flat = information.reshape(size, size)
+    inner = lower.T @ flat @ lower
     inner[np.diag_indices(size)] += 1.0
-    root = cholesky(inner, lower=True)
-    half = solve_triangular(root, lower.T, lower=True)
-    return _Solved(half.T @ half, 2.0 * float(np.log(np.diagonal(root)).sum()))
+    chol = cholesky(inner, lower=True)
+    half = solve_triangular(chol, lower.T, lower=True)
+    log_determinant += 2.0 * float(np.log(np.diagonal(chol)).sum())
+    return _Solved(half.T @ half, flat, tuple(roots), tuple(through), log_determinant)
 
 
 @lru_cache(maxsize=32)

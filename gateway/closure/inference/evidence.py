@@ -32,18 +32,13 @@ class Evaluated:
         names: of the effects.
         fit: with the discrepancy in the covariance, at the optimum of its linearisation.
         log_evidence: of the data, up to a constant of the data; prior odds of the set included.
-        objection: why the set is impossible, None when it is possible.
+        objection: the effect whose values are impossible, with the reason; None when all are possible.
     """
 
     names: frozenset[str]
     fit: Fit
     log_evidence: float
     objection: tuple[str, Reason] | None = None
-
-    @property
-    def score(self) -> float:
-        """Log evidence, minus infinity where the set is impossible."""
-        return -math.inf if self.objection is not None else self.log_evidence
 
 
 def evaluate(

@@ -81,7 +81,7 @@ def _finding(
     decide_with: Reason | None = None,
     reason: Reason | None = None,
 ) -> Finding:
-    inside = next(one for one in posterior.sets if name in one.names)
+    inside = posterior.with_effect(name)
     without = posterior.every.get(inside.names - {name}) or posterior.without(name)
     before, _ = estimates_of([(without.fit, 1.0)])
     after, _ = estimates_of([(inside.fit, 1.0)])
@@ -146,7 +146,7 @@ def _decide(
     The clock needs no fit: a recording with the host's time measures it independently of other effects.
     """
     rival = CLOCK if CLOCK in rivals else rivals[0]
-    inside = next(one for one in posterior.sets if name in one.names)
+    inside = posterior.with_effect(name)
     effect = next(effect for effect in inside.fit.model.effects if effect.name == name)
     recording = deciding_recording(inside.fit, effect, effects[rival])
     return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording

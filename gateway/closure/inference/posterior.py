@@ -21,46 +21,51 @@ _NEGLIGIBLE: Final = 1e-4
 class Posterior:
     """Sets of effects with their probabilities.
 
+    An effect with impossible values stands for something that the catalogue lacks: its set keeps its probability, and
+    counts for the other effects in it, but not for that one.
+
     Attributes:
-        sets: possible sets, most probable first.
-        weights: probability of each; they add up to 1.
-        baseline: the set without effects.
-        every: all sets with an evidence, impossible ones included.
+        every: all sets with an evidence.
+        masses: probability of each; they add up to 1.
+        sets: possible sets whose effects are all supported (`criteria.REPORTED`), most probable first.
+        weights: probability of each among these; they add up to 1.
     """
 
+    every: Mapping[Names, Evaluated]
+    masses: Mapping[Names, float]
     sets: tuple[Evaluated, ...]
     weights: tuple[float, ...]
-    baseline: Evaluated
-    every: Mapping[Names, Evaluated]
 
     @property
     def best(self) -> Evaluated:
-        """The most probable set."""
+        """The most probable possible set."""
         return self.sets[0]
+
+    @property
+    def baseline(self) -> Evaluated:
+        """The set without effects."""
+        return self.every[frozenset()]
 
     def probability(self, names: Iterable[str]) -> float:
         """Return the probability that at least one of these effects is present."""
-        wanted = frozenset(names)
-        return min(1.0, sum(weight for one, weight in self._weighted() if one.names & wanted))
+        return _probability(self.every, self.masses, frozenset(names))
 
     def log_odds(self, name: str) -> float:
         """Return the logarithm of the odds that an effect is present, from the best sets with and without it."""
-        with_it = [one.score for one in self.sets if name in one.names]
-        without = [one.score for one in self.every.values() if name not in one.names]
-        if not with_it or not without or not math.isfinite(max(without)):
-            return math.nan
-        return max(with_it) - max(without)
+        with_it = [one.log_evidence for one in self.every.values() if name in counted(one)]
+        without = [one.log_evidence for one in self.every.values() if name not in counted(one)]
+        return max(with_it) - max(without) if with_it and without else math.nan
 
     @property
     def names(self) -> tuple[str, ...]:
         """Effects of any possible set, most probable first."""
-        found = {name for one in self.sets for name in one.names}
+        found = {name for one in self.every.values() for name in counted(one)}
         return tuple(sorted(found, key=lambda name: (-self.probability([name]), name)))
 
     @property
     def considered(self) -> tuple[tuple[Evaluated, float], ...]:
         """Sets that matter to the numbers, with weights that add up to 1."""
-        kept = [(one, weight) for one, weight in self._weighted() if weight > _NEGLIGIBLE]
+        kept = [(one, weight) for one, weight in zip(self.sets, self.weights, strict=True) if weight > _NEGLIGIBLE]
         total = sum(weight for _, weight in kept)
         return tuple((one, weight / total) for one, weight in kept)
 
@@ -85,21 +90,44 @@ class Posterior:
                 groups.append(tuple(group))
         return tuple(groups)
 
+    def with_effect(self, name: str) -> Evaluated:
+        """Return the best set with an effect, a possible one if there is any."""
+        inside = [one for one in self.every.values() if name in one.names]
+        return max(inside, key=lambda one: (name in counted(one), one.objection is None, one.log_evidence))
+
     def without(self, name: str) -> Evaluated:
         """Return the best set without an effect."""
-        return max((one for one in self.every.values() if name not in one.names), key=lambda one: one.score)
+        return max((one for one in self.every.values() if name not in one.names), key=lambda one: one.log_evidence)
 
-    def _weighted(self) -> zip[tuple[Evaluated, float]]:
-        return zip(self.sets, self.weights, strict=True)
+
+def counted(one: Evaluated) -> Names:
+    """Return the effects of a set but the impossible one."""
+    return one.names if one.objection is None else one.names - {one.objection[0]}
 
 
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
-    possible = sorted(
-        (one for one in search.found.values() if one.objection is None),
-        key=lambda one: (-one.log_evidence, sorted(one.names)),
-    )
-    scores = np.array([one.log_evidence for one in possible])
-    weights = np.exp(scores - scores.max())
+    return over(search.found)
+
+
+def over(every: Mapping[Names, Evaluated]) -> Posterior:
+    """Return the posterior over sets of effects, the set without any among them."""
+    ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
+    scores = np.array([one.log_evidence for one in ordered])
+    masses = np.exp(scores - scores.max())
+    masses /= masses.sum()
+    mass_of = {one.names: float(mass) for one, mass in zip(ordered, masses.tolist(), strict=True)}
+    supported = [
+        one
+        for one in ordered
+        if one.objection is None
+        and all(_probability(every, mass_of, frozenset([name])) >= criteria.REPORTED for name in one.names)
+    ]
+    own = np.array([one.log_evidence for one in supported])
+    weights = np.exp(own - own.max())
     weights /= weights.sum()
-    return Posterior(tuple(possible), tuple(weights.tolist()), search.found[frozenset()], dict(search.found))
+    return Posterior(dict(every), mass_of, tuple(supported), tuple(weights.tolist()))
+
+
+def _probability(every: Mapping[Names, Evaluated], masses: Mapping[Names, float], wanted: Names) -> float:
+    return min(1.0, sum(mass for names, mass in masses.items() if counted(every[names]) & wanted))

@@ -83,8 +83,8 @@ class SetSearch:
 
     @property
     def best(self) -> Evaluated:
-        """The set of the highest evidence; of two alike, the one first by name."""
-        return min(self.found.values(), key=lambda one: (-one.score, sorted(one.names)))
+        """The set of the highest evidence, impossible ones included; of two alike, the one first by name."""
+        return min(self.found.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
 
     def _stop(self) -> bool:
         if self.expired():
@@ -98,7 +98,7 @@ class SetSearch:
         if names not in self.found:
             self.on_step(len(names))
             try:
-                enough = self.best.score - criteria.WORTH_WORK if self.found else -math.inf
+                enough = self.best.log_evidence - criteria.WORTH_WORK if self.found else -math.inf
                 self.found[names] = evaluate(fit, self.data, self.discrepancy, amplitudes, enough)
             except FitFailedError:
                 self.rejected.add(names)
@@ -201,14 +201,14 @@ class SetSearch:
     def _add(self, fit: Fit, best: Evaluated, among: Iterable[str]) -> None:
         """Evaluate a set with each effect that promises an evidence near that of the best set."""
         known = self.found.get(_names(fit))
-        at = _linear_score(fit) if known is None else known.score
+        at = _linear_score(fit) if known is None else known.log_evidence
         for trial in self._scan(fit, among)[: criteria.REFITTED]:
             if self._stop():
                 return
             names = _names(fit) | {trial.effect.name}
             if names in self.found or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
                 continue
-            if at + trial.promise + math.log(criteria.PRIOR_ODDS) < best.score - criteria.WITHIN:
+            if at + trial.promise + math.log(criteria.PRIOR_ODDS) < best.log_evidence - criteria.WITHIN:
                 break
             self._work_out(trial, best)
 
