@@ -147,13 +147,6 @@ def test_wave_has_at_least_one_wavelength(decay: float, may_be: bool) -> None:
     assert effect.reason_against(values, np.full(8, 0.1)) is None
 
 
-@pytest.mark.parametrize(("pitch", "std", "may_be"), [(66.0, 2.0, True), (3.0, 2.0, False), (-4.0, 0.5, False)])
-def test_travelling_waves_have_a_pitch(pitch: float, std: float, may_be: bool) -> None:
-    effect = angle_effect("travelling edge waves")
-    values = np.array([0.1, 0.1, 92.0, 4.0, 0.1, 0.1, 52.0, 1.4, pitch, 0.0, 0.0, 30.0, 0.25, 0.09])
-    assert (effect.reason_against(values, np.full(14, std)) is None) is may_be
-
-
 def test_large_residual_determines_no_estimate() -> None:
     def bent(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
         # No effect of the catalogue grows with the fifth power of the speed.
