@@ -401,7 +401,6 @@ class Code(StrEnum):
     # Diagnosis: acceptance tests
     IMPLAUSIBLE_PARAMETER = "implausible_parameter"
     UNUSUAL_PARAMETER = "unusual_parameter"
-    STANDING_WAVES = "standing_waves"
     FADES_WITHIN_ONE_WAVE = "fades_within_one_wave"
     HOLLOW_ROAD = "hollow_road"
     PROBABILITY_TOO_LOW = "probability_too_low"

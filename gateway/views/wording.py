@@ -649,9 +649,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.UNUSUAL_PARAMETER: (
         "{parameter} would be {value:.4g}{unit: }, which is unusual, and only one speed was recorded"
     ),
-    Code.STANDING_WAVES: (
-        "its pitch of {pitch:.3g} ± {pitch_std:.2g} per revolution does not differ from 0: such waves stand still"
-    ),
     Code.FADES_WITHIN_ONE_WAVE: (
         "the packet at the {edge} edge fades within {waves:.2f} of a wavelength: a bump, not a wave"
     ),

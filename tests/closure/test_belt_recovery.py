@@ -95,7 +95,7 @@ def test_ripple_keeps_its_whole_order_beside_another_effect() -> None:
 
 
 def test_hub_motion_may_grow_with_speed() -> None:
-    hub, truth = catalogue()["imbalance and hub motion"], np.array([8e-5, 1e-4, 1.6])
+    hub, truth = catalogue()["imbalance and hub motion"], np.array([8e-4, 1e-3, 1.6])
     made = campaign(hub, truth, 17, (40.0, 70.0))
     data = whiten(made, with_mean=True)
     without = fit_model(ClosureModel(made, ExactCore()), data)

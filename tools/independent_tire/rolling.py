@@ -52,6 +52,8 @@ class Belt:
         bending_damping_nm2s: of the belt.
         friction: of the road.
         drum_radius_m: infinite for a flat road.
+        blocks: of the tread, a turn; 0 is a tread without blocks.
+        block_share: amplitude of the tread's stiffness over a block, as a share of its mean.
         elements: of the belt.
         steps: of the integration, a revolution.
         recorded: revolutions.
@@ -74,6 +76,8 @@ class Belt:
     bending_damping_nm2s: float = 0.0
     friction: float = 0.0
     drum_radius_m: float = math.inf
+    blocks: int = 0
+    block_share: float = 0.0
     elements: int = 180
     steps: int = 2048
     recorded: int = 4
@@ -151,6 +155,9 @@ class RoadForce:
         self._resting = mesh.resting.reshape(mesh.count, 2, 2)
         self._middle_rad = mesh.theta_rad + math.pi / mesh.count
         self._local_rad = 2.0 * math.pi / mesh.count * (mesh.points.at - 0.5)
+        # (N, p), N/m^2. The middle of a block is at the first node, which the sensor is at.
+        turned = belt.blocks * (mesh.points.theta_rad.reshape(mesh.count, -1) - mesh.theta_rad[0])
+        self._tread_npm2 = belt.tread_npm2 * (1.0 + belt.block_share * np.cos(turned))
         self.road_mps = belt.speed_mps
 
     def height_m(self, time_s: float) -> float:
@@ -189,7 +196,8 @@ class RoadForce:
         sinking = -(moving * normal).sum(axis=-1)
         grown = np.clip(depth / _GROWS_OVER_M, 0.0, 1.0)
         damper = belt.tread_damping_nspm2 * grown
-        unclipped = belt.tread_npm2 * depth + damper * sinking
+        tread = self._tread_npm2[elements]
+        unclipped = tread * depth + damper * sinking
         push = np.maximum(unclipped, 0.0)
         alive = push > 0.0
         width = _REGULAR * belt.speed_mps
@@ -197,7 +205,7 @@ class RoadForce:
         direction = normal - (belt.friction * held)[..., None] * along
         force = (self._weight_m * push)[..., None] * direction
         growing = np.where(grown < 1.0, belt.tread_damping_nspm2 * sinking / _GROWS_OVER_M, 0.0)
-        stiff = self._weight_m * np.where(alive, belt.tread_npm2 + growing, 0.0)
+        stiff = self._weight_m * np.where(alive, tread + growing, 0.0)
         by_velocity = -(self._weight_m * np.where(alive, damper, 0.0))[..., None, None] * _outer(direction, normal)
         sliding = self._weight_m * belt.friction * push * (1.0 - held**2) / width
         by_velocity = by_velocity - sliding[..., None, None] * _outer(along, along)

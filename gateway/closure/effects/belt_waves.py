@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.belt_geometry import SLOPE_ORDERS, relative_offset
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -17,7 +21,7 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.wave_packets import Packet, decaying, free_belt, pulse, sensor_view
+from gateway.closure.effects.wave_packets import Packet, decaying, free_belt, pulse
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
@@ -29,22 +33,25 @@ _ORDERS_AFTER: Final = _ORDERS_BEFORE[:10]
 _DECAYS: Final = (5.0, 1.4, 0.7)
 # After, before, and after again now that the packet before is known; then both decays.
 _EDGE_SCAN: Final = ((6, _ORDERS_AFTER), (2, _ORDERS_BEFORE), (6, _ORDERS_AFTER), (3, _DECAYS), (7, _DECAYS))
+_START_LOCKED: Final = (0.3, 0.3, 40.0, 2.5, 0.3, 0.3, 40.0, 2.5)
 # A linear fit sees derivatives by shape through these amplitudes: with small ones its step would be too large.
 _START_AHEAD: Final = (0.3, 0.3, 30.0, 0.25, 0.09)
-# Those of a tread of 67 pitches.
-_START_TRAVELLING: Final = (0.3, 0.3, 92.0, 4.0, 0.3, 0.3, 52.0, 1.4, 67.0, *_START_AHEAD)
-_START_LOCKED: Final = (0.3, 0.3, 40.0, 2.5, 0.3, 0.3, 40.0, 2.5)
-# The last parameters of tire-locked waves: no pitch, no packet ahead.
-_NO_PITCH: Final = (0.0, 0.0, 0.0, 30.0, 0.25, 0.09)
+# Numbers of blocks, and bending over mass per length: they set the middle of both orders and their distance.
+_START_BLOCKS: Final = tuple(float(count) for count in range(42, 111, 3))
+_START_BENDING: Final = (4.0, 1.3, 0.4)
+# Losses, the bending's and the sidewall's, of waves that fade within one radian to all around.
+_SCAN_BENDING_LOSS: Final = (1e-5, 1e-4, 4e-4)
+_SCAN_SIDEWALL_LOSS: Final = (10.0, 150.0)
 _ORDER: Final = np.arange(FIELD_SIZE // 2 + 1)
 # Orders that the curvature of a closed belt has, and their slope.
 _CLOSED: Final = np.where(_ORDER > 1, 1.0, 0.0)
 _CLOSED_SLOPE: Final = np.where((_ORDER > 1) & (_ORDER <= SLOPE_ORDERS), 1j * _ORDER, 0.0)
-# Indices of the amplitudes, of the pitch, and of the parameters that shape each packet but for its order.
-_AMPLITUDES: Final = [0, 1, 4, 5, 9, 10]
-_PITCH: Final = 8
-_OWN: Final = ([0, 1, 3], [4, 5, 7], [9, 10, 12, 13])
-# Standard errors from 0 at which a pitch or an amplitude is determined.
+# Places of the amplitudes of travelling waves, and of what their orders and decays follow from.
+_AMPLITUDES: Final = [0, 1, 2, 3, 9, 10]
+_TREAD: Final = slice(4, 9)
+# Speed at which the sizes of travelling waves are stated.
+_REFERENCE_MPS: Final = 20.0
+# Standard errors from 0 at which an amplitude is determined.
 _DETERMINED_SIGMAS: Final = 3.0
 # A measured tire has 0.3 near the edge; a wave as large as the centripetal acceleration would lift the belt off.
 _MAX_EDGE_AMPLITUDE: Final = 0.6
@@ -79,34 +86,71 @@ def _decay(name: str) -> Parameter:
     return Parameter(f"{name}_decay_per_rad", "1/rad", 0.1, 10.0, 2.0, 1e-4, prior_mean=1.5)
 
 
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """A packet on the belt and what it depends on.
+
+    Attributes:
+        places: of its two amplitudes among the parameters.
+        amplitude: cosine minus i sine.
+        packet: of unit amplitude.
+        share: change along the belt over that of the sensor's signal.
+        chain: (place, derivative of the order, of the decay, of the share) for each parameter behind them.
+        shape_places: of the parameters that are the packet's own shape.
+    """
+
+    places: tuple[int, int]
+    amplitude: complex
+    packet: Packet
+    share: float
+    chain: list[tuple[int, float, float, float]]
+    shape_places: tuple[int, ...] = ()
+
+
 class TravellingEdgeWaves(SignalEffect):
-    """Decaying packets from the leading and the trailing edge, and a separate packet ahead of the contact."""
+    """Waves that the tread's blocks send along the belt from both edges, and a separate packet ahead of the contact.
+
+    Orders and decays at every speed follow from the number of blocks and the belt's own dispersion
+    (`gateway.closure.effects.belt_dispersion`). At one speed this is two orders, two decays and the share along the
+    belt in other numbers; at several speeds it is over-determined.
+    """
 
     name = "travelling edge waves"
     rank = 170
-    summary = "The tread sends wave packets along the belt from both edges of the contact, alike in every revolution."
+    summary = "The tread's blocks send waves along the belt from both edges of the contact, alike in every revolution."
     equation = (
-        "R omega^2 (a cos(n d) + b sin(n d)) exp(-decay d) on either side, d = distance from the edge, and "
-        "R omega^2 (a cos(n x) + b sin(n x)) exp(-x^2 / (2 width^2)) ahead, x = d - place; orders 0 and 1 removed; "
-        "circumferential: -(e/R) kappa times its slope, kappa = 1 - pitch / n (ahead as before)"
+        "R omega^2 (v / 20 m/s)^growth times (a cos(n d) + b sin(n d)) exp(-decay d) on either side, d = distance from "
+        "the edge, n = N + m before and N - m after for N blocks and m waves round the belt, "
+        "rho A (n omega)^2 = EI (m / R)^4 + T (m / R)^2 + kw; and times (a cos(n x) + b sin(n x)) "
+        "exp(-x^2 / (2 width^2)) ahead, x = d - place; orders 0 and 1 removed; "
+        "circumferential: -(e/R) kappa times its slope, kappa = 1 - N / n (ahead as before)"
     )
-    source = "empirical packets with the kinematics of waves on a rolling belt"
+    source = "dispersion of an inextensible ring under pressure and rotation, excited N times a turn"
     parameters = (
-        *_packet("before"),
-        _decay("before"),
-        *_packet("after"),
-        _decay("after"),
-        # 60 to 80 blocks are on a car's tire; 0 would be a wave that is stationary on the road.
-        Parameter("pitch", "per revolution", -5.0, 130.0, 60.0, 1e-3),
+        _amplitude("before_cosine", _MAX_EDGE_AMPLITUDE, 0.2),
+        _amplitude("before_sine", _MAX_EDGE_AMPLITUDE, 0.2),
+        _amplitude("after_cosine", _MAX_EDGE_AMPLITUDE, 0.2),
+        _amplitude("after_sine", _MAX_EDGE_AMPLITUDE, 0.2),
+        # Passenger car tires have 50 to 80 pitches, truck and winter patterns from 40, fine ones up to 110.
+        Parameter("blocks", "per revolution", 36.0, 120.0, 25.0, 1e-4, prior_mean=70.0),
+        # A car tire's belt: 7 N m^2 and 4 kN over 3 to 8 kg/m. Tires of one class differ by a factor of two either way.
+        Parameter("bending_over_mass_m4ps2", "m^4/s^2", 0.05, 12.0, 1.5, 1e-4, prior_mean=1.5),
+        Parameter("tension_over_mass_m2ps2", "m^2/s^2", 200.0, 5000.0, 600.0, 1e-1, prior_mean=1200.0),
+        # A sidewall of 0.3 ms damping time has 50 /s. Up to the ends of both ranges a packet is longer than two waves.
+        Parameter("sidewall_loss_ps", "1/s", 0.0, 1500.0, 150.0, 1e-3, prior_mean=50.0),
+        # A belt of EI / (rho A) = 1.5 m^4/s^2 with a loss factor of 0.1 at 600 Hz has 4e-5; rubber of 0.5 2e-4.
+        Parameter("bending_loss_m4ps", "m^4/s", 0.0, 3e-3, 3e-4, 1e-9, prior_mean=1e-4),
         *_packet("ahead"),
         Parameter("ahead_place_rad", "rad", 0.0, 1.0, 0.2, 1e-5, prior_mean=0.25),
         # From a wave at the highest orders to the free belt's near half.
         Parameter("ahead_width_rad", "rad", 0.02, 0.4, 0.05, 1e-5, prior_mean=0.09),
+        # 0 where blocks move the belt by their height, -1 where they push it by their share of the load.
+        Parameter("growth", "", -3.0, 3.0, 0.8, 1e-4, prior_mean=-0.5),
     )
     axes = (CIRCUMFERENTIAL, RADIAL)
     observed_in = (
-        "radial axis, outside the contact, above the ring's own orders; grows with omega^2; the circumferential axis of"
-        " an offset sensor gives kappa, hence direction and speed of travel"
+        "radial axis, outside the contact, above the ring's own orders; orders and decays change with speed as the "
+        "belt's dispersion says; the circumferential axis of an offset sensor gives kappa, hence N, at one speed"
     )
     confounders = (
         Confounder(
@@ -116,45 +160,58 @@ class TravellingEdgeWaves(SignalEffect):
         Confounder(("torsional ripple",), "it is all around the tire", "0.6 at the same order"),
         Confounder(("contact edge scatter", "shear flexibility"), "they act at the edges themselves", "0.2"),
     )
-    start_values = (_START_TRAVELLING,)
+    start_values = tuple(
+        (0.3, 0.3, 0.3, 0.3, blocks, bending, 1200.0, 50.0, 1e-4, *_START_AHEAD, -0.5)
+        for bending in _START_BENDING
+        for blocks in _START_BLOCKS
+    )
     form_of = _EDGE_WAVES
-    scan = _EDGE_SCAN
+    scan = ((8, _SCAN_BENDING_LOSS), (7, _SCAN_SIDEWALL_LOSS))
     stage = Stage.BELT
-
-    def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
-        """Reject a pitch that may be 0 (such waves are stationary), and packets that end within one wave."""
-        pitch, error = float(parameters[_PITCH]), float(std[_PITCH])
-        if pitch > _DETERMINED_SIGMAS * error:
-            return _fades_within_a_wave(parameters, std)
-        return Reason(Code.STANDING_WAVES, pitch=pitch, pitch_std=error)
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
         if not parameters[_AMPLITUDES].any():
             return block.zeros()
-        packets, shares, _ = _packets(block, parameters)
-        waves = np.stack([(amplitude * packet.curve).real for amplitude, packet in packets])
-        return _curvature_signal(block, waves.sum(axis=0), shares @ waves)
+        return self._size(block, parameters)[0] * _signal_of(block, self._packets(block, parameters))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives by amplitudes, shapes and pitch."""
-        packets, shares, chains = _packets(block, parameters)
-        rows = np.zeros((len(parameters), len(block.theta_rad)))
-        along = np.zeros_like(rows)
-        for (amplitude, packet), share, places, chain in zip(packets, shares, _OWN, chains, strict=True):
-            wave = amplitude * packet.curve
-            own = [packet.curve.real, packet.curve.imag, *((by * wave).real for by in packet.shape_by)]
-            rows[places] = own
-            along[places] = share * rows[places]
-            # Parameters that change the order and the share that a sensor sees.
-            by_order = (packet.order_by * wave).real
-            for place, order_by, share_by in chain:
-                rows[place] += order_by * by_order
-                along[place] += (order_by * share) * by_order + share_by * wave.real
-        return _curvature_signal(block, rows, along)
+        """Return the derivatives by amplitudes, tread, belt, the packet ahead and the growth."""
+        sent = self._packets(block, parameters)
+        rows = _derivative_of(block, sent, len(parameters))
+        size, logarithm = self._size(block, parameters)
+        rows[-1] = logarithm * _signal_of(block, sent)
+        return size * rows
 
+    @staticmethod
+    def _size(block: ModelledBlock, parameters: FloatArray) -> tuple[float, float]:
+        """Return the size over that at the reference speed, beyond omega^2, and its derivative's logarithm."""
+        conditions = block.conditions
+        relative = conditions.omega_radps * conditions.radius_m / _REFERENCE_MPS
+        return relative ** float(parameters[-1]), math.log(relative)
 
-_TRAVELLING: Final = TravellingEdgeWaves()
+    def _packets(self, block: ModelledBlock, parameters: FloatArray) -> list[_Sent]:
+        """Return the packets before, after and ahead."""
+        p = parameters.tolist()
+        conditions, free = block.conditions, free_belt(block)
+        tread = BlockTread(*p[_TREAD])
+        sent = []
+        for side in (0, 1):
+            wave = belt_wave(tread, side, conditions.omega_radps, conditions.radius_m)
+            packet = decaying(free, side, wave.order, wave.decay_per_rad)
+            at = range(_TREAD.start, _TREAD.stop)
+            chain = list(zip(at, wave.order_by, wave.decay_by, wave.share_by, strict=True))
+            sent.append(
+                _Sent((2 * side, 2 * side + 1), complex(p[2 * side], -p[2 * side + 1]), packet, wave.share, chain)
+            )
+            if side == 0:
+                before = wave
+        # On the same belt, so its share along the belt is that of the wave before.
+        chain = [(place, 0.0, 0.0, by) for place, by in zip(at, before.share_by, strict=True)]
+        chain += [(11, 1.0, 0.0, 0.0)]
+        ahead = pulse(free, p[11], p[12], p[13])
+        sent.append(_Sent((9, 10), complex(p[9], -p[10]), ahead, before.share, chain, (12, 13)))
+        return sent
 
 
 class TireLockedEdgeWaves(SignalEffect):
@@ -168,7 +225,7 @@ class TireLockedEdgeWaves(SignalEffect):
         "removed; circumferential: -(e/R) times its slope"
     )
     source = "empirical packets on a steady belt shape"
-    parameters = _TRAVELLING.parameters[: len(_START_LOCKED)]
+    parameters = (*_packet("before"), _decay("before"), *_packet("after"), _decay("after"))
     axes = (CIRCUMFERENTIAL, RADIAL)
     observed_in = (
         "radial axis, outside the contact, above the ring's own orders; grows with omega^2; circumferential axis with "
@@ -190,15 +247,32 @@ class TireLockedEdgeWaves(SignalEffect):
 
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Reject packets that end within one wave."""
-        return _fades_within_a_wave(parameters, std)
+        return _fades_within_a_wave(
+            [(at, float(parameters[at + 2]), float(parameters[at + 3])) for at in (0, 4)], parameters, std
+        )
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the packets: those that travel, without a pitch."""
-        return _TRAVELLING.contribution(block, np.concatenate([parameters, _NO_PITCH]))
+        """Return the packets; nothing without amplitude, whatever the orders."""
+        if not parameters[[0, 1, 4, 5]].any():
+            return block.zeros()
+        return _signal_of(block, self._packets(block, parameters))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes and shapes."""
-        return _TRAVELLING.derivative(block, np.concatenate([parameters, _NO_PITCH]))[: len(parameters)]
+        return _derivative_of(block, self._packets(block, parameters), len(parameters))
+
+    def _packets(self, block: ModelledBlock, parameters: FloatArray) -> list[_Sent]:
+        p, free = parameters.tolist(), free_belt(block)
+        return [
+            _Sent(
+                (at, at + 1),
+                complex(p[at], -p[at + 1]),
+                decaying(free, side, p[at + 2], p[at + 3]),
+                1.0,
+                [(at + 2, 1.0, 0.0, 0.0), (at + 3, 0.0, 1.0, 0.0)],
+            )
+            for side, at in enumerate((0, 4))
+        ]
 
 
 class TreadPitch(SignalEffect):
@@ -256,50 +330,48 @@ class TreadPitch(SignalEffect):
         return _curvature_signal(block, np.stack(rows))
 
 
-def _fades_within_a_wave(parameters: FloatArray, std: FloatArray) -> Reason | None:
+def _fades_within_a_wave(
+    packets: Sequence[tuple[int, float, float]], parameters: FloatArray, std: FloatArray
+) -> Reason | None:
     """Return at which edge a packet fades within one wavelength; None where none does.
 
     Args:
-        parameters: of either form of edge waves.
+        packets: place of the two amplitudes, order and decay of the packets before and after.
+        parameters: of the effect.
         std: of them.
     """
-    for edge, at in (("leading", 0), ("trailing", 4)):
-        order, decay = float(parameters[at + 2]), float(parameters[at + 3])
+    for edge, (at, order, decay) in zip(("leading", "trailing"), packets, strict=True):
         present = np.hypot(*parameters[at : at + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[at : at + 2])
         if present and order < 2.0 * np.pi * decay:
             return Reason(Code.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
     return None
 
 
-Chain = list[tuple[int, float, float]]
-"""Parameters that the order and the share seen by a sensor depend on: (index, d order, d kappa) for each."""
+def _signal_of(block: ModelledBlock, sent: list[_Sent]) -> FloatArray:
+    """Return the contribution of packets, (3, FIELD_SIZE)."""
+    waves = np.stack([(one.amplitude * one.packet.curve).real for one in sent])
+    return _curvature_signal(block, waves.sum(axis=0), np.array([one.share for one in sent]) @ waves)
 
 
-def _packets(
-    block: ModelledBlock, parameters: FloatArray
-) -> tuple[list[tuple[complex, Packet]], FloatArray, tuple[Chain, Chain, Chain]]:
-    """Return amplitude and packet before, after and ahead; kappa (3,); and their chains of derivatives."""
-    p = parameters.tolist()
-    speed = block.conditions.radius_m * block.conditions.omega_radps
-    free = free_belt(block)
-    before, after = sensor_view(p[2], p[_PITCH], speed), sensor_view(p[6], p[_PITCH], speed)
-    # On the same belt, so as fast as the packet before: its order changes with speed by the same factor.
-    order = p[11]
-    packets = [
-        (complex(p[0], -p[1]), decaying(free, 0, p[2] * before.stretch, p[3])),
-        (complex(p[4], -p[5]), decaying(free, 1, p[6] * after.stretch, p[7])),
-        (complex(p[9], -p[10]), pulse(free, order * before.stretch, p[12], p[13])),
-    ]
-    (share_2, share_8), (stretch_2, stretch_8) = before.share_by, before.stretch_by
-    chains: tuple[Chain, Chain, Chain] = (
-        [(2, before.stretch + p[2] * stretch_2, share_2), (_PITCH, p[2] * stretch_8, share_8)],
-        [
-            (6, after.stretch + p[6] * after.stretch_by[0], after.share_by[0]),
-            (_PITCH, p[6] * after.stretch_by[1], after.share_by[1]),
-        ],
-        [(11, before.stretch, 0.0), (2, order * stretch_2, share_2), (_PITCH, order * stretch_8, share_8)],
-    )
-    return packets, np.array([before.share, after.share, before.share]), chains
+def _derivative_of(block: ModelledBlock, sent: list[_Sent], count: int) -> FloatArray:
+    """Return the derivatives of `_signal_of` by all parameters, (count, 3, FIELD_SIZE)."""
+    rows = np.zeros((count, len(block.theta_rad)))
+    along = np.zeros_like(rows)
+    for one in sent:
+        wave = one.amplitude * one.packet.curve
+        for place, curve in zip(one.places, (one.packet.curve.real, one.packet.curve.imag), strict=True):
+            rows[place] += curve
+            along[place] += one.share * curve
+        shapes = [(by * wave).real for by in one.packet.shape_by]
+        for place, curve in zip(one.shape_places, shapes, strict=False):
+            rows[place] += curve
+            along[place] += one.share * curve
+        by_order = (one.packet.order_by * wave).real
+        for place, order_by, decay_by, share_by in one.chain:
+            moved = order_by * by_order + (decay_by * shapes[0] if decay_by else 0.0)
+            rows[place] += moved
+            along[place] += one.share * moved + share_by * wave.real
+    return _curvature_signal(block, rows, along)
 
 
 def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -341,4 +413,4 @@ def _curvature_signal(block: ModelledBlock, wave: FloatArray, along: FloatArray 
     return result
 
 
-EFFECTS: Final = (_TRAVELLING, TireLockedEdgeWaves(), TreadPitch())
+EFFECTS: Final = (TravellingEdgeWaves(), TireLockedEdgeWaves(), TreadPitch())

@@ -1,11 +1,4 @@
-"""Wave packets on the belt's free part: their shapes, and their order and slope as a rotating sensor sees them.
-
-A wave exp(i (N Omega t + m phi)), with N waves a revolution at a fixed point of the road and m waves around the belt,
-is of order n = N + m for a sensor, which is at phi = Omega t. Along the belt it changes by m an angle where the
-sensor's signal changes by n. The ratio is kappa = m / n = 1 - N / n, rolling speed over phase speed, positive ahead of
-the contact and negative behind it for a wave that runs away from it. N = 0 is stationary on the road, and kappa is 1.
-A tread of N pitches thus makes waves of order N / (1 - V / c) ahead of the contact and N / (1 + V / c) behind.
-"""
+"""Shapes of wave packets on the belt's free part."""
 
 from __future__ import annotations
 
@@ -18,59 +11,8 @@ import numpy as np
 from gateway.closure.effects.effect import ModelledBlock
 from gateway.types import ComplexArray, FloatArray
 
-REFERENCE_MPS: Final = 20.0
-"""Speed at which orders are stated."""
-
 # A packet swells from nothing over this angle, as measured ones do: the edge itself belongs to the ring.
 _ONSET_RAD: Final = 0.03
-# Pitch above which waves travel at a speed of their own; those below are stationary on the road, whatever its speed.
-_TRAVELLING_PITCH: Final = 15.0
-_MIN_ORDER: Final = 1.0
-# Largest logarithm of the ratio by which an order may change with speed.
-_MAX_LOG_STRETCH: Final = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class SensorView:
-    """Order and slope of a packet as the sensor sees them at one speed.
-
-    Attributes:
-        stretch: its order over that at REFERENCE_MPS.
-        share: kappa.
-        stretch_by: derivatives of `stretch` by the order at REFERENCE_MPS and by the pitch.
-        share_by: likewise.
-    """
-
-    stretch: float
-    share: float
-    stretch_by: tuple[float, float]
-    share_by: tuple[float, float]
-
-
-def sensor_view(order: float, pitch: float, speed_mps: float) -> SensorView:
-    """Return order and slope of a packet as the sensor sees them.
-
-    With the phase speed constant, order goes with speed to the power kappa / (1 - kappa) = (n - N) / N. That power
-    fades to 0 with N, where the packet is stationary on the road.
-
-    Args:
-        order: at REFERENCE_MPS.
-        pitch: waves a revolution at a fixed point of the road, N.
-        speed_mps: rolling speed.
-    """
-    square = pitch**2 + _TRAVELLING_PITCH**2
-    power = pitch * (order - pitch) / square
-    ratio = math.log(speed_mps / REFERENCE_MPS)
-    stretch = math.exp(min(max(power * ratio, -_MAX_LOG_STRETCH), _MAX_LOG_STRETCH))
-    by_order = stretch * ratio * pitch / square
-    by_pitch = stretch * ratio * (order - 2.0 * pitch * (1.0 + power)) / square
-    # A fit may pass through orders that are no wave.
-    order_seen = max(order * stretch, _MIN_ORDER)
-    share_by = (
-        pitch * (stretch + order * by_order) / order_seen**2,
-        pitch * order * by_pitch / order_seen**2 - 1.0 / order_seen,
-    )
-    return SensorView(stretch, 1.0 - pitch / order_seen, (by_order, by_pitch), share_by)
 
 
 @dataclass(frozen=True, slots=True)
