@@ -17,7 +17,7 @@ from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray, IntArray
 
 # Steps of a fit from a trial: a correct effect converges in five to fifteen; one that needs more is not the cause.
-_TRIAL_STEPS: Final = 15
+_TRIAL_STEPS: Final = 25
 # Tolerance of a fit from a trial with a large residual, which need not converge fully.
 _ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far from its nominal shape.

@@ -64,3 +64,6 @@ SCANNED_GROUPS: Final = 4
 
 RIVAL_SHARE: Final = 0.3
 """Share of an effect's promise that another must have promised to be tried in its place."""
+
+AT_NOISE: Final = 1.5
+"""Misfit per coefficient at which a chain leaves nothing to find: its rivals are found by exchange."""

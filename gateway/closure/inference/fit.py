@@ -15,7 +15,7 @@ from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.types import ComplexArray, FloatArray
 
-_MAX_STEPS: Final = 25
+_MAX_STEPS: Final = 100
 _HALVINGS: Final = 6
 # Decrease of the cost below which a fit has converged: far below what decides between two sets of effects.
 _DONE: Final = 0.02
@@ -146,7 +146,7 @@ def fit_model(
         start: initial vector; None starts at the priors' mean.
         applied: discrepancy in the covariance of the data; None leaves it out.
         from_afar: True first fits with loosened data, for a start far from the solution.
-        most_steps: after which the fit is taken as it is.
+        most_steps: after which the fit is taken as it is, the steps from afar and those of other errors included.
         rough: share of the misfit beyond noise; the fit ends after a step that gains less.
 
     Raises:
@@ -154,22 +154,23 @@ def fit_model(
     """
     prior_mean, _ = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
+    left = _Steps(most_steps)
     try:
         if from_afar:
             for share in _ANNEAL:
-                vector = _descend(model, data.loosened(share), vector, 1.0, None, most_steps, 0.0).vector
+                vector = _descend(model, data.loosened(share), vector, 1.0, None, left, 0.0).vector
         model.refine(vector)
         if applied is not None:
-            return _descend(model, data, vector, 1.0, applied, most_steps, 0.0)
+            return _descend(model, data, vector, 1.0, applied, left, 0.0)
         scale = _overdispersion(_misfit(model, data, vector, None), data, model)
         for _ in range(_RESCALINGS):
-            fit = _descend(model, data, vector, scale, None, most_steps, rough)
+            fit = _descend(model, data, vector, scale, None, left, rough)
             vector, was = fit.vector, scale
             scale = _overdispersion(fit.misfit, data, model)
             model.refine(vector)
-            if scale > _SETTLED * was:
+            if scale > _SETTLED * was or left.none:
                 break
-        return _descend(model, data, vector, scale, None, most_steps, rough)
+        return _descend(model, data, vector, scale, None, left, rough)
     except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
 
@@ -209,17 +210,32 @@ def linearised(
     )
 
 
+class _Steps:
+    """Number of steps that remain for a fit."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+
+    @property
+    def none(self) -> bool:
+        return self._count <= 0
+
+    def take(self) -> None:
+        self._count -= 1
+
+
 def _descend(
     model: ClosureModel,
     data: Whitened,
     vector: FloatArray,
     scale: float,
     applied: Applied | None,
-    most_steps: int,
+    left: _Steps,
     rough: float,
 ) -> Fit:
     fit = linearised(model, data, vector, scale=scale, applied=applied)
-    for _ in range(most_steps):
+    while not left.none:
+        left.take()
         done = max(_DONE, rough * (fit.misfit - data.size) / scale)
         change = fit.step
         if float(change @ fit.precision @ change) < done:

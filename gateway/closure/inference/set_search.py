@@ -111,6 +111,8 @@ class SetSearch:
         firsts = self._fitted(start)
         for first in firsts[: criteria.BRANCHES]:
             fit = first
+            if self.best.fit.misfit < criteria.AT_NOISE * self.data.size:
+                break
             while not self._stop() and _names(fit) not in begun:
                 begun.add(_names(fit))
                 self._of_chain(fit)
@@ -122,7 +124,7 @@ class SetSearch:
                 if not nexts:
                     break
                 fit = nexts[0]
-        for other in firsts[criteria.BRANCHES :]:
+        for other in firsts:
             self._of_chain(other)
 
     def _of_chain(self, fit: Fit) -> None:
@@ -151,6 +153,8 @@ class SetSearch:
             fall = fit.misfit - after.misfit
             if fall > criteria.EXPLAINED_SHARE * beyond and fall > 2.0 * criteria.LOOKED_AT:
                 fits.append((after.misfit, after))
+            if after.misfit < criteria.AT_NOISE * self.data.size:
+                break
         fits.sort(key=lambda one: one[0])
         return [each for _, each in fits]
 
