@@ -37,6 +37,10 @@ LOOKED_AT: Final = 6.0
 WITHIN: Final = 6.0
 """Difference of log evidence from the best set up to which a set is fitted: beyond, its weight is below 0.3 %."""
 
+SMALLER_DISCREPANCY: Final = 0.04
+"""Share of the discrepancy's power under which candidates are proposed once more where much is unexplained: a true
+effect that the discrepancy stands for promises little under all of it."""
+
 BRANCHES: Final = 2
 """Chains of proposals: from the best and from the second-best first effect."""
 

@@ -186,6 +186,7 @@ class SetSearch:
             self._add(without, best, [name for name in self.effects if self.promises.get(name, math.inf) > least])
         if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
             self._add(best.fit, best, self.effects)
+            self._regrow(best)
 
     def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
         """Return the fit of a set without one of its effects, the other parameters as they are."""
@@ -209,12 +210,29 @@ class SetSearch:
                 continue
             if at + trial.promise + math.log(criteria.PRIOR_ODDS) < best.score - criteria.WITHIN:
                 break
-            try:
-                after = linearised(trial.model, self.data, start_of(trial), applied=best.fit.applied)
-            except (NoShapeError, np.linalg.LinAlgError):
-                self.rejected.add(names)
-                continue
-            self._evaluate(after, _amplitudes(best))
+            self._work_out(trial, best)
+
+    def _regrow(self, best: Evaluated) -> None:
+        """Evaluate the best set with each effect that promises much under a smaller discrepancy."""
+        if best.fit.applied is None or best.fit.misfit < criteria.AT_NOISE * self.data.size:
+            return
+        smaller = criteria.SMALLER_DISCREPANCY * best.fit.applied.amplitudes
+        fit = best.fit.under(self.discrepancy.applied(smaller))
+        for trial in self._scan(fit, self.effects)[: criteria.REFITTED]:
+            names = _names(fit) | {trial.effect.name}
+            if self._stop() or trial.promise < criteria.LOOKED_AT:
+                return
+            if names not in self.found and names not in self.rejected:
+                self._work_out(trial, best)
+
+    def _work_out(self, trial: Trial, best: Evaluated) -> None:
+        """Evaluate the set of a trial, from the discrepancy of the best set."""
+        try:
+            after = linearised(trial.model, self.data, start_of(trial), applied=best.fit.applied)
+        except (NoShapeError, np.linalg.LinAlgError):
+            self.rejected.add(frozenset(effect.name for effect in trial.model.effects))
+            return
+        self._evaluate(after, _amplitudes(best))
 
 
 def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
