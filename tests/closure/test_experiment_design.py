@@ -183,7 +183,10 @@ class TestUndecidable:
         assert deciding_recording(fit, true, other) == NOTHING
 
     def test_existing_evidence_is_not_counted(self) -> None:
-        """Of 1000 in chi-square, half of it since the blocks agree exactly, the rival leaves 20 in two recordings; a third one adds 10, not 30."""
+        """The rival leaves 20 of 1000 in chi-square in two recordings; a third one adds 10, not 30.
+
+        The blocks agree exactly, so the scatter counts half.
+        """
         std = NOISY * (REVOLUTIONS * BLOCKS * 2) ** -0.5
         true, rival = Sideways("true"), Sideways("rival", bent=0.02**0.5)
         two = campaign_of((conditions(), conditions(time_s=60.0)), noise_mps2=NOISY, axes=ALL_AXES)
