@@ -152,7 +152,7 @@ def test_host_time_stamps_separate_clock_from_radius(plant: Plant, name: str, me
 )
 def test_undisturbed_ring_lacks_only_model_terms(model: BaselineModel, lacking: set[str]) -> None:
     every = angle_effects(candidates(model))
-    effects = {name: every[name] for name in (*lacking, "gain", "mounting offset", "run-out")}
+    effects = {name: every[name] for name in (*lacking, "gain", "mounting offset", "clipping")}
     found, search = searched(campaign_of(TWO_SPEEDS, noise_mps2=1.5), effects, model)
     assert set(found.identified()) == lacking
     assert found.best.fit.misfit < 1.15 * search.data.size

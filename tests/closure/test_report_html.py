@@ -162,7 +162,7 @@ def test_errors_are_reported_by_axis():
     for words in ("14.3", "3.05", "1.25", "0.470", "9.50", "2.40"):
         assert words in text, words
     lines = "\n".join(closure_summary_lines(far))
-    assert "radial      14.30 -> 3.05 m/s², floor 0.47; in noise 9.50 -> 2.40" in lines
+    assert "radial     14.30 -> 3.05 m/s², floor 0.47; in noise 9.50 -> 2.40" in lines
 
 
 def test_unfitted_estimate_is_not_called_determined():
