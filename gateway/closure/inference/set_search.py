@@ -125,6 +125,8 @@ class SetSearch:
                     break
                 fit = nexts[0]
         for other in firsts:
+            if self._stop():
+                return
             self._of_chain(other)
 
     def _of_chain(self, fit: Fit) -> None:
