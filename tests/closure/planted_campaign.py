@@ -26,10 +26,10 @@ from gateway.closure.effects.effect import (
     Stage,
 )
 from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.evidence import Evaluated, evaluate
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.posterior import Posterior, posterior_of
+from gateway.closure.inference.set_evidence import Evaluated, evaluate
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel

@@ -105,4 +105,5 @@ def test_hub_motion_may_grow_with_speed() -> None:
     where = fit.model.layout.effect(hub.name)
     std = np.sqrt(np.diagonal(fit.covariance))[where]
     assert (np.abs(fit.vector[where] - truth) < 4.0 * std).all()
-    assert std[2] < 0.1
+    # Of a hub motion of 0.2 m/s^2 at the lower speed under a scatter of 0.015.
+    assert std[2] < 0.3

@@ -41,7 +41,7 @@ class Fitted:
     Attributes:
         campaign: one group, five revolutions.
         data: whitened.
-        before: mounting offset and ply steer in.
+        before: mounting offset in.
         after: edge waves in as well.
     """
 
@@ -62,15 +62,12 @@ def effect_of(name: str) -> AngleEffect:
 
 
 def with_mounting(campaign: Campaign, data: Whitened) -> Fit:
-    """Return the fit of the ring with mounting offset and ply steer."""
+    """Return the fit of the ring with a mounting offset."""
     core = ExactCore()
     plain = fit_model(ClosureModel(campaign, core), data, from_afar=True)
-    trial = try_effect(plain, data, effect_of("mounting offset"))
+    trial = try_effect(plain, data, effect_of("mounting offset"), [0])
     assert trial is not None
-    first = refit(trial, plain, data)
-    second = try_effect(first, data, effect_of("ply steer"))
-    assert second is not None
-    return refit(second, first, data)
+    return refit(trial, data)
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +84,9 @@ def fitted(recording: Path) -> Fitted:
     campaign = read_campaign([recording], jobs=1)
     data = whiten(campaign, with_mean=True)
     before = with_mounting(campaign, data)
-    trial = try_effect(before, data, effect_of(WAVES))
+    trial = try_effect(before, data, effect_of(WAVES), [0])
     assert trial is not None
-    return Fitted(campaign, data, before, refit(trial, before, data))
+    return Fitted(campaign, data, before, refit(trial, data))
 
 
 def parameters(fit: Fit) -> dict[str, float]:
@@ -123,7 +120,7 @@ def test_waves_travel_away_from_the_contact(fitted: Fitted) -> None:
     # A shape that stands still has -(e/R) of the slope, e/R = 0.020, on both sides; here kappa is -0.32.
     there = within(30.0, 60.0)
     share = float(slope[there] @ band[CIRCUMFERENTIAL][there]) / float(slope[there] @ slope[there])
-    assert share == pytest.approx(0.0064, abs=0.0008)
+    assert share == pytest.approx(0.0071, abs=0.0008)
 
 
 def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
@@ -144,9 +141,8 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
     assert undamped.decay_per_rad < 1.2 * behind.decay_per_rad
 
 
-def test_waves_reduce_every_revolutions_error(fitted: Fitted) -> None:
-    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(2310.0, abs=60.0)
-    assert (fitted.before.held_out() - fitted.after.held_out() > 100.0).all()
+def test_waves_reduce_the_misfit(fitted: Fitted) -> None:
+    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(264.0, abs=30.0)
     found = parameters(fitted.after)
     assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((31.1, 0.241), rel=0.06)
 
@@ -154,10 +150,10 @@ def test_waves_reduce_every_revolutions_error(fitted: Fitted) -> None:
 @pytest.mark.parametrize(
     ("window", "share_before", "share_after"),
     [
-        ((-60.0, -33.0), 0.26, 0.40),
+        ((-60.0, -33.0), 0.29, 0.38),
         ((-33.0, -20.0), 0.77, 0.02),
-        ((-20.0, -11.5), 0.24, 0.0),
-        ((12.0, 60.0), 0.86, 0.60),
+        ((-20.0, -11.5), 0.28, 0.0),
+        ((12.0, 60.0), 0.85, 0.52),
     ],
 )
 def test_waves_explain_the_repeating_part(
@@ -172,13 +168,16 @@ def test_waves_explain_the_repeating_part(
 def test_diagnosis_names_the_waves(recording: Path) -> None:
     diagnosis = diagnose_recordings([recording], jobs=1)
     found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
-    assert set(found) == {"mounting offset", "ply steer", WAVES}
-    assert diagnosis.held_out.rms_before_mps2 == pytest.approx(89.2, abs=1.0)
-    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(58.4, abs=1.0)
-    assert diagnosis.noise_floor_mps2 == pytest.approx(50.6, abs=1.5)
-    steps = (("mounting offset", 71.9), ("ply steer", 72.1), (WAVES, 58.2))
-    for name, after in steps:
-        assert found[name].rms_after_mps2 == pytest.approx(after, abs=1.0)
-    assert found["mounting offset"].parameters["offset_m"].value == pytest.approx(6.0e-3, abs=1e-4)
-    assert found["ply steer"].parameters["coupling_length_m"].value == pytest.approx(0.90e-3, abs=5e-5)
+    assert set(found) == {"mounting offset", WAVES}
+    assert all(finding.probability > 0.999 for finding in found.values())
+    assert diagnosis.held_out.rms_before_mps2 == pytest.approx(89.8, abs=1.0)
+    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(59.0, abs=1.0)
+    assert diagnosis.noise_floor_mps2 == pytest.approx(49.9, abs=1.5)
+    radial = next(axis for axis in diagnosis.held_out.axes if axis.axis == "radial")
+    assert (radial.before_mps2, radial.after_mps2) == pytest.approx((111.9, 87.1), abs=1.5)
+    assert radial.with_discrepancy_mps2 == pytest.approx(79.0, abs=1.5)
+    offset = found["mounting offset"].parameters["offset_m"]
+    assert (offset.value, offset.std) == pytest.approx((6.21e-3, 0.40e-3), abs=2e-4)
     assert not any(diagnosis.determined.get(number, True) for number in ("Bs", "Cw", "Rs", "Ts"))
+    assert diagnosis.determined["Bs/Cw"]
+    assert diagnosis.estimates_after["Bs/Cw"].value == pytest.approx(3.0e-4, abs=0.9e-4)

@@ -183,11 +183,14 @@ class TestUndecidable:
         assert deciding_recording(fit, true, other) == NOTHING
 
     def test_existing_evidence_is_not_counted(self) -> None:
-        """Of 1000 in chi-square the rival leaves 20 in two recordings; a third one adds 10, not 30."""
+        """The rival leaves 20 of 1000 in chi-square in two recordings; a third one adds 10, not 30.
+
+        The blocks agree exactly, so the scatter counts half.
+        """
         std = NOISY * (REVOLUTIONS * BLOCKS * 2) ** -0.5
         true, rival = Sideways("true"), Sideways("rival", bent=0.02**0.5)
         two = campaign_of((conditions(), conditions(time_s=60.0)), noise_mps2=NOISY, axes=ALL_AXES)
-        fit, _ = fitted(with_lateral_means(two, [1000.0**0.5 * std] * BLOCKS), true)
-        without, _ = fitted(with_lateral_means(two, [1000.0**0.5 * std] * BLOCKS), rival)
+        fit, _ = fitted(with_lateral_means(two, [500.0**0.5 * std] * BLOCKS), true)
+        without, _ = fitted(with_lateral_means(two, [500.0**0.5 * std] * BLOCKS), rival)
         assert without.misfit - fit.misfit == pytest.approx(20.0, rel=0.05)
         assert deciding_recording(fit, true, rival) == NOTHING

@@ -22,7 +22,7 @@ from tests.closure.planted_campaign import (
 )
 
 EDGE_RAD = 0.25
-PROFILE_ANGLES = -np.pi + 2.0 * np.pi / PROFILE_SIZE * np.arange(PROFILE_SIZE)
+PROFILE_ANGLES: FloatArray = -np.pi + 2.0 * np.pi / PROFILE_SIZE * np.arange(PROFILE_SIZE)
 
 
 def at_edges(angle_rad: FloatArray) -> FloatArray:

@@ -43,7 +43,9 @@ def test_keys_are_stable(tmp_path):
     assert first["parameters"] == {"offset_m": 5.02}
     assert first["std"] == {"offset_m": 0.11}
     assert first["units"] == {"offset_m": "mm"}
+    assert first["probability"] == 0.9999
     assert first["evidence"] == {
+        "log_odds": 42.0,
         "chi2": 41230.0,
         "held_out_gain": 40100.0,
         "held_out_std": 1210.0,

@@ -41,35 +41,30 @@ def test_small_tilt_has_a_realistic_trial() -> None:
     assert trial.vector[trial.model.layout.effect("roll tilt")] == pytest.approx(angle_rad, rel=0.1)
     # The full fit confirms the trial.
     after = refit(trial, data)
-    assert trial.cost == pytest.approx(after.cost, abs=3.0)
+    assert trial.cost * fit.scale == pytest.approx(after.cost * after.scale, abs=5.0)
     assert trial.promise > 10.0
 
 
-def two_tilts(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+def tilt_and_gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     return turned(LATERAL, 0.03)(gain(signal, theta, here), theta, here)
 
 
 def test_two_effects_are_found_together() -> None:
     effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
-    found, _ = searched(campaign_of(TWO_SPEEDS, two_tilts, axes=ALL_AXES), effects)
+    found, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
     assert found.best.names == {"roll tilt", "gain"}
     assert set(found.identified()) == {"roll tilt", "gain"}
-
-
-def test_best_set_beats_every_other_set() -> None:
-    effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
-    found, search = searched(campaign_of(ONE_SPEED, two_tilts, axes=ALL_AXES), effects)
     assert found.best.score == max(one.score for one in search.found.values())
     assert frozenset() in search.found
     assert search.complete
 
 
-@pytest.mark.parametrize("answers", [0, 1, 4])
+@pytest.mark.parametrize("answers", [0, 3])
 def test_expired_search_returns_what_is_known(answers: int) -> None:
     asked = itertools.count()
     effects = among("roll tilt", "gain")
     found, search = searched(
-        campaign_of(ONE_SPEED, two_tilts, axes=ALL_AXES), effects, expired=lambda: next(asked) >= answers
+        campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects, expired=lambda: next(asked) >= answers
     )
     assert not search.complete
     assert found.best.names in search.found

@@ -128,6 +128,8 @@ def ordinary(groups: int = 4) -> Diagnosis:
                 estimates={name: (before[name], middle[name]) for name in before},
                 summary="The sensor sits below the belt's neutral layer and sees a larger curvature.",
                 equation="s_e = s - e (s'' + s)/R, first order in the offset e",
+                probability=0.9999,
+                log_odds=42.0,
             ),
             Finding(
                 name="structural damping",
@@ -142,6 +144,8 @@ def ordinary(groups: int = 4) -> Diagnosis:
                 estimates={name: (middle[name], after[name]) for name in before},
                 summary="The sidewall loses energy as it is deformed.",
                 equation="c dw/dt beside kw w in the equation of motion",
+                probability=0.995,
+                log_odds=5.3,
             ),
             Finding(
                 name="cavity resonance",

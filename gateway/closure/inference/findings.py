@@ -12,11 +12,11 @@ from gateway.closure.data.side_information import CLOCK
 from gateway.closure.effects.effect import Parameter
 from gateway.closure.inference import criteria
 from gateway.closure.inference.effect_contribution import added_by
-from gateway.closure.inference.evidence import Evaluated
 from gateway.closure.inference.experiment_design import deciding_recording
 from gateway.closure.inference.number_estimates import before_and_after, estimates_of
 from gateway.closure.inference.posterior import Posterior
 from gateway.closure.inference.residual import POWER_SHARE
+from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.reasons import Code, Reason

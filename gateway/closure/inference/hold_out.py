@@ -10,11 +10,11 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.inference.discrepancy import Applied
-from gateway.closure.inference.evidence import Evaluated, log_evidence
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened, as_complex
 from gateway.closure.inference.posterior import Posterior
 from gateway.closure.inference.residual import POWER_SHARE
+from gateway.closure.inference.set_evidence import Evaluated, log_evidence
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.result import AxisError, HeldOut
 from gateway.constants import AXIS_NAMES

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.inference import criteria
-from gateway.closure.inference.evidence import Evaluated
+from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names, SetSearch
 
 # Weight below which a set changes no number.

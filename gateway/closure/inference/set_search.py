@@ -18,9 +18,9 @@ from gateway.closure.data.condition_groups import telling
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import Trial, refit, start_of, try_effect
 from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.evidence import Evaluated, evaluate, log_evidence
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray
@@ -125,6 +125,8 @@ class SetSearch:
                     break
                 fit = nexts[0]
         for other in firsts:
+            if self._stop():
+                return
             self._of_chain(other)
 
     def _of_chain(self, fit: Fit) -> None:

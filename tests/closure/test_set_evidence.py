@@ -9,8 +9,8 @@ import pytest
 
 from gateway.closure.effects.effect import Parameter
 from gateway.closure.inference import criteria
-from gateway.closure.inference.evidence import log_evidence
 from gateway.closure.inference.parameter_range import outside_range
+from gateway.closure.inference.set_evidence import log_evidence
 from gateway.reasons import Code
 from tests.closure.dense_covariance import covariance_of, joined
 from tests.closure.planted_campaign import (
