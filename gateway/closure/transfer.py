@@ -15,7 +15,7 @@ from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.posterior import Posterior
-from gateway.closure.inference.set_evidence import Evaluated, evaluate
+from gateway.closure.inference.set_evidence import evaluate
 from gateway.closure.inference.set_search import baseline_fit
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Applied
 from gateway.closure.inference.likelihood import Whitened
 from gateway.types import FloatArray
@@ -15,12 +16,20 @@ def covariance_of(applied: Applied, data: Whitened) -> FloatArray:
     begins = np.concatenate([[0], np.cumsum(widths)]).astype(int)
     total = np.eye(int(begins[-1]))
     for at, (_, _, place) in applied.discrepancy.enumerate():
-        rows = []
+        rows, marked = [], []
         for number, (index, columns, factor) in enumerate(zip(place.groups, place.columns, place.factors, strict=True)):
             for part in range(place.parts):
                 wide = np.zeros((int(begins[-1]), factor.shape[1]))
                 wide[begins[index] + columns.start : begins[index] + columns.stop] = factor
                 rows.append((part, place.scales[part, number] * wide))
+                marked.append((part, number, place.scales[part, number] * wide))
+        if len(place.groups) > 1:
+            for number in range(len(place.groups)):
+                own = np.zeros_like(total)
+                for part in range(place.parts):
+                    (wide,) = [row for of, at_group, row in marked if of == part and at_group == number]
+                    own += wide @ np.tensordot(applied.amplitudes[at, part], place.kernels, axes=1) @ wide.T
+                total += criteria.OWN_SHARE * own
         for part in range(place.parts):
             seen = sum((row for of, row in rows if of == part), np.zeros_like(rows[0][1]))
             kernel = np.tensordot(applied.amplitudes[at, part], place.kernels, axes=1)

@@ -51,10 +51,6 @@ def test_ac_coupled_sensor_does_not_pass_camber() -> None:
     assert not EFFECTS["camber"].derivative(ac, np.array([0.05])).any()  # type: ignore[union-attr]
 
 
-@pytest.mark.xfail(
-    reason="camber (one parameter) is identified at 0.99 although a zero-g offset (three) describes the data as well",
-    strict=True,
-)
 def test_lateral_constant_is_camber_or_zero_g_offset() -> None:
     """No rolling tire separates them; a recording at rest does."""
     found, _ = searched(campaign_of(TWO_SPEEDS, sideways(0.8), axes=ALL_AXES), EFFECTS)

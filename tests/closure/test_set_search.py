@@ -54,7 +54,7 @@ def test_two_effects_are_found_together() -> None:
     found, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
     assert found.best.names == {"roll tilt", "gain"}
     assert set(found.identified()) == {"roll tilt", "gain"}
-    assert found.best.score == max(one.score for one in search.found.values())
+    assert found.best.log_evidence == max(one.log_evidence for one in search.found.values())
     assert frozenset() in search.found
     assert search.complete
 
@@ -101,10 +101,3 @@ def test_wave_has_at_least_one_wavelength(decay: float, may_be: bool) -> None:
     assert (effect.reason_against(values, np.full(8, 0.01)) is None) is may_be
     # A wave that is indistinguishable from zero cannot be wrong.
     assert effect.reason_against(values, np.full(8, 0.1)) is None
-
-
-@pytest.mark.parametrize(("pitch", "std", "may_be"), [(66.0, 2.0, True), (3.0, 2.0, False), (-4.0, 0.5, False)])
-def test_travelling_waves_have_a_pitch(pitch: float, std: float, may_be: bool) -> None:
-    effect = angle_effect("travelling edge waves")
-    values = np.array([0.1, 0.1, 92.0, 4.0, 0.1, 0.1, 52.0, 1.4, pitch, 0.0, 0.0, 30.0, 0.25, 0.09])
-    assert (effect.reason_against(values, np.full(14, std)) is None) is may_be

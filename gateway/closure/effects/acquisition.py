@@ -183,8 +183,8 @@ class AntiAliasFilter(SignalEffect):
             display_unit="ms",
             inverse_display=(1.0, "Hz"),
         ),
-        # From one pole, with room for its error, to two with a resonance of Q = 1.9.
-        Parameter("second_pole", "", -0.2, 2.2, 0.7, 1e-4, prior_mean=1.0),
+        # From one pole, with room for its error, to two of Butterworth and a resonance of Q = 0.9: a loose sensor rings.
+        Parameter("second_pole", "", -0.2, 1.3, 0.4, 1e-4, prior_mean=0.8),
     )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     observed_in = "contact edges, all axes, best at high speed; two speeds separate Hz from orders"

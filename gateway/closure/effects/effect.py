@@ -104,6 +104,8 @@ class Parameter:
         shared_std: where effects share the parameter of this name, the standard deviation by which each may differ
             from it, as their equations are models; None where it is the effect's own.
         whole: True for a whole number. Start values and scans try its values; a fit keeps the one that it starts from.
+        optional: True for an amplitude that may well be zero while others of the effect are not, as the offset of one
+            axis; the evidence then allows for its absence.
     """
 
     name: str
@@ -119,6 +121,7 @@ class Parameter:
     whole: bool = False
     inverse_display: tuple[float, str] | None = None
     shared_std: float | None = None
+    optional: bool = False
 
     @property
     def known(self) -> bool:

@@ -167,7 +167,15 @@ class SensorNonlinearity(LinearSignalEffect):
 def _offset(axis: str) -> Parameter:
     # Elements for 200 to 2000 g: 1 to 2 g as a rule, 1 % of full scale at worst.
     return Parameter(
-        f"{axis}_mps2", "m/s^2", -300.0, 300.0, 20.0, 0.01, factor=1.0 / STANDARD_GRAVITY_MPS2, display_unit="g"
+        f"{axis}_mps2",
+        "m/s^2",
+        -300.0,
+        300.0,
+        20.0,
+        0.01,
+        factor=1.0 / STANDARD_GRAVITY_MPS2,
+        display_unit="g",
+        optional=True,
     )
 
 

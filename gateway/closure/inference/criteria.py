@@ -13,6 +13,9 @@ REPORTED: Final = 0.05
 PRIOR_ODDS: Final = 0.05 / 0.95
 """Odds of an effect before the data: two of forty effects on average."""
 
+STAND_IN_ODDS: Final = 0.01
+"""Odds that something outside the catalogue looks like an effect at impossible values: below those of any effect."""
+
 LENGTHS_RAD: Final = (0.03, 0.12, 0.4)
 """Correlation lengths of the discrepancy: a tread block, a contact edge, the belt's lowest free shapes."""
 

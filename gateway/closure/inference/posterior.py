@@ -76,13 +76,15 @@ class Posterior:
     def alternatives(self) -> tuple[tuple[str, ...], ...]:
         """Return the smallest groups of effects of which one is present, while no single one is certain."""
         named = frozenset(self.identified())
-        left = [name for name in self.names if name not in named and self.probability([name]) >= criteria.REPORTED]
+        # An effect that lacks little has rivals that are rare.
+        least = 1.0 - criteria.NAMED
+        left = [name for name in self.names if name not in named and self.probability([name]) >= least]
         groups: list[tuple[str, ...]] = []
-        while left:
+        while left and self.probability([left[0]]) >= criteria.REPORTED:
             group = [left.pop(0)]
             while self.probability(group) < criteria.NAMED and left:
                 most = max(left, key=lambda name: (self.probability([*group, name]), name))
-                if self.probability([*group, most]) - self.probability(group) < criteria.REPORTED / 2.0:
+                if self.probability([*group, most]) - self.probability(group) < least / 2.0:
                     break
                 group.append(most)
                 left.remove(most)
@@ -113,7 +115,8 @@ def posterior_of(search: SetSearch) -> Posterior:
 def over(every: Mapping[Names, Evaluated]) -> Posterior:
     """Return the posterior over sets of effects, the set without any among them."""
     ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
-    scores = np.array([one.log_evidence for one in ordered])
+    stand_in = math.log(criteria.STAND_IN_ODDS)
+    scores = np.array([one.log_evidence + (stand_in if one.objection is not None else 0.0) for one in ordered])
     masses = np.exp(scores - scores.max())
     masses /= masses.sum()
     mass_of = {one.names: float(mass) for one, mass in zip(ordered, masses.tolist(), strict=True)}
