@@ -10,11 +10,17 @@ from gateway.closure.inference.likelihood import Whitened
 from gateway.types import FloatArray
 
 
-def covariance_of(applied: Applied, data: Whitened) -> FloatArray:
-    """Return the covariance of all whitened data, scatter and discrepancy, (size, size)."""
+def covariance_of(applied: Applied, data: Whitened, *, shared_only: bool = False) -> FloatArray:
+    """Return the covariance of all whitened data, scatter and discrepancy, (size, size).
+
+    Args:
+        applied: the discrepancy.
+        data: whitened.
+        shared_only: leave out the scatter and what the groups do not share.
+    """
     widths = [sum(len(factor) for factor in factors) for factors in data.factors]
     begins = np.concatenate([[0], np.cumsum(widths)]).astype(int)
-    total = np.eye(int(begins[-1]))
+    total = np.eye(int(begins[-1])) * (0.0 if shared_only else 1.0)
     for at, (_, _, place) in applied.discrepancy.enumerate():
         rows, marked = [], []
         for number, (index, columns, factor) in enumerate(zip(place.groups, place.columns, place.factors, strict=True)):
@@ -23,7 +29,7 @@ def covariance_of(applied: Applied, data: Whitened) -> FloatArray:
                 wide[begins[index] + columns.start : begins[index] + columns.stop] = factor
                 rows.append((part, place.scales[part, number] * wide))
                 marked.append((part, number, place.scales[part, number] * wide))
-        if len(place.groups) > 1:
+        if len(place.groups) > 1 and not shared_only:
             for number in range(len(place.groups)):
                 own = np.zeros_like(total)
                 for part in range(place.parts):

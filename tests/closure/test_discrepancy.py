@@ -87,8 +87,8 @@ def test_mean_equals_dense_regression() -> None:
     applied = discrepancy.applied(some_amplitudes(discrepancy))
     dense = covariance_of(applied, data)
     residual = joined(fit.residual)[0]
-    # What the discrepancy is expected to be in the whitened data: (C - 1) C^-1 r.
-    expected = residual - np.linalg.solve(dense, residual)
+    # What the groups' common discrepancy is expected to be in the whitened data.
+    expected = covariance_of(applied, data, shared_only=True) @ np.linalg.solve(dense, residual)
     found = np.zeros_like(residual)
     width = sum(len(factor) for factor in data.factors[0])
     for state, axis, coefficients, _ in applied.mean(fit.residual):

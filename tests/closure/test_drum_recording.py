@@ -129,11 +129,11 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
     names = ("blocks", "bending_over_mass_m4ps2", "tension_over_mass_m2ps2", "sidewall_loss_ps", "bending_loss_m4ps")
     tread = BlockTread(*(found[name] for name in names))
     before, after = (belt_wave(tread, side, conditions.omega_radps, conditions.radius_m) for side in (0, 1))
-    assert (before.order, after.order) == pytest.approx((94.2, 52.0), abs=1.0)
+    assert (before.order, after.order) == pytest.approx((93.0, 52.0), abs=1.0)
     # The free orders, decays and pitch of before are here those of a whole number of blocks on a car tire's belt.
-    assert tread.blocks == pytest.approx(70.0, abs=0.75)
-    assert tread.bending_m4ps2 == pytest.approx(0.46, abs=0.2)
-    assert tread.tension_m2ps2 == pytest.approx(1460.0, abs=700.0)
+    assert tread.blocks == pytest.approx(69.4, abs=0.75)
+    assert tread.bending_m4ps2 == pytest.approx(0.35, abs=0.2)
+    assert tread.tension_m2ps2 == pytest.approx(2100.0, abs=900.0)
     # Bending damping makes the shorter wave ahead decay faster than the one behind; the sidewall's damping would not.
     assert before.decay_per_rad / after.decay_per_rad == pytest.approx(3.4, abs=0.5)
     undamped = belt_wave(replace(tread, bending_loss_m4ps=0.0, sidewall_loss_ps=100.0), 0, 70.8, 0.3)
@@ -144,7 +144,7 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
 def test_waves_reduce_the_misfit(fitted: Fitted) -> None:
     assert fitted.before.misfit - fitted.after.misfit == pytest.approx(264.0, abs=30.0)
     found = parameters(fitted.after)
-    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((31.1, 0.241), rel=0.06)
+    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((31.5, 0.219), rel=0.06)
 
 
 @pytest.mark.parametrize(

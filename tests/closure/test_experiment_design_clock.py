@@ -54,7 +54,7 @@ def test_clock_comes_first(
     effects = {name: cast(AngleEffect, effect) for name, effect in catalogue().items()}
     own = effects["rolling radius"]
     inside: Any = SimpleNamespace(names={own.name}, fit=SimpleNamespace(model=SimpleNamespace(effects=(own,))))
-    posterior: Any = SimpleNamespace(sets=(inside,))
+    posterior: Any = SimpleNamespace(with_effect=lambda _: inside)
     seen: list[str] = []
 
     def deciding(_final: object, effect: AngleEffect, rival: AngleEffect) -> Reason:

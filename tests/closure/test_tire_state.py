@@ -52,6 +52,7 @@ def one_state(campaign: Campaign) -> Campaign:
     return replace(campaign, groups=tuple(replace(group, state=0) for group in campaign.groups), states=1)
 
 
+@pytest.mark.slow
 def test_similar_loads_need_no_effect() -> None:
     """The ring of the test keeps its numbers at every load, which is what one tire does."""
     loads = (conditions(load_n=LOAD_N), conditions(load_n=1.02 * LOAD_N), conditions(load_n=0.98 * LOAD_N))
