@@ -135,7 +135,10 @@ class Tire(Section):
     )
     wear_mm: float = Field(default=0.0, ge=0, le=60, description="tread wear in mm")
     foundation_damping_nspm2: float = Field(
-        default=0.0, ge=0, le=1e5, description="damping of the sidewall per length in N s/m^2"
+        default=0.0, ge=0, le=1e5, description="radial damping of the sidewall per length in N s/m^2"
+    )
+    tangential_damping_ratio: float = Field(
+        default=1.0, ge=0, le=100, description="tangential over radial damping of the sidewall"
     )
     tread_damping_nspm2: float = Field(
         default=0.0, ge=0, le=1e6, description="damping of the tread per length in N s/m^2"

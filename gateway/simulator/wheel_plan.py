@@ -104,6 +104,7 @@ def _ring(tire: Tire) -> RingParameters:
         extension_stiffness_n=tire.extension_stiffness_mn * 1e6,
         tread_stiffness_npm2=tire.tread_stiffness_mpa * 1e6,
         foundation_damping_nspm2=tire.foundation_damping_nspm2,
+        tangential_damping_ratio=tire.tangential_damping_ratio,
         tread_damping_nspm2=tire.tread_damping_nspm2,
         sidewall_stiffening_pm=tire.sidewall_stiffening_pm,
         shear_stiffness_n=math.inf if tire.shear_stiffness_kn is None else tire.shear_stiffness_kn * 1e3,

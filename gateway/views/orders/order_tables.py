@@ -48,8 +48,8 @@ def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
     yield f"  {'(white noise alone)':<24}" + _columns([noise] * len(AXIS_NAMES))
     measured = found.speeds_with_spectrum
     for one in measured if len(measured) > 1 else ():
-        speed = f"{found.kmh(one.low_radps):.0f} to {found.kmh(one.high_radps):.0f} km/h"
-        yield f"    {speed:<22}" + _columns(share_texts(one))
+        between = f"{found.kmh(one.low_radps):.0f} to {found.kmh(one.high_radps):.0f} km/h"
+        yield f"    {between:<22}" + _columns(share_texts(one))
     yield "  amplitude in m/s^2, rms over the revolutions (the part that repeats):"
     for order in range(min(orders, statistics.amplitude_mps2.shape[1] - 1) + 1):
         texts = (
