@@ -18,17 +18,21 @@ _NOMINAL = 4
 
 def main() -> None:
     """Print both tables."""
-    print("Exponents of Eq. 28's numbers with the correlation of the nine points; fit residual at 5000 N, 2.1 bar and")
-    print("over all; * where all three signs are those of the paper (Cw rises, Rs falls, Ts rises)")
+    print("Exponents of Eq. 28's numbers with the correlation of the nine points; linear slope of Cw; fit residual at")
+    print("5000 N, 2.1 bar and the largest; * where all signs are those of the paper (Cw rises, Rs falls, Ts rises)")
     names = {"Cw": "Cw over Pn", "Rs": "Rs over angle", "Ts": "Ts over angle"}
-    print(f"{'':34s}" + "".join(f"{names[number]:>17s}" for number in IN_PAPER) + f"{'residual %':>12s}")
+    print(
+        f"{'':34s}" + "".join(f"{names[number]:>17s}" for number in IN_PAPER) + f"{'Cw slope':>10s}{'residual %':>13s}"
+    )
     for assumption in ASSUMPTIONS:
         found = readings(assumption)
         trends = [trend(number, found) for number in IN_PAPER]
         cells = "".join(f"{one.exponent:+9.2f} ({one.correlation:+.2f})" for one in trends)
         worst = max(one.residual_share for one in found)
         mark = "*" if agrees(found) else " "
-        print(f"{assumption.name:32s}{mark} {cells}{100 * found[_NOMINAL].residual_share:8.1f}{100 * worst:6.1f}")
+        print(
+            f"{assumption.name:32s}{mark} {cells}{trends[0].slope:+10.2f}{100 * found[_NOMINAL].residual_share:8.1f}{100 * worst:6.1f}"
+        )
     print("\nWhat would decide: exponent of the weak form's Cw over Pn; length of the contact and between the steepest")
     print("slopes at 2.1 bar and 2000, 5000, 8000 N; pressure over the outer fifth of the contact over its mean")
     print(f"{'':34s}{'weak form':>10s}{'contact mm':>21s}{'steepest mm':>21s}{'outer fifth':>13s}")

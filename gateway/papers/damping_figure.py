@@ -116,7 +116,7 @@ def _eq_11(figure: Figure) -> str:
     resistance = _rolling(_damped(1.0), TABLE_3_LOAD_N).rolling_resistance
     return (
         f"Eq. 11 with c_n = c_v + c_w n², c_v = c_w and a radial loss of {_LOSS:.0%} (rolling resistance "
-        f"{resistance:.1%} at 5000 N). The phase of c_v falls off with the order, that of c_w does not, so noise alone "
+        f"{resistance:.1%} at 5000 N). The phase of c_v falls off faster with the order, by n², so noise alone "
         f"parts them: the Cramér-Rao bound of a revolution at {NOISE_MG_PER_RTHZ:.0f} mg/√Hz is {known.radial:.1%} of "
         f"c_w and {known.tangential:.0%} of c_v (correlation {known.correlation:+.2f}) where the driving torque is "
         f"known. Where it is not, {free.radial:.1%} and {free.tangential:.0%}, and the torque is bound to "

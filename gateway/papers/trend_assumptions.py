@@ -145,6 +145,11 @@ def firm_tread_and_mf_width(load_n: float, pressure_pa: float) -> RingParameters
     return replace(mf_width(load_n, pressure_pa), tread_stiffness_npm2=_FIRM_TREAD_NPM2)
 
 
+def firm_tread_and_eq_31_width(load_n: float, pressure_pa: float) -> RingParameters:
+    """Return a tire with a firm tread whose width is in proportion to the contact width of Eq. 31."""
+    return replace(eq_31_width(load_n, pressure_pa), tread_stiffness_npm2=_FIRM_TREAD_NPM2)
+
+
 ASSUMPTIONS: Final = (
     Assumption("constant width", constant_width),
     Assumption("edges: steepest slope", constant_width, Edge.STEEPEST),
@@ -155,9 +160,10 @@ ASSUMPTIONS: Final = (
     Assumption("steepest slope, MF width", mf_width, Edge.STEEPEST),
     Assumption("edge pressure", stiff_tread),
     Assumption("steepest slope, firm tread", firm_tread, Edge.STEEPEST),
+    Assumption("steepest, firm tread, Eq. 31", firm_tread_and_eq_31_width, Edge.STEEPEST),
     Assumption("steepest, firm tread, MF width", firm_tread_and_mf_width, Edge.STEEPEST),
 )
-"""Assumptions by growing number of changes; the first is the tire of the other figures."""
+"""Assumptions by growing number of changes; the first is the tire of the other figures, the last that beside it."""
 
 IN_PAPER: Final = {"Cw": 1.0, "Rs": -1.0, "Ts": 1.0}
 """Sign of each trend in the paper."""

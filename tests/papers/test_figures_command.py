@@ -22,7 +22,7 @@ NEEDS_PLOT = pytest.mark.skipif(
 
 def test_registry_has_figures_of_both_papers() -> None:
     names = set(all_figures())
-    assert {f"ring-fig-{n}" for n in range(11, 17)} <= names
+    assert {f"ring-fig-{n}" for n in (7, 9, 10, *range(11, 17))} | {"ring-eq-11", "ring-trends"} <= names
     assert {f"ply-steer-fig-{n}" for n in (10, 11, 13, 14, 15)} | {"ply-steer-tables"} <= names
     assert all(len(title(draw)) > 10 for draw in all_figures().values())
 
@@ -102,7 +102,9 @@ def test_axes_have_labels_with_units() -> None:
             figure = Figure()
             draw(figure)
             assert figure.axes[-1].get_xlabel(), name
-            assert all(axes.get_ylabel() for axes in figure.axes), name
+            first = figure.axes[0]
+            shared = first.get_shared_y_axes()
+            assert all(axes.get_ylabel() or shared.joined(axes, first) for axes in figure.axes), name
             assert figure.axes[0].get_legend() is not None, name
 
 
@@ -118,10 +120,11 @@ def test_fig_11_reports_good_fit_with_wrong_numbers(captions: dict[str, str]) ->
 
 
 def test_captions_report_what_is_reproduced(captions: dict[str, str]) -> None:
-    for name in ("ring-fig-11", "ring-fig-12", "ring-fig-13"):
+    for name in ("ring-fig-7", "ring-fig-9", "ring-fig-10", "ring-fig-11", "ring-fig-12", "ring-fig-13"):
         assert captions[name].startswith("Reproduced")
     for name in ("ring-fig-14", "ring-fig-15", "ring-fig-16"):
         assert captions[name].startswith("Not reproduced")
+        assert "Reproduced by Eq. 28 (right)" in captions[name]
 
 
 def test_fig_13_bending_falls_with_wear(captions: dict[str, str]) -> None:
@@ -133,3 +136,30 @@ def test_fig_13_bending_falls_with_wear(captions: dict[str, str]) -> None:
     weak = re.search(r"stays within ([\d.]+)%", captions["ring-fig-13"])
     assert weak
     assert float(weak[1]) < 2.0
+
+
+def test_fig_7_has_its_power_on_integer_orders(captions: dict[str, str]) -> None:
+    shares = [float(share) for share in re.findall(r"([\d.]+) ± [\d.]+ % at", captions["ring-fig-7"])]
+    assert len(shares) == 3
+    assert shares == sorted(shares)
+    assert 99.9 < shares[0] < 99.99
+
+
+def test_fig_9_forces_vanish_at_different_orders(captions: dict[str, str]) -> None:
+    found = re.search(r"π / θr = ([\d.]+); the pressure of the exact ring at ([\d.]+)\.", captions["ring-fig-9"])
+    assert found
+    assert float(found[1]) == pytest.approx(13.1, abs=0.1)
+    assert float(found[2]) == pytest.approx(14.1, abs=0.1)
+
+
+def test_fig_10_gives_each_number_its_orders(captions: dict[str, str]) -> None:
+    text = captions["ring-fig-10"]
+    assert "Bs at n = 9 to 30, Cw at n = 5 to 8, Rs at n = 1 to 4" in text
+    assert "Bs 18, Cw 8, Rs 6, Ts 4" in text
+
+
+def test_trends_caption_names_what_decides(captions: dict[str, str]) -> None:
+    found = re.search(r"has exponent ([-+\d.]+) where the width is constant, ([-+\d.]+) where", captions["ring-trends"])
+    assert found
+    assert abs(float(found[1])) < 0.02
+    assert float(found[2]) > 0.3
