@@ -30,9 +30,8 @@ def main() -> None:
         cells = "".join(f"{one.exponent:+9.2f} ({one.correlation:+.2f})" for one in trends)
         worst = max(one.residual_share for one in found)
         mark = "*" if agrees(found) else " "
-        print(
-            f"{assumption.name:32s}{mark} {cells}{trends[0].slope:+10.2f}{100 * found[_NOMINAL].residual_share:8.1f}{100 * worst:6.1f}"
-        )
+        residuals = f"{100 * found[_NOMINAL].residual_share:8.1f}{100 * worst:6.1f}"
+        print(f"{assumption.name:32s}{mark} {cells}{trends[0].slope:+10.2f}{residuals}")
     print("\nWhat would decide: exponent of the weak form's Cw over Pn; length of the contact and between the steepest")
     print("slopes at 2.1 bar and 2000, 5000, 8000 N; pressure over the outer fifth of the contact over its mean")
     print(f"{'':34s}{'weak form':>10s}{'contact mm':>21s}{'steepest mm':>21s}{'outer fifth':>13s}")

@@ -14,6 +14,8 @@ from gateway.cli.figures import figures as command
 from gateway.errors import ConfigError, OutputError
 from gateway.papers.figure_registry import all_figures, chosen, title
 from gateway.papers.figure_sheet import draw_figures
+from tools import docs_paper_figures
+from tools.docs_outputs import ROOT
 
 NEEDS_PLOT = pytest.mark.skipif(
     importlib.util.find_spec("matplotlib") is None, reason="matplotlib (extra 'plot') is not installed"
@@ -163,3 +165,47 @@ def test_trends_caption_names_what_decides(captions: dict[str, str]) -> None:
     assert found
     assert abs(float(found[1])) < 0.02
     assert float(found[2]) > 0.3
+
+
+QUOTED = {
+    "ring-fig-7": ("99.938", "99.999"),
+    "ring-fig-9": ("13.1", "14.1"),
+    "ring-fig-10": ("n = 9 to 30", "46%"),
+    "ring-fig-11": ("6%", "0.78, 0.64, 1.07, 2.22"),
+    "ring-fig-12": ("17 m/s² rms of 1588 m/s²",),
+    "ring-fig-13": ("2.34, 1.36, 0.73",),
+    "ring-fig-14": ("slope -0.28, r -0.53", "exponent 3.8"),
+    "ring-fig-15": ("r +0.31",),
+    "ring-fig-16": ("r -0.24",),
+    "ring-eq-11": (
+        "1.6%",
+        "14%",
+        "-0.88",
+        "4.9%",
+        "41%",
+        "28 N m",
+        "1.13 and +0.47",
+        "1.55 and -1.30",
+        "0.75 and +3.51",
+    ),
+}
+"""Figures that docs/evidence/ring-paper-figures.md quotes from the captions."""
+
+
+@NEEDS_PLOT
+def test_docs_quote_what_the_captions_say(captions: dict[str, str]) -> None:
+    for name, quotes in QUOTED.items():
+        for quote in quotes:
+            assert quote in captions[name], name
+
+
+@NEEDS_PLOT
+def test_eq_11_caption_lists_the_bias_at_each_load(captions: dict[str, str]) -> None:
+    assert "2000 N: 1.13 and +0.47; 5000 N: 1.55 and -1.30; 8000 N: 0.75 and +3.51" in captions["ring-eq-11"]
+
+
+def test_docs_show_every_figure_of_the_ring_paper() -> None:
+    page = (ROOT / "docs" / "evidence" / "ring-paper-figures.md").read_text("utf-8")
+    for name in docs_paper_figures.names():
+        assert f"(../figures/{name}.svg)" in page
+        assert (docs_paper_figures.FOLDER / f"{name}.svg").is_file()
