@@ -319,13 +319,12 @@ def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: Floa
     """Add the elastic foundation on the rim: stiffens with deflection, damped in the rim's frame."""
     length = law.radius_m * grid.step_rad
     out = position - law.radius_m * grid.radial
-    per_rate = law.omega_radps / (2.0 * grid.step_rad)
     flat = blocks[:, :, :2, :2]
     for stiffness, damping, axis in (
         (law.radial_npm2, law.radial_damping_nspm2, grid.radial),
         (law.tangential_npm2, law.tangential_damping_nspm2, grid.along),
     ):
-        rate = damping * per_rate
+        rate = damping * law.omega_radps / (2.0 * grid.step_rad)
         u = np.einsum("ia,ia->i", out, axis)
         growth = law.stiffening_pm * np.abs(u)
         pull = stiffness * u * (1.0 + growth)
