@@ -132,7 +132,6 @@ class Code(StrEnum):
     WEAR_UNKNOWN = "wear_unknown"
     # Of the lateral axis
     CONICITY_NOT_SEPARATED = "conicity_not_separated"
-    CONSTANT_SLIP_NOT_SEEN = "constant_slip_not_seen"
     FROM_AXIS_MEANS = "from_axis_means"
     FROM_LAMINATE = "from_laminate"
     INCLUDES_CONICITY = "includes_conicity"
@@ -146,7 +145,6 @@ class Code(StrEnum):
     SLIP_BEYOND_LAW = "slip_beyond_law"
     SLIP_OUTSIDE_CALIBRATION = "slip_outside_calibration"
     SPEED_UNUSABLE = "speed_unusable"
-    ZERO_SLIP_CALIBRATED = "zero_slip_calibrated"
     ZERO_SLIP_GIVEN = "zero_slip_given"
     ZERO_SLIP_IS_MEAN = "zero_slip_is_mean"
     ZERO_SLIP_NOT_SETTLED = "zero_slip_not_settled"

@@ -119,12 +119,10 @@ def _check_usable(name: str, found: SlipRunRevolutions) -> None:
 
 
 def _name(run: RunTable) -> str:
-    part = (
-        ""
-        if run.to_s is None and not run.from_s
-        else f" {run.from_s:g}-{'' if run.to_s is None else f'{run.to_s:g}'} s"
-    )
-    return f"{Path(run.recording).name}{part}"
+    name = Path(run.recording).name
+    if run.to_s is None:
+        return f"{name} from {run.from_s:g} s" if run.from_s else name
+    return f"{name} {run.from_s:g}-{run.to_s:g} s"
 
 
 def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:

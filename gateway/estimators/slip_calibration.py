@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
+LAW_STD: Final = 0.025
+"""Error of the law relative to the change of the slope by slip, on the belts of tools/bench_lateral.py up to 2 deg:
+with ply steer, left and right slip saturate at different angles."""
 # Relative distance from the calibrated half angles and pressures at which the calibration still holds, as for loads.
 _MARGIN = 0.1
 
@@ -61,7 +65,7 @@ class SlipCalibration:
         return self.zero_rad + self.belt_share * slip_rad * (1.0 - self.saturation_prad * abs(slip_rad))
 
     def slip_at(self, slope_rad: float, slope_std_rad: float) -> tuple[float, float]:
-        """Return the slip angle of a slope and its standard error, which includes that of the calibration.
+        """Return the slip angle of a slope and its standard error, which includes those of calibration and law.
 
         Both are NaN for a slope beyond the largest that the law gives.
         """
@@ -70,10 +74,11 @@ class SlipCalibration:
         root = 1.0 - 4.0 * bend * abs(change)
         if not root > 0.0:
             return math.nan, math.nan
-        slip = change if bend == 0.0 else math.copysign((1.0 - math.sqrt(root)) / (2.0 * bend), change)
+        # The stable form of (1 - sqrt(root)) / (2 bend).
+        slip = 2.0 * change / (1.0 + math.sqrt(root))
         # Derivatives of the slope by zero, share and saturation; by slip it is share times the square root.
         rows = np.array([1.0, slip * (1.0 - bend * abs(slip)), -self.belt_share * slip * abs(slip)])
-        variance = float(rows @ self.covariance @ rows) + slope_std_rad**2
+        variance = float(rows @ self.covariance @ rows) + slope_std_rad**2 + (LAW_STD * self.belt_share * slip) ** 2
         return slip, math.sqrt(variance) / (abs(self.belt_share) * math.sqrt(root))
 
     @property

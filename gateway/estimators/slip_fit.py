@@ -23,19 +23,17 @@ from scipy.special import gammaincc
 from gateway.errors import CalibrationError
 from gateway.estimators.estimator import Revolution, TireConditions
 from gateway.estimators.lateral_shape import ORDERS, has_lateral, lateral_record
-from gateway.estimators.slip_calibration import SlipCalibration
+from gateway.estimators.slip_calibration import LAW_STD, SlipCalibration
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
 from gateway.signal.lateral_deformation import chord_row
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, RollCalibration
 from gateway.types import FloatArray
 
 MIN_REVOLUTIONS: Final = 20
-SATURATION_PRAD: Final = 4.0
-"""Relative loss of the belt's share per rad of slip on the belts of tools/bench_slip.py: 1 to 13 % per degree. To first
-order the brush model gives C / (3 mu Q), C the cornering stiffness."""
+SATURATION_PRAD: Final = 3.3
+"""Relative loss of the belt's share per rad of slip on the belts of tools/bench_lateral.py, 1.3 to 9.9. To first order
+the brush model gives C / (3 mu Q), C the cornering stiffness."""
 SATURATION_STD_PRAD: Final = 3.0
-LAW_STD: Final = 0.015
-"""Error of the law on the same belts up to LARGEST_SLIP_RAD, relative to the change of the slope by slip."""
 LARGEST_SLIP_RAD: Final = math.radians(2.0)
 """Beyond it the further terms of the brush model count."""
 HALF_ANGLE_SPREAD: Final = 0.1
@@ -236,19 +234,20 @@ def fit_slip_calibration(runs: Sequence[SlipRun], zero_std_rad: float) -> SlipFi
     freedom = len(runs) - (3 if both else 2)
     probability = float(gammaincc(0.5 * freedom, 0.5 * solution.chi_square)) if freedom > 0 else math.nan
     pulls = solution.residual_rad / solution.std_rad
+    others = [[*runs[:index], *runs[index + 1 :]] for index in range(len(runs))]
     if probability < _LEAST_PROBABILITY:
-        worst = int(np.abs(pulls).argmax())
+        without = [_solve(rest, zero_std_rad).chi_square for rest in others]
+        worst = int(np.argmin(without))
         raise CalibrationError(
-            f"the runs contradict each other: chi-square {solution.chi_square:.1f} for {freedom} degrees of freedom; "
-            f"{runs[worst].name} is {abs(pulls[worst]):.1f} standard errors off",
-            "Check slip_deg, its sign, and direction of that run. If the slip angles are less accurate than stated, "
-            "give slip_std_deg.",
+            f"the runs contradict each other: chi-square {solution.chi_square:.1f}, {freedom} degrees of freedom, "
+            f"{without[worst]:.1f} without {runs[worst].name}",
+            "Check that run first: slip_deg, its sign, and direction. If slip angles are less accurate than stated, "
+            "increase slip_std_deg.",
         )
     left_out = np.full(len(runs), math.nan)
-    for index, run in enumerate(runs):
-        others = [*runs[:index], *runs[index + 1 :]]
-        if len({other.slip_rad for other in others}) > 1 and len({r.is_reverse for r in others}) == 1 + both:
-            left_out[index] = _prediction_pull(run, _solve(others, zero_std_rad))
+    for index, (run, rest) in enumerate(zip(runs, others, strict=True)):
+        if len({other.slip_rad for other in rest}) > 1 and len({other.is_reverse for other in rest}) == 1 + both:
+            left_out[index] = _prediction_pull(run, _solve(rest, zero_std_rad))
     return SlipFit(
         _calibration(runs, solution, both=both),
         solution.residual_rad,
@@ -349,7 +348,8 @@ def _calibration(runs: Sequence[SlipRun], solution: _Solution, *, both: bool) ->
     # The errors of the zero include misalignment and what the runs share: later measurements have other ones.
     total = np.zeros(_COUNT)
     total[[_PLY, _CONE]] = 1.0
-    scale = max(run.scale_std for run in runs)
+    # One sensor and one tire: what a run says best about them holds in all.
+    scale = min(run.scale_std for run in runs)
     zero = float(total @ found)
     zero_variance = float(total @ covariance @ total)
     share_std, bend_std = (math.sqrt(covariance[index, index]) for index in (_SHARE, _BEND))

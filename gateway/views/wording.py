@@ -203,10 +203,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
     Code.CONICITY_NOT_SEPARATED: "conicity cannot be separated from ply steer and noise here",
-    Code.CONSTANT_SLIP_NOT_SEEN: (
-        "relative to the mean of the latest revolutions: a constant slip angle is not seen without "
-        "tire.slip_calibration in the vehicle file (treadlink calibrate slip)"
-    ),
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
     Code.FROM_LAMINATE: (
         "from tire.laminate: B16 / A66 = {length_m:.2f mm} ± {length_std_m:.2f mm}, belt kept from twisting"
@@ -231,9 +227,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the slip angle {slip_rad:.2f deg} is outside the calibrated {low_rad:.2f deg} to {high_rad:.2f deg}"
     ),
     Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
-    Code.ZERO_SLIP_CALIBRATED: "zero slip from tire.slip_calibration",
-    Code.ZERO_SLIP_GIVEN: "zero slip as given",
-    Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
+    Code.ZERO_SLIP_GIVEN: "zero slip from tire.slip_calibration",
+    Code.ZERO_SLIP_IS_MEAN: (
+        "zero slip is the mean of the latest revolutions, so constant slip is not seen; it needs tire.slip_calibration "
+        "(treadlink calibrate slip)"
+    ),
     Code.ZERO_SLIP_NOT_SETTLED: "zero slip is settling: {revolutions:.0f} of {needed:.0f} revolutions",
     # Of the sensor's calibration
     Code.FLAT_CONTACT_ASSUMED: "AC-coupled: from the contact, assumed to be flat (flat road)",
