@@ -16,6 +16,7 @@ from gateway.estimators.belt_laminate import BeltLaminate, StatedPly
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import LateralAverage, lateral_record, slopes
 from gateway.estimators.ply_steer import (
+    AHEAD_NAME,
     CONICITY_NAME,
     LAMINATE_NAMES,
     LINE_NAME,
@@ -352,3 +353,21 @@ def test_laminate_that_differs_from_the_peak_is_provisional(angle_deg: float) ->
 
 def test_no_laminate_estimates_without_plies() -> None:
     assert not set(LAMINATE_NAMES) & set(estimate(rolled(radial())))
+
+
+@pytest.mark.parametrize("load_n", [3000.0, 6000.0])
+def test_slope_ahead_matches_that_of_the_belt(load_n: float) -> None:
+    ring = radial(load_n)
+    shape = lateral(ring)
+    ahead = (ring.theta_rad > ring.leading_edge_rad - 0.8) & (ring.theta_rad < ring.leading_edge_rad)
+    found = estimate(rolled(ring, LateralBelt(), Sensor(noise_mg=1.0), 30))[AHEAD_NAME]
+    assert found.status is Status.VALID
+    assert found.value == pytest.approx(-shape.slope_rad[ahead].min(), abs=math.radians(0.005))
+    assert Code.INCLUDES_CONICITY in codes_of(found.reasons)
+
+
+def test_slope_ahead_follows_pressure_more_than_the_peak() -> None:
+    soft, hard = (estimate(rolled(radial(4000.0, pressure))) for pressure in (1.8e5, 2.7e5))
+    factor = {name: soft[name].value / hard[name].value for name in (AHEAD_NAME, NAMES[0])}
+    assert factor[AHEAD_NAME] > 1.25
+    assert factor[NAMES[0]] < 1.05
