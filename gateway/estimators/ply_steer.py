@@ -137,10 +137,10 @@ class PlySteerEstimator:
 
         All ply steer angles include the mean slip angle of the averaged revolutions; those of NAMES and the slope ahead
         also include conicity, and a reason says so. Peak, adhesion line and slope ahead take their sign from the
-        contact line; they are invalid where its sign is not significant. conicity_slope_rad is half the change of the slope from the first to the
-        second half of the contact, less what ply steer contributes to it in a rolling contact. The standard errors
-        cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but not the definition of the
-        slope, in which the angles differ. Never raises on values.
+        contact line; they are invalid where its sign is not significant. conicity_slope_rad is half the change of the
+        slope from the first to the second half of the contact, less what ply steer contributes to it in a rolling
+        contact. The standard errors cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but
+        not the definition of the slope, in which the angles differ. Never raises on values.
 
         Where the plies are stated (`conditions.tire.laminate`), LAMINATE_NAMES follow, with errors from the stated
         tolerances. The angle is provisional where the measured peak differs from it by more than three errors.
