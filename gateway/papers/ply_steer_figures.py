@@ -218,9 +218,9 @@ def _laminate(figure: Figure) -> str:
     tolerance = 100 * np.mean(np.array(stds) / stated)
     return (
         f"Two steel plies 1.2 mm apart at ±{_CORD_ANGLES_DEG[0]:.0f}° to ±{_CORD_ANGLES_DEG[-1]:.0f}°: Eq. 18 "
-        f"gives slopes 2 φz of {min(stated):.2f}° to {max(stated):.2f}°, ± {tolerance:.0f} % "
-        f"by tolerances of 1° and 0.05 mm. The peak measured from {_REVOLUTIONS} revolutions at "
-        f"{_NOISE_MG_PER_RTHZ:.0f} mg/√Hz is {ratio.min():.2f} to {ratio.max():.2f} of it: tension and sidewall hold the belt back. The paper "
+        f"gives slopes 2 φz of {min(stated):.2f}° to {max(stated):.2f}°, ± {tolerance:.0f} % by tolerances of 1° and "
+        f"0.05 mm. The peak measured from {_REVOLUTIONS} revolutions at {_NOISE_MG_PER_RTHZ:.0f} mg/√Hz is "
+        f"{ratio.min():.2f} to {ratio.max():.2f} of it: tension and sidewall hold the belt back. The paper "
         "gives neither plies nor angles, so its 0.2° confirms the size only: φz itself is "
         f"{0.5 * min(stated):.2f}° to {0.5 * max(stated):.2f}°."
     )
