@@ -111,11 +111,13 @@ class LateralSteps(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Roll:
-    """Roll tilt and the number of revolutions that it rests on."""
+    """Roll tilt, the constant in the mean of the lateral axis, and the number of revolutions that they rest on."""
 
     rad: float
     std_rad: float
     count: int
+    offset_mps2: float = 0.0
+    offset_std_mps2: float = math.inf
 
 
 class _Part:
@@ -173,7 +175,15 @@ class LateralAverage:
             if not revolution.ac_coupled:
                 means = block.arrays.means_mps2[index]
                 self.roll.update(float(means[LATERAL]), float(means[RADIAL]))
-            rolls.append(Roll(self.roll.roll_rad, self.roll.roll_std_rad, self.roll.count))
+            rolls.append(
+                Roll(
+                    self.roll.roll_rad,
+                    self.roll.roll_std_rad,
+                    self.roll.count,
+                    self.roll.offset_mps2,
+                    self.roll.offset_std_mps2,
+                )
+            )
         tilts = np.array([roll.rad for roll in rolls])
         values = np.concatenate([_coefficients(block.arrays, taken, revolutions, tilts), tilts[:, np.newaxis]], axis=1)
         carried = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]

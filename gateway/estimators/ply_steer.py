@@ -34,6 +34,7 @@ from gateway.estimators.lateral_shape import (
 )
 from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differs, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.sensor_claims import SensorClaims
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import slope_row
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
@@ -46,6 +47,7 @@ LINE_NAME: Final = "ply_steer_contact_line_rad"
 AHEAD_NAME: Final = "ply_steer_ahead_rad"
 CONICITY_NAME: Final = "conicity_slope_rad"
 ROLL_NAME: Final = "sensor_roll_rad"
+OFFSET_NAME: Final = "lateral_offset_mps2"
 LAMINATE_NAMES: Final = ("ply_steer_laminate_rad", "laminate_b16_n", "laminate_a66_npm")
 
 # Memory of the average: ply steer changes only with load, pressure and temperature.
@@ -61,6 +63,8 @@ PEAK_OVER_LAMINATE: Final = 0.91
 PEAK_OVER_LAMINATE_STD: Final = 0.06
 # A16 / A66 from which tension shears the belt noticeably: a tension strain of 0.1 % then turns it by 0.01 deg.
 _UNBALANCED: Final = 0.2
+# Share of the expected error of the lateral constant below which it counts as measured.
+_OFFSET_MEASURED: Final = 0.5
 # Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
 # Standard errors by which a slope may follow the average until its place in the contact is renewed.
@@ -114,9 +118,11 @@ class PlySteerEstimator:
         """Start empty.
 
         Args:
-            offset_std_mps2: one standard error of the constant in the lateral mean (zero-g offset, camber).
+            offset_std_mps2: least standard error of the constant in the lateral mean (zero-g offset, camber); what is
+                stated about the sensor's zero may be larger.
             horizon_revolutions: memory of the average.
         """
+        self._offset_std_mps2 = offset_std_mps2
         self._average = LateralAverage(horizon_revolutions, RollCalibration(offset_std_mps2))
         self._followed: _Followed | None = None
         self._renewed: _Renewed | None = None
@@ -156,6 +162,9 @@ class PlySteerEstimator:
         unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
         taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
         count = self._average.count
+        if taken:
+            expected = block.conditions[taken[0]].claims.zero_g_std_mps2
+            self._average.roll.expect_offset(max(self._offset_std_mps2, expected))
         steps = self._average.update(block, taken) if taken else None
         found = []
         for index, has in enumerate(lateral):
@@ -189,10 +198,10 @@ class PlySteerEstimator:
         renewed = self._renewed
         if renewed is None or renewed.is_outdated(self._followed, edges, block, index):
             renewed = self._renewed = _renew(self._followed, edges, block, index)
-        return self._followed_estimates(renewed, edges, unusable)
+        return self._followed_estimates(renewed, edges, unusable, block.conditions[index].claims)
 
     def _followed_estimates(
-        self, renewed: _Renewed, edges: tuple[float, float], unusable: Reason | None
+        self, renewed: _Renewed, edges: tuple[float, float], unusable: Reason | None, claims: SensorClaims
     ) -> tuple[Estimate, ...]:
         followed = self._followed
         assert followed is not None
@@ -213,7 +222,8 @@ class PlySteerEstimator:
         *estimates, lean = estimates
         estimates.append(_estimate(LINE_NAME, line, line_std, doubt, notes[1:]))
         estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
-        return (*estimates, _roll_estimate(followed.roll), lean)
+        roll = followed.roll
+        return (*estimates, _roll_estimate(roll, claims), lean, _offset_estimate(roll, claims))
 
 
 @dataclass(frozen=True, slots=True)
@@ -386,14 +396,34 @@ def _conicity(
     return _estimate(CONICITY_NAME, value, std, doubt, ())
 
 
-def _roll_estimate(roll: Roll) -> Estimate:
+def _roll_estimate(roll: Roll, claims: SensorClaims) -> Estimate:
+    """Return the measured roll, against the stated one."""
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
-    return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)
+    stated = claims.roll_rad
+    if stated is None or abs(roll.rad - stated) <= _SIGNIFICANT * math.hypot(roll.std_rad, claims.roll_std_rad):
+        return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)
+    contradicted = Reason(Code.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
+    return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, contradicted))
+
+
+def _offset_estimate(roll: Roll, claims: SensorClaims) -> Estimate:
+    """Return the constant in the mean of the lateral axis, zero-g offset and camber, against the stated zero."""
+    if not roll.count:
+        return Estimate.invalid(OFFSET_NAME, Reason(Code.AC_COUPLED))
+    value, std = roll.offset_mps2, roll.offset_std_mps2
+    expected = max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
+    if std > _OFFSET_MEASURED * expected:
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(Code.LATERAL_ZERO_NOT_SEPARATED),))
+    if abs(value) > _SIGNIFICANT * math.hypot(std, expected):
+        reason = Reason(Code.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.zero_g_std_mps2)
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (reason,))
+    return Estimate(OFFSET_NAME, value, std, Status.VALID)
 
 
 def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
-    return tuple(Estimate.invalid(name, reason) for name in (*NAMES, LINE_NAME, CONICITY_NAME, ROLL_NAME, AHEAD_NAME))
+    names = (*NAMES, LINE_NAME, CONICITY_NAME, ROLL_NAME, AHEAD_NAME, OFFSET_NAME)
+    return tuple(Estimate.invalid(name, reason) for name in names)
 
 
 def _of_laminate(belt: BeltLaminate, conditions: TireConditions, peak: Estimate) -> tuple[Estimate, ...]:
