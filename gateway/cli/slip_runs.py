@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +18,7 @@ from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch_estimation import estimate_items
 from gateway.signal.sensor_mounting import RollCalibration
+from gateway.views.progress import progress_bar
 
 # The first revolutions of a wheel are timed without a running average to compare them with.
 _SKIPPED_REVOLUTIONS: Final = 5
@@ -44,8 +45,13 @@ def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list
         files.setdefault(path.parent / run.recording, []).append(index)
     roll = RollCalibration(horizon_revolutions=_ALL_REVOLUTIONS)
     taken = [SlipRunRevolutions(roll) for _ in runs.run]
-    for recording, indices in files.items():
-        _take(recording, [(runs.run[index], taken[index]) for index in indices], runs, fallback)
+    with progress_bar("reading the runs") as bar:
+        for number, (recording, indices) in enumerate(files.items()):
+
+            def show(share: float, name: str = recording.name, done: int = number) -> None:
+                bar.show((done + share) / len(files), name)
+
+            _take(recording, [(runs.run[index], taken[index]) for index in indices], runs, fallback, show)
     names = [_name(run) for run in runs.run]
     for name, found in zip(names, taken, strict=True):
         _check_usable(name, found)
@@ -65,8 +71,9 @@ def _take(
     parts: Sequence[tuple[RunTable, SlipRunRevolutions]],
     runs: SlipRunsFile,
     fallback: Path | None,
+    show: Callable[[float], None],
 ) -> None:
-    """Add the revolutions of one recording to its runs."""
+    """Add the revolutions of one recording to its runs; `show` takes the share that is read."""
     reader = RecordingReader(recording)
     vehicle = _vehicle(reader, recording, fallback)
     seen: dict[str, int] = {}
@@ -83,7 +90,10 @@ def _take(
             if (wanted is None or position == wanted) and run.from_s <= since_s <= (run.to_s or math.inf):
                 found.add(result.revolution, result.conditions)
 
-    estimate_items(reader, vehicle, take, estimators=("kinematic",))
+    def on_bytes(_: int) -> None:
+        show(reader.position / max(reader.info.size_bytes, 1))
+
+    estimate_items(reader, vehicle, take, estimators=("kinematic",), on_bytes=on_bytes)
     for run, _ in parts:
         wanted = run.wheel or runs.wheel
         if wanted is None and len(seen) > 1:
