@@ -76,6 +76,8 @@ def _take(
     """Add the revolutions of one recording to its runs; `show` takes the share that is read."""
     reader = RecordingReader(recording)
     vehicle = _vehicle(reader, recording, fallback)
+    # One sensor on one tire: roll, yaw and share are those of all runs.
+    wanted = runs.wheel
     seen: dict[str, int] = {}
     first_ns: dict[str, int] = {}
 
@@ -86,7 +88,6 @@ def _take(
         if seen[position] <= _SKIPPED_REVOLUTIONS:
             return
         for run, found in parts:
-            wanted = run.wheel or runs.wheel
             if (wanted is None or position == wanted) and run.from_s <= since_s <= (run.to_s or math.inf):
                 found.add(result.revolution, result.conditions)
 
@@ -94,18 +95,16 @@ def _take(
         show(reader.position / max(reader.info.size_bytes, 1))
 
     estimate_items(reader, vehicle, take, estimators=("kinematic",), on_bytes=on_bytes)
-    for run, _ in parts:
-        wanted = run.wheel or runs.wheel
-        if wanted is None and len(seen) > 1:
-            raise CalibrationError(
-                f"'{recording}' contains {len(seen)} wheels: {', '.join(sorted(seen))}",
-                'Name the wheel in the runs file: wheel = "FL".',
-            )
-        if wanted is not None and wanted not in seen:
-            raise CalibrationError(
-                f"'{recording}' has no revolution of wheel {wanted}",
-                f"Wheels with revolutions: {', '.join(sorted(seen)) or 'none'}.",
-            )
+    if wanted is None and len(seen) > 1:
+        raise CalibrationError(
+            f"'{recording}' contains {len(seen)} wheels: {', '.join(sorted(seen))}",
+            f'Name one in the runs file, above the runs: wheel = "{min(seen)}".',
+        )
+    if wanted is not None and wanted not in seen:
+        raise CalibrationError(
+            f"'{recording}' has no revolution of wheel {wanted}",
+            f"Wheels with revolutions: {', '.join(sorted(seen)) or 'none'}.",
+        )
 
 
 def _vehicle(reader: RecordingReader, recording: Path, fallback: Path | None) -> VehicleConfig:

@@ -23,9 +23,6 @@ class RunTable(Section):
         default=None, ge=0, le=5, description="standard error of slip_deg in degrees; default: that of the file"
     )
     direction: Literal["forward", "reverse"] = Field(default="forward", description="direction of rolling")
-    wheel: str | None = Field(
-        default=None, pattern=POSITION_PATTERN, description="position of the wheel; default: the one of the others"
-    )
     from_s: float = Field(default=0.0, ge=0, le=1e6, description="begin of the run after the first revolution in s")
     to_s: float | None = Field(
         default=None, gt=0, le=1e6, description="end of the run after the first revolution in s; default: the last one"
