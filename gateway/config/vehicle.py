@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from gateway.config.bus_signals import VehicleSignals
 from gateway.config.cross_checks import cross_faults
+from gateway.config.tire_tables import LaminateTable, SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
@@ -20,6 +21,7 @@ from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import (
     GAIN_STD,
     HAND_MOUNTED_STD_M,
+    HAND_MOUNTED_STD_RAD,
     RADIUS_STD,
     ZERO_G_STD_MPS2,
     LoadCalibration,
@@ -139,6 +141,10 @@ class Tire(Section):
     load_calibration: LoadCalibrationTable | None = Field(
         default=None, description="load from contact half angle and pressure"
     )
+    slip_calibration: SlipCalibrationTable | None = Field(
+        default=None, description="slope of the streamline over the slip angle"
+    )
+    laminate: LaminateTable | None = Field(default=None, description="plies of the belt with their tolerances")
 
     def overridden_by(self, other: Tire) -> Tire:
         """Return this tire with the values that `other` states instead of its own."""
@@ -180,6 +186,8 @@ class Tire(Section):
             ring_thickness_std_m=(self.ring_thickness_std_mm or 0.0) * 1e-3,
             reference=self.reference.numbers(self.pressure_pa),
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
+            slip_calibration=None if self.slip_calibration is None else self.slip_calibration.calibration(),
+            laminate=None if self.laminate is None else self.laminate.laminate(),
         )
 
 
@@ -218,8 +226,14 @@ class Mounting(Section):
     offset_std_mm: float = Field(
         default=HAND_MOUNTED_STD_M * 1e3, ge=0, le=40, description="standard error of offset_mm in mm"
     )
-    roll_deg: float = Field(
-        default=0.0, ge=-45, le=45, description="rotation about the circumferential axis in degrees"
+    roll_deg: float | None = Field(
+        default=None,
+        ge=-45,
+        le=45,
+        description="rotation about the circumferential axis in degrees; default: as measured, 0 for diagnose",
+    )
+    roll_std_deg: float = Field(
+        default=math.degrees(HAND_MOUNTED_STD_RAD), ge=0, le=45, description="standard error of roll_deg in degrees"
     )
     pitch_deg: float = Field(default=0.0, ge=-45, le=45, description="rotation about the lateral axis in degrees")
 
@@ -230,8 +244,8 @@ class Mounting(Section):
 
     @property
     def roll_rad(self) -> float:
-        """Roll of the sensor about the circumferential axis in rad."""
-        return math.radians(self.roll_deg)
+        """Roll of the sensor about the circumferential axis in rad, 0 when it is not stated."""
+        return math.radians(self.roll_deg or 0.0)
 
     @property
     def pitch_rad(self) -> float:
@@ -402,6 +416,8 @@ class VehicleConfig(Section):
                 offset_std_m=wheel.mounting.offset_std_mm * 1e-3,
                 gain_std=wheel.sensor.gain_std_percent * 1e-2,
                 zero_g_std_mps2=wheel.sensor.zero_g_std_mps2,
+                roll_rad=None if wheel.mounting.roll_deg is None else wheel.mounting.roll_rad,
+                roll_std_rad=math.radians(wheel.mounting.roll_std_deg),
             ),
             tire=tire.data(),
         )

@@ -1,4 +1,4 @@
-"""Data of a tire that a configuration may give: thickness, reference numbers and load calibration."""
+"""Data of a tire that a configuration may give: thickness, reference numbers, calibrations and laminate."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from gateway.estimators.belt_laminate import BeltLaminate
+from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
 
 # Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds: the rubber softens,
@@ -109,9 +111,13 @@ class TireData:
         ring_thickness_std_m: its standard error.
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
+        slip_calibration: None when the tire is not calibrated at known slip angles.
+        laminate: plies of the belt, None when they are not stated.
     """
 
     ring_thickness_m: float | None = None
     ring_thickness_std_m: float = 0.0
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
+    slip_calibration: SlipCalibration | None = None
+    laminate: BeltLaminate | None = None
