@@ -21,6 +21,8 @@ from gateway.pipeline.wheel_setup import (
     GAIN_STD,
     HAND_MOUNTED_STD_M,
     RADIUS_STD,
+    SOFTENING_PER_K,
+    SOFTENING_STD_PER_K,
     ZERO_G_STD_MPS2,
     LoadCalibration,
     ReferenceNumbers,
@@ -72,12 +74,35 @@ class Reference(Section):
         description="inner-liner temperature of the measurement in degrees Celsius; default: not known",
     )
     estimator: str | None = Field(default=None, description="estimator that measured the numbers; default: weak-form")
+    softening_percent_per_k: float | None = Field(
+        default=None,
+        ge=-1,
+        le=5,
+        description="loss of the ring's bending stiffness per kelvin in percent; default: "
+        f"{100.0 * SOFTENING_PER_K:g}, assumed",
+    )
+    softening_std_percent_per_k: float | None = Field(
+        default=None,
+        ge=0,
+        le=5,
+        description="standard error of softening_percent_per_k in percent per kelvin; default: "
+        f"{100.0 * SOFTENING_STD_PER_K:g}",
+    )
 
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
         """Return the numbers in SI, at the tire's stated pressure where the table has none."""
         pressure_pa = stated_pressure_pa if self.pressure_kpa is None else self.pressure_kpa * 1e3
-        stated = self.model_dump(exclude={"pressure_kpa"}, exclude_none=True)
-        return ReferenceNumbers(**stated, pressure_pa=pressure_pa)
+        rates = {
+            name: 0.01 * rate
+            for name, rate in (
+                ("softening_per_k", self.softening_percent_per_k),
+                ("softening_std_per_k", self.softening_std_percent_per_k),
+            )
+            if rate is not None
+        }
+        converted = {"pressure_kpa", "softening_percent_per_k", "softening_std_percent_per_k"}
+        stated = self.model_dump(exclude=converted, exclude_none=True)
+        return ReferenceNumbers(**stated, **rates, pressure_pa=pressure_pa)
 
 
 class LoadCalibrationTable(Section):
@@ -96,6 +121,12 @@ class LoadCalibrationTable(Section):
     half_angle_max_rad: float = Field(ge=0.01, le=1.5, description="largest calibrated half angle in rad")
     pressure_min_kpa: float = Field(ge=10, le=1500, description="lowest calibrated gauge pressure in kPa")
     pressure_max_kpa: float = Field(ge=10, le=1500, description="highest calibrated gauge pressure in kPa")
+    temperature_degc: float | None = Field(
+        default=None,
+        ge=-60,
+        le=200,
+        description="inner-liner temperature of the calibration in degrees Celsius; default: that of [tire.reference]",
+    )
 
     def calibration(self) -> LoadCalibration:
         """Return the calibration in SI."""
@@ -109,6 +140,7 @@ class LoadCalibrationTable(Section):
             relative_std=self.relative_std_percent * 1e-2,
             half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),
             pressure_range_pa=(self.pressure_min_kpa * 1e3, self.pressure_max_kpa * 1e3),
+            temperature_degc=self.temperature_degc,
         )
 
 
@@ -135,6 +167,10 @@ class Tire(Section):
     ring_thickness_std_mm: float | None = Field(
         default=None, ge=0, le=40, description="standard error of ring_thickness_mm in mm"
     )
+    wear_mm: float | None = Field(
+        default=None, ge=0, le=60, description="tread worn off since the tire was new in mm, as measured"
+    )
+    wear_std_mm: float | None = Field(default=None, ge=0, le=20, description="standard error of wear_mm in mm")
     reference: Reference = Field(default=Reference(), description="dimensionless numbers of the new tire")
     load_calibration: LoadCalibrationTable | None = Field(
         default=None, description="load from contact half angle and pressure"
@@ -180,6 +216,8 @@ class Tire(Section):
             ring_thickness_std_m=(self.ring_thickness_std_mm or 0.0) * 1e-3,
             reference=self.reference.numbers(self.pressure_pa),
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
+            wear_m=None if self.wear_mm is None else self.wear_mm * 1e-3,
+            wear_std_m=(self.wear_std_mm or 0.0) * 1e-3,
         )
 
 

@@ -72,6 +72,9 @@ class Cause(StrEnum):
 # Exponents of an estimate in the ratios (true over stated) of belt radius, sampling rate and gain.
 _EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
     "speed_mps": {Cause.RADIUS: 1.0, Cause.RATE: 1.0},
+    "angular_speed_radps": {Cause.RATE: 1.0},
+    "rotation_rpm": {Cause.RATE: 1.0},
+    "distance_m": {Cause.RADIUS: 1.0},
     "contact_length_m": {Cause.RADIUS: 1.0},
     "pressure_number": {Cause.RADIUS: -2.0},
     "asynchronous_rms_mps2": {Cause.GAIN: -1.0},

@@ -18,10 +18,13 @@ _SOLVED: Final = {
 QUANTITIES: Final[dict[str, dict[str, str]]] = {
     "kinematic": {
         "speed_mps": "rolling speed",
+        "angular_speed_radps": "angular speed",
+        "rotation_rpm": "revolutions per minute",
         "leading_edge_rad": "angle of the leading contact edge, negative",
         "trailing_edge_rad": "angle of the trailing contact edge",
         "contact_length_m": "contact length",
     },
+    "distance": {"distance_m": "distance rolled since the first revolution"},
     "self-calibration": {
         "gain": "gain of the radial axis, 1 reads true",
         "zero_g_offset_mps2": "zero-g offset of the radial axis",

@@ -169,8 +169,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RING_DOES_NOT_FIT: (
         "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
     ),
+    # Of distance
+    Code.DISTANCE_BRIDGED: (
+        "{duration_s:.1f s} without revolutions bridged at the mean speed: {distance_m:.1f m} ± {std_m:.1f m}"
+    ),
+    Code.DISTANCE_INTERRUPTED: "the hub restarted {count:.0f} times; what was rolled meanwhile is missing",
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
+    Code.CORRECTED_FOR_BENDING: "corrected for a bending stiffness {change:+.0%} from that of the calibration",
     Code.CORRECTED_FOR_WEAR: "corrected for {wear_m:.1f mm} of wear since the calibration",
     Code.FROM_BELT_WIDTH: "from the belt width",
     Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
@@ -200,6 +206,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
     ),
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
+    Code.WEAR_CONTRADICTED: "contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}",
     Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
     Code.CONICITY_NOT_SEPARATED: "conicity cannot be separated from ply steer and noise here",
