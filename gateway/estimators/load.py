@@ -2,10 +2,10 @@
 
 There are two methods. One is a power law of contact half angle and pressure, calibrated for the tire (`treadlink
 calibrate`); it follows every revolution. Wear and warmth make the ring more flexible and so the contact longer under
-the same load: on the exact ring Q ~ EI^beta at a half angle and pressure. EI is that of the bending number, whatever has
-changed it; else that of the stated wear and the temperature; else the standard error includes the wear and the
-temperature that a tire in use may have. The other uses the belt width, which
-wear does not change: all four numbers are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
+the same load: on the exact ring Q ~ EI^beta at a half angle and pressure. EI is that of the bending number, whatever
+has changed it; else that of the stated wear and the temperature; else the standard error includes the wear and the
+temperature that a tire in use may have. The other uses the belt width, which wear does not change: all four numbers are
+proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
 """
 
 from __future__ import annotations
