@@ -161,6 +161,18 @@ class Code(StrEnum):
     NEEDS_UNINTERRUPTED_ROLLING = "needs_uninterrupted_rolling"
     NO_LINE = "no_line"
 
+    # Of road and water
+    CAVITY_CONTRADICTED = "cavity_contradicted"
+    LIKE_A_WATER_WEDGE = "like_a_water_wedge"
+    NEEDS_CAVITY_LENGTH = "needs_cavity_length"
+    NEEDS_REVOLUTIONS = "needs_revolutions"
+    NEEDS_TEMPERATURE = "needs_temperature"
+    NOT_VERIFIED_BY_MEASUREMENT = "not_verified_by_measurement"
+    ROAD_BELOW_NOISE = "road_below_noise"
+    ROAD_CLASS = "road_class"
+    ROAD_WAVES = "road_waves"
+    TOO_SLOW_FOR_ROAD = "too_slow_for_road"
+
     # Sensors
     AXIS_READS = "axis_reads"
     PRESSURE_FROZEN = "pressure_frozen"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -39,6 +40,13 @@ ASSUMED_RADIUS_MM: Final = 320.0
 ASSUMED_RADIUS_STD_MM: Final = 80.0
 UNKNOWN_WHEEL: Final = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3, radius_std_m=ASSUMED_RADIUS_STD_MM * 1e-3)
 """A wheel that no configuration describes."""
+# The rim's diameter in inches at the end of a size: 205/55 R16, 195R14C, 335/65R22.5.
+_RIM_INCHES: Final = re.compile(r"R ?(\d{2}(?:\.\d)?)(?!\d)")
+_INCH_M: Final = 0.0254
+# Inner liner below the neutral layer of the belt. The rim's well and the round shape of the cross-section change the
+# mean circumference by some per cent.
+_LINER_BELOW_BELT_M: Final = 0.006
+_CAVITY_STD: Final = 0.02
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 
 
@@ -147,7 +155,7 @@ class LoadCalibrationTable(Section):
 class Tire(Section):
     """`[tire]`: the tire of every wheel; `[wheel.tire]`: the deviations of one wheel from it."""
 
-    size: str | None = Field(default=None, description="tire size, such as 205/55 R16; for information only")
+    size: str | None = Field(default=None, description="tire size, such as 205/55 R16; of use is only the rim")
     radius_mm: float | None = Field(
         default=None, ge=100, le=1200, description="belt radius in mm: rolling circumference / (2 pi)"
     )
@@ -171,6 +179,15 @@ class Tire(Section):
         default=None, ge=0, le=60, description="tread worn off since the tire was new in mm, as measured"
     )
     wear_std_mm: float | None = Field(default=None, ge=0, le=20, description="standard error of wear_mm in mm")
+    cavity_length_mm: float | None = Field(
+        default=None,
+        ge=500,
+        le=5000,
+        description="mean circumference of the air in the tire in mm; default: from the belt and the rim of size",
+    )
+    cavity_length_std_mm: float | None = Field(
+        default=None, ge=0, le=500, description="standard error of cavity_length_mm in mm; default: 2 %"
+    )
     reference: Reference = Field(default=Reference(), description="dimensionless numbers of the new tire")
     load_calibration: LoadCalibrationTable | None = Field(
         default=None, description="load from contact half angle and pressure"
@@ -209,6 +226,23 @@ class Tire(Section):
         """Thickness of the new ring in m."""
         return None if self.ring_thickness_mm is None else self.ring_thickness_mm * 1e-3
 
+    @property
+    def cavity_length_m(self) -> float | None:
+        """Mean circumference of the air in the tire in m: as stated, else halfway from the rim to the inner liner."""
+        if self.cavity_length_mm is not None:
+            return self.cavity_length_mm * 1e-3
+        rim = _RIM_INCHES.search(self.size or "")
+        if rim is None or self.radius_m is None:
+            return None
+        return math.pi * (self.radius_m - _LINER_BELOW_BELT_M + 0.5 * float(rim[1]) * _INCH_M)
+
+    @property
+    def cavity_length_std_m(self) -> float:
+        """Standard error of that circumference in m; 0 without one."""
+        if self.cavity_length_std_mm is not None:
+            return self.cavity_length_std_mm * 1e-3
+        return _CAVITY_STD * (self.cavity_length_m or 0.0)
+
     def data(self) -> TireData:
         """Return the data for the estimators, in SI."""
         return TireData(
@@ -218,6 +252,8 @@ class Tire(Section):
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
             wear_m=None if self.wear_mm is None else self.wear_mm * 1e-3,
             wear_std_m=(self.wear_std_mm or 0.0) * 1e-3,
+            cavity_length_m=self.cavity_length_m,
+            cavity_length_std_m=self.cavity_length_std_m,
         )
 
 

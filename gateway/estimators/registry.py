@@ -28,6 +28,9 @@ ESTIMATORS: Final[dict[str, str]] = {
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
     "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
+    "cavity": "gateway.estimators.cavity:CavityEstimator",
+    "road": "gateway.estimators.road_roughness:RoadRoughnessEstimator",
+    "water-wedge": "gateway.estimators.water_wedge:WaterWedgeEstimator",
 }
 
 DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "distance", "weak-form", "wear", "ply-steer")

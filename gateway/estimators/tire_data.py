@@ -150,6 +150,8 @@ class TireData:
         load_calibration: None when the tire is not calibrated.
         wear_m: wear of the tread since the tire was new, as stated; None when it is not.
         wear_std_m: one standard error of it.
+        cavity_length_m: mean circumference of the gas in the tire; None when not known.
+        cavity_length_std_m: one standard error of it.
     """
 
     ring_thickness_m: float | None = None
@@ -158,3 +160,5 @@ class TireData:
     load_calibration: LoadCalibration | None = None
     wear_m: float | None = None
     wear_std_m: float = 0.0
+    cavity_length_m: float | None = None
+    cavity_length_std_m: float = 0.0

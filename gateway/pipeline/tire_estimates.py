@@ -28,7 +28,7 @@ _ENVIRONMENT_DEPTH: Final = 64
 # Revolutions worked on together, which bounds the memory.
 _LONGEST_BLOCK: Final = 64
 # Estimators that known effects, which are locked to the wheel's angle, do not change.
-_UNAFFECTED: Final = frozenset({"kinematic", "distance", "asynchronous"})
+_UNAFFECTED: Final = frozenset({"kinematic", "distance", "asynchronous", "cavity", "road", "water-wedge"})
 # Estimators whose memory is of times, not of waveforms: one for all revolutions.
 _COMMON: Final = frozenset({"distance"})
 # Estimates that rest on the times of contacts alone.

@@ -39,6 +39,7 @@ UNITS: Final[dict[str, Unit]] = {
     "_mps2": Unit("m/s²"),
     "_mps": Unit("km/h", 3.6),
     "_kmh": Unit("km/h"),
+    "_m3": Unit("m³"),
     "_rad": Unit("deg", 180.0 / math.pi),
     "_degc": Unit("°C"),
     "_deg": Unit("deg"),

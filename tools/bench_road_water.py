@@ -1,0 +1,174 @@
+"""Pulls of distance, road class, cavity temperature and water wedge on simulated tires drawn at random.
+
+python tools/bench_road_water.py [--tires N] [--seed N] [QUANTITY...]
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from firmware_protocol.decoder import FrameDecoder
+from gateway.config.validation import parse_document
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.estimator import Estimate, Status
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.wheel_setup import TireData, WheelSetup
+from gateway.pipeline.wheels import Pipeline
+from gateway.simulator.road_profile import CLASSES, quarter_car
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
+from gateway.simulator.truth import WheelTruth
+from gateway.simulator.wheel_plan import wheel_plans
+from tools.validity.tires import World, draw_world
+
+SECONDS: Final = 20.0
+RATE_HZ: Final = 4000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pull:
+    """One estimate beside its truth.
+
+    Attributes:
+        group: row of the table.
+        estimate: at the end of the run; None where it is not determined.
+        truth: in the unit of the estimate.
+        holds: whether what is said beside the number is right, such as the letter of a class; None where nothing is.
+    """
+
+    group: str
+    estimate: Estimate | None
+    truth: float
+    holds: bool | None = None
+
+
+def main(arguments: list[str]) -> int:
+    """Run the bench and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("quantities", nargs="*", choices=[[], *BENCHES], metavar="QUANTITY", help=", ".join(BENCHES))
+    parser.add_argument("--tires", type=int, default=24, help="tires to draw [default: 24]")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the draw [default: 1]")
+    options = parser.parse_args(arguments)
+    print(f"{'quantity':<34} runs  given   rms pull  max pull  beyond 2  median std  right")
+    for name in options.quantities or BENCHES:
+        pulls: list[Pull] = []
+        for index in range(options.tires):
+            pulls += BENCHES[name](options.seed, index)
+        for group in dict.fromkeys(pull.group for pull in pulls):
+            print(_row(group, [pull for pull in pulls if pull.group == group]))
+    return 0
+
+
+def _row(group: str, pulls: list[Pull]) -> str:
+    given = [pull for pull in pulls if pull.estimate is not None and pull.estimate.status is not Status.INVALID]
+    line = f"{group:<34} {len(pulls):4d}  {len(given) / len(pulls):5.0%}"
+    if not given:
+        return line
+    errors = np.array([(pull.estimate.value - pull.truth) / pull.estimate.std for pull in given if pull.estimate])
+    stds = np.median([pull.estimate.std for pull in given if pull.estimate])
+    right = [pull.holds for pull in given if pull.holds is not None]
+    return (
+        f"{line} {math.sqrt(float(np.square(errors).mean())):10.2f} {errors[np.argmax(np.abs(errors))]:+9.2f} "
+        f"{float((np.abs(errors) > 2.0).mean()):8.0%} {stds:11.3g}  {f'{np.mean(right):.0%}' if right else ''}"
+    ).rstrip()
+
+
+def run(
+    world: World, tables: str, estimators: tuple[str, ...], seed: int, *, tire: TireData | None = None, wheel: str = ""
+) -> tuple[list[RevolutionResult], WheelTruth]:
+    """Return the results of a wheel on a drawn tire, and the truth."""
+    text = scenario_text(world, tables, seed, wheel)
+    simulation = simulate(parse_document(Scenario, text, "bench"), duration_s=SECONDS)
+    setup = WheelSetup(
+        "FL",
+        0,
+        0,
+        world.radius_m,
+        load_n=world.load_n,
+        pressure_pa=world.pressure_pa,
+        radius_std_m=0.01 * world.radius_m,
+        tire=tire or TireData(),
+    )
+    pipeline, decoder = Pipeline((setup,), setup, estimators), FrameDecoder()
+    results: list[RevolutionResult] = []
+    for chunk in simulation.chunks("link", 10**18):
+        results += pipeline.frames("link", decoder.feed(chunk.data), chunk.host_ns)
+    return results + pipeline.finish(), simulation.truth["FL"]
+
+
+def scenario_text(world: World, tables: str, seed: int, wheel: str = "") -> str:
+    """Return the scenario of one wheel on a drawn tire."""
+    bs, cw, rs, ts = world.numbers
+    speed = min(world.speed_kmh, 130.0)
+    return f"""
+[scenario]
+seed = {seed}
+[motion]
+speed_kmh = [[0, {speed:.3f}], [{SECONDS}, {speed * (1.0 + 20.0 * world.drift_per_s):.3f}]]
+[tire]
+radius_mm = {1e3 * world.radius_m:.4f}
+Bs = {bs:.6g}
+Cw = {cw:.6g}
+Rs = {rs:.6g}
+Ts = {ts:.6g}
+reference_pressure_kpa = {1e-3 * world.reference_pa:.4f}
+tread_stiffness_mpa = {world.tread_mpa:.4f}
+[sensor]
+axes = ["circumferential", "radial"]
+rate_hz = {RATE_HZ}
+range_g = 2000
+noise_mg_rthz = {world.noise_mg_rthz:.4f}
+{tables}
+[[wheel]]
+position = "FL"
+wheel = 0
+load_n = {world.load_n:.3f}
+pressure_kpa = {1e-3 * world.pressure_pa:.4f}
+{wheel}
+"""
+
+
+def last(results: list[RevolutionResult], name: str) -> Estimate | None:
+    """Return an estimate of the last revolution."""
+    return next((found for found in results[-1].estimates if found.name == name), None) if results else None
+
+
+def road(seed: int, index: int) -> Iterator[Pull]:
+    """Yield the class of a random road under a random vehicle, and of an even road with jitter of the edges."""
+    world = draw_world(seed, index)
+    rng = np.random.default_rng([seed, index, 8608])
+    sprung = world.load_n / STANDARD_GRAVITY_MPS2
+    unsprung = sprung / (1.0 + 8.0 * math.exp(0.3 * rng.standard_normal()))
+    sprung -= unsprung
+    spring = sprung * (2.0 * math.pi * rng.normal(1.3, 0.2)) ** 2
+    (plan,) = wheel_plans(parse_document(Scenario, scenario_text(world, "", 1), "bench"))
+    tire_npm = quarter_car(plan.tire, world.load_n, world.pressure_pa, unsprung, spring, 1.0).tire_npm
+    hop = math.sqrt((tire_npm + spring) / unsprung)
+    damper = 2.0 * 0.25 * math.exp(0.35 * rng.standard_normal()) * hop * unsprung
+    letter = CLASSES[int(rng.integers(0, 4))]
+    jitter = f"leading_jitter_mm = {rng.uniform(0.0, 1.0):.3f}\ntrailing_jitter_mm = {rng.uniform(0.0, 0.5):.3f}\n"
+    table = (
+        f"[road]\nprofile = '{letter}'\nunsprung_kg = {unsprung:.4f}\nsuspension_knpm = {1e-3 * spring:.4f}\n"
+        f"damper_nspm = {damper:.3f}\n{jitter}"
+    )
+    results, _ = run(world, table, ("kinematic", "road"), 1000 * seed + index)
+    found = last(results, "road_class")
+    truth = 1.0 + CLASSES.index(letter)
+    holds = None
+    if found is not None and found.status is not Status.INVALID:
+        holds = CLASSES[min(max(round(found.value), 1), 8) - 1] == letter
+    yield Pull("road class", found, truth, holds)
+    yield Pull(f"road class {letter}", found, truth, holds)
+
+
+BENCHES: Final[dict[str, Callable[[int, int], Iterator[Pull]]]] = {"road": road}
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
