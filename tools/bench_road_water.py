@@ -21,6 +21,7 @@ from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import TireData, WheelSetup
 from gateway.pipeline.wheels import Pipeline
+from gateway.reasons import Code, codes_of
 from gateway.simulator.road_profile import CLASSES, quarter_car
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
@@ -81,16 +82,24 @@ def _row(group: str, pulls: list[Pull]) -> str:
 
 
 def run(
-    world: World, tables: str, estimators: tuple[str, ...], seed: int, *, tire: TireData | None = None, wheel: str = ""
+    world: World,
+    tables: str,
+    estimators: tuple[str, ...],
+    seed: int,
+    *,
+    tire: TireData | None = None,
+    wheel: str = "",
+    loads: str | None = None,
+    radius: float = 1.0,
 ) -> tuple[list[RevolutionResult], WheelTruth]:
     """Return the results of a wheel on a drawn tire, and the truth."""
-    text = scenario_text(world, tables, seed, wheel)
+    text = scenario_text(world, tables, seed, wheel, loads)
     simulation = simulate(parse_document(Scenario, text, "bench"), duration_s=SECONDS)
     setup = WheelSetup(
         "FL",
         0,
         0,
-        world.radius_m,
+        radius * world.radius_m,
         load_n=world.load_n,
         pressure_pa=world.pressure_pa,
         radius_std_m=0.01 * world.radius_m,
@@ -103,7 +112,7 @@ def run(
     return results + pipeline.finish(), simulation.truth["FL"]
 
 
-def scenario_text(world: World, tables: str, seed: int, wheel: str = "") -> str:
+def scenario_text(world: World, tables: str, seed: int, wheel: str = "", loads: str | None = None) -> str:
     """Return the scenario of one wheel on a drawn tire."""
     bs, cw, rs, ts = world.numbers
     speed = min(world.speed_kmh, 130.0)
@@ -129,7 +138,7 @@ noise_mg_rthz = {world.noise_mg_rthz:.4f}
 [[wheel]]
 position = "FL"
 wheel = 0
-load_n = {world.load_n:.3f}
+load_n = {loads or world.load_n}
 pressure_kpa = {1e-3 * world.pressure_pa:.4f}
 {wheel}
 """
@@ -168,7 +177,102 @@ def road(seed: int, index: int) -> Iterator[Pull]:
     yield Pull(f"road class {letter}", found, truth, holds)
 
 
-BENCHES: Final[dict[str, Callable[[int, int], Iterator[Pull]]]] = {"road": road}
+def cavity(seed: int, index: int) -> Iterator[Pull]:
+    """Yield the gas of a random cavity: temperature with a calibrated length, ratio from the size, and another gas."""
+    world = draw_world(seed, index)
+    rng = np.random.default_rng([seed, index, 343])
+    gas_degc = float(rng.uniform(0.0, 70.0))
+    liner_degc = gas_degc + 6.0 * rng.standard_normal()
+    rim_m = world.radius_m * rng.uniform(0.58, 0.68)
+    length = math.pi * (world.radius_m + rim_m)
+    wheel_hz = min(world.speed_kmh, 130.0) / 3.6 / (2.0 * math.pi * world.radius_m)
+    half_split = abs(rng.normal(3.5, 1.5))
+    # Either of the two is louder, or both are alike.
+    split = rng.uniform(-1.0, 1.0) * (math.hypot(wheel_hz, half_split) - wheel_hz)
+    for group, ratio, std, is_air in (
+        ("cavity temperature, length to 0.3 %", 1.0, 0.003, True),
+        ("cavity gas, length to 2 %", 1.0, 0.02, True),
+        ("cavity gas, helium in it", 1.35, 0.01, False),
+    ):
+        hertz = math.sqrt(1.4 * 8.314462618 / 0.0289652 * (gas_degc + 273.15) * ratio) / length + split
+        stated = length * (1.0 + std * rng.standard_normal())
+        table = (
+            f"[vibration]\ncavity_rms_mps2 = {rng.uniform(2.0, 8.0):.3f}\ncavity_hz = {hertz:.4f}\n"
+            f"cavity_bandwidth_hz = {rng.uniform(3.0, 8.0):.3f}\n[road]\nrms_mps2 = {rng.uniform(0.5, 3.0):.3f}\n"
+        )
+        tire = TireData(cavity_length_m=stated, cavity_length_std_m=std * length)
+        wheel = f"temperature_degc = {liner_degc:.3f}"
+        results, _ = run(world, table, ("kinematic", "cavity"), 1000 * seed + index, tire=tire, wheel=wheel)
+        name, truth = ("cavity_temperature_degc", gas_degc) if std < 0.005 else ("cavity_gas_ratio", ratio)
+        found = last(results, name)
+        flagged = found is not None and Code.CAVITY_CONTRADICTED in codes_of(found.reasons)
+        given = found is not None and found.status is not Status.INVALID
+        yield Pull(group, found, truth, flagged is not is_air if given else None)
+
+
+def water(seed: int, index: int) -> Iterator[Pull]:
+    """Yield the shifts of the edges while the leading one is displaced, and while the load changes."""
+    world = draw_world(seed, index)
+    rng = np.random.default_rng([seed, index, 1000])
+    shift_mm = float(rng.uniform(0.05, 0.3) * 200.0 * world.radius_m)
+    jitter = f"leading_jitter_mm = {rng.uniform(0.2, 2.0):.3f}\ntrailing_jitter_mm = {rng.uniform(0.1, 0.6):.3f}\n"
+    speed = min(world.speed_kmh, 130.0) / 3.6
+    turn_s = 2.0 * math.pi * world.radius_m / speed
+    begin, end = 12.0, 12.0 + 6.0 * turn_s
+    for group, table, wheel, truth in (
+        (
+            "water wedge",
+            f"leading_shift_mm = [[0, 0], [{begin}, 0], [{begin + 0.01}, {shift_mm}], [{end}, {shift_mm}], "
+            f"[{end + 0.01}, 0]]\n",
+            "",
+            1e-3 * shift_mm / world.radius_m,
+        ),
+        ("load change, no wedge", "", f"{begin}, {begin + 0.3}", 0.0),
+    ):
+        loads = f"[[0, {world.load_n}], [{begin}, {world.load_n}], [{begin + 0.3}, {0.7 * world.load_n}]]"
+        results, truths = run(
+            world,
+            f"[road]\n{jitter}{table}",
+            ("kinematic", "water-wedge"),
+            1000 * seed + index,
+            loads=loads if wheel else None,
+        )
+        shift_s = truths.hub_s(0.0)
+        for result in results:
+            at_s = result.revolution.start_s - shift_s
+            if begin + 2.5 * turn_s < at_s < begin + 3.5 * turn_s:
+                found = next(one for one in result.estimates if one.name == "water_wedge_rad")
+                named = Code.LIKE_A_WATER_WEDGE in codes_of(found.reasons)
+                yield Pull(group, found, truth, named is (truth > 0.0))
+                break
+
+
+def distance(seed: int, index: int) -> Iterator[Pull]:
+    """Yield distance and angular speed of a drive with a radius that is stated with an error of 1 %."""
+    world = draw_world(seed, index)
+    rng = np.random.default_rng([seed, index, 1])
+    results, truth = run(
+        world, "", ("kinematic", "distance"), 1000 * seed + index, radius=1.0 + 0.01 * rng.standard_normal()
+    )
+    shift_s = truth.hub_s(0.0)
+    if not results:
+        return
+    first, final = results[0].revolution, results[-1].revolution
+    ends = np.array([first.start_s, final.start_s + final.period_s]) - shift_s
+    angles = truth.angle_rad(ends)
+    yield Pull("distance", last(results, "distance_m"), world.radius_m * float(angles[1] - angles[0]))
+    turn = truth.angle_rad(np.array([final.start_s, final.start_s + final.period_s]) - shift_s)
+    omega = float(turn[1] - turn[0]) / final.period_s
+    yield Pull("angular speed", last(results, "angular_speed_radps"), omega)
+    yield Pull("rpm", last(results, "rotation_rpm"), omega * 30.0 / math.pi)
+
+
+BENCHES: Final[dict[str, Callable[[int, int], Iterator[Pull]]]] = {
+    "distance": distance,
+    "road": road,
+    "cavity": cavity,
+    "water": water,
+}
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

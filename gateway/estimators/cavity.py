@@ -3,7 +3,7 @@
 One wave of sound round the tire resonates at f = c / L, with c = sqrt(gamma R T / M) and L the mean circumference of
 the gas. Under load the resonance splits in two, because the contact narrows the cavity; seen from the sensor, which
 turns with the gas, the contact turns, and the two lie at f +- (sqrt(fw^2 + s^2) - fw), with 2 s the split at standstill
-and fw the wheel's frequency (the two-mode model of Feng and Gu, SAE 2011-01-1581, in the frame of the tire). They are
+and fw the wheel's frequency (two coupled modes, as Feng and Gu have them, seen from the tire). They are
 not resolved; s is part of the error.
 """
 
@@ -31,8 +31,9 @@ _HALF_SPLIT_HZ: Final = 3.5
 _HALF_SPLIT_STD_HZ: Final = 1.5
 # Gas and inner liner differ by some kelvin: the belt is the source of heat, the rim is cooler.
 _LINER_TO_GAS_STD_K: Final = 6.0
-# Range of gas temperatures in which the resonance is searched, and cavities of which nothing is stated.
-_COLDEST_K, _WARMEST_K = 240.0, 380.0
+# Temperatures of air between whose resonances the line is searched, and cavities of which nothing is stated. Gases from
+# carbon dioxide to air with a third of helium sound like air far below and above the temperatures of a tire.
+_COLDEST_K, _WARMEST_K = 150.0, 600.0
 _ANY_CAVITY_HZ: Final = (120.0, 320.0)
 # Largest error of the length with which the line is still the cavity's and not just any.
 _LENGTH_STDS: Final = 2.0

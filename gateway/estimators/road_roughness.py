@@ -1,17 +1,20 @@
 """Estimator of the road's roughness class after ISO 8608, from the change of the contact from revolution to revolution.
 
-The road lifts the tire and the load swings; the length of the contact follows at once. The second difference of
-ln(half angle) over three contacts removes what changes slowly, such as load transfer in a curve. Its variance is
+The road lifts the tire and the load swings; the length of the contact follows at once. It is measured where the radial
+axis crosses the middle between contact and free belt, which needs nothing but the waveform near each edge. What
+ln(half width) of a contact differs from a parabola through the nine contacts about it is free of what changes slowly,
+such as load transfer in a curve. Its variance is
 
-    var = g^2 integral |1 - cos(2 pi f T)|^2 |D(f)|^2 A(f)^2 G(f / v) / v df + 3/2 jitter^2
+    var = g^2 integral |H(f T)|^2 |D(f)|^2 A(f)^2 G(f / v) / v df + H2 jitter^2
 
-with g = d ln(half angle) / d deflection of the ring, T the revolution's period, D the deflection of a tire of a quarter
-car over the height of the road, A = sinc(f L / v) cos(2 pi f t) the averages over the contact length L and over the
-times +-t at which the edges are read, v the speed and G(n) = G(n0) (n0 / n)^2 the road's density, n0 = 0.1 cycles/m
-(ISO 8608:2016). D depends on four numbers of the vehicle, which are not known: the mean over their usual ranges is
-used, and the scatter over the ranges is part of the error.
+with H the response of that difference to a frequency, H2 the sum of its squared weights, T the revolution's period,
+g = d ln(half width) / d deflection of the ring, D the deflection of a tire of a quarter car over the height of the
+road, A = sinc(f L / v) cos(pi f B / v) the averages over the contact length L and over the times at both ends of the
+width B, v the speed and G(n) = G(n0) (n0 / n)^2 the road's density, n0 = 0.1 cycles/m (ISO 8608:2016). The stiffness of
+the tire over its load is that of the ring. The rest of D depends on three numbers of the vehicle, which are not known:
+the mean over their usual ranges is used, and the scatter over the ranges is part of the error.
 
-Edges that jitter independently move the contact's centre as much as its half angle. The centre's times, against a
+Edges that jitter independently move the contact's centre as much as its half width. The centre's times, against a
 rotation of steady acceleration, therefore bound the jitter; they contain irregular rotation too.
 """
 
@@ -23,10 +26,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.estimators.determination import DETERMINED
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.determination import DETERMINED, SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.reasons import Code, Reason
-from gateway.types import FloatArray
+from gateway.signal.angle_resampling import angle_grid
+from gateway.types import ComplexArray, FloatArray
 
 NAMES: Final = ("road_class", "road_roughness_m3")
 
@@ -35,41 +40,49 @@ CLASSES: Final = "ABCDEFGH"
 _CLASS_A_M3: Final = 16e-6
 _REFERENCE_PER_M: Final = 0.1
 _LOWEST_PER_M: Final = 0.011
-# g R = this (half angle / 0.22 rad)^exponent, and its relative scatter, on 60 random tires of the exact ring.
-_RING_RESPONSE: Final = 11.70
-_RING_EXPONENT: Final = -1.371
-_RING_STD: Final = 0.04
+# On 60 random tires of the exact ring: g R, and R / load times the tire's vertical stiffness, are this times a power of
+# the half width over 0.22 rad; relative scatter of the first.
+_RING_RESPONSE: Final = (9.70, -1.184)
+_RING_STIFFNESS: Final = (13.1, -0.962)
+_RING_STD: Final = 0.047
+# Contact angle over width at the middle level, on the same tires.
+_CONTACT_OVER_WIDTH: Final = 1.25
 _RING_HALF_RAD: Final = 0.22
-# An edge is read from the shape about it, up to the overshoot 0.16 rad outside: on the exact ring, as far outside as this.
-_EDGE_READ_RAD: Final = 0.1
-# Usual ranges of vehicles, one standard deviation: wheel hop in Hz and its damping ratio (logarithms), frequency of the
-# body on its spring in Hz, ratio of sprung to unsprung mass (logarithm).
-_HOP_HZ: Final = (12.0, 0.15)
+# Plateau of the contact within this share of its half angle, and the free belt beyond this angle.
+_PLATEAU_SHARE: Final = 0.4
+_FREE_RAD: Final = 1.1
+# Usual ranges of vehicles, one standard deviation: damping ratio of the wheel hop and ratio of sprung to unsprung mass
+# (logarithms), frequency of the body on its spring in Hz.
 _HOP_DAMPING: Final = (0.25, 0.35)
-_BODY_HZ: Final = (1.3, 0.2)
 _MASS_RATIO: Final = (8.0, 0.3)
+_BODY_HZ: Final = (1.3, 0.2)
 _DRAWS: Final = 64
 # Steps of the grids over which the response is computed once.
 _SPEED_STEP: Final = 1.1
-_CONTACT_STEP: Final = 1.15
+_WIDTH_STEP: Final = 1.15
 # Revolutions that the estimate remembers, and that it needs at least.
 _HORIZON: Final = 128
 _LEAST: Final = 30
 # Share of the bound that is taken as jitter, and its standard error: anywhere between nothing and the bound.
 _JITTER_SHARE: Final = 0.5
 _JITTER_STD: Final = 0.35
-# Third difference of the centres' times with the variance of the half angle's second difference, 3/2 of the jitter's.
-_TIMES: Final = tuple(weight * math.sqrt(1.5 / 20.0) for weight in (-1.0, 3.0, -3.0, 1.0))
+# Contacts of a parabola, and weights of what the middle one differs from it.
+_WINDOW: Final = 9
+_DIFFERENCE: Final = -np.linalg.pinv(np.vander(np.arange(_WINDOW) - _WINDOW // 2, 3, increasing=True))[0]
+_DIFFERENCE[_WINDOW // 2] += 1.0
+_SQUARED: Final = float(_DIFFERENCE @ _DIFFERENCE)
+# Third difference of the centres' times with the variance of that difference.
+_TIMES: Final = np.array([-1.0, 3.0, -3.0, 1.0]) * math.sqrt(_SQUARED / 20.0)
 # Speeds at which the wheel hop lies within the standard's spatial frequencies and the profile is a road's.
 _SLOWEST_MPS: Final = 5.0
 # Squares beyond this many times the root mean square are cut.
 _OUTLIER: Final = 5.0
-# Standard deviations of two numbers that are correlated from revolution to revolution count as fewer.
+# Contacts are correlated, so that fewer of them count.
 _INDEPENDENT_SHARE: Final = 0.4
 
 
 class _Contact(NamedTuple):
-    """Logarithm of the half angle, and hub time of the centre, of one contact."""
+    """Logarithm of the half width, and hub time of the centre, of one contact."""
 
     half: float
     centre_s: float
@@ -99,7 +112,7 @@ class RoadRoughnessEstimator:
     def update(
         self,
         revolution: Revolution,
-        average: AngleAverage,  # noqa: ARG002 - part of the interface
+        average: AngleAverage,
         conditions: TireConditions,
     ) -> tuple[Estimate, ...]:
         """Return road_class, 1 in the middle of class A to 8 in that of H, and road_roughness_m3, G(0.1 cycles/m).
@@ -107,18 +120,17 @@ class RoadRoughnessEstimator:
         Both state the same. The error of the class is symmetric; that of the roughness is a factor, given as its linear
         part. Never raises on values.
         """
-        speed = revolution.omega_radps * conditions.radius_m
-        unusable = _unusable(revolution, speed)
-        if unusable is not None or revolution.index != self._next:
+        crossings, unusable = _crossings(revolution, average, revolution.omega_radps * conditions.radius_m)
+        if crossings is None or revolution.index != self._next:
             self._contacts, self._leading_rad = [], math.nan
         self._next = revolution.index + 1
-        if unusable is None:
+        if crossings is not None:
             # The revolution begins with the second half of a contact, whose first half the one before has measured.
-            half = 0.5 * (revolution.trailing_edge_rad - self._leading_rad)
-            self._leading_rad = revolution.leading_edge_rad
+            half = 0.5 * (crossings[1] - self._leading_rad)
+            self._leading_rad = crossings[0]
             if half > 0.0:
-                self._contacts = [*self._contacts[-3:], _Contact(math.log(half), revolution.start_s)]
-                if len(self._contacts) == len(_TIMES):
+                self._contacts = [*self._contacts[1 - _WINDOW :], _Contact(math.log(half), revolution.start_s)]
+                if len(self._contacts) == _WINDOW:
                     self._take(half, revolution.omega_radps, conditions.radius_m)
         if self._count < _LEAST:
             waiting = unusable or Reason(Code.NEEDS_REVOLUTIONS, needed=float(_LEAST), count=float(self._count))
@@ -127,14 +139,15 @@ class RoadRoughnessEstimator:
 
     def _take(self, half_rad: float, omega_radps: float, radius_m: float) -> None:
         """Add the differences of the last contacts."""
-        _, before, middle, after = (contact.half for contact in self._contacts)
-        difference = middle - 0.5 * (before + after)
-        times = sum(weight * contact.centre_s for weight, contact in zip(_TIMES, self._contacts, strict=True))
+        halves, centres = np.array(self._contacts).T
+        difference = float(_DIFFERENCE @ halves)
+        # Relative to the first, so that hours of hub time lose no digits.
+        times = float(_TIMES @ (centres[-len(_TIMES) :] - centres[0]))
         bound = omega_radps * times / half_rad
-        response = _RING_RESPONSE / radius_m * (half_rad / _RING_HALF_RAD) ** _RING_EXPONENT
+        response = _of_ring(_RING_RESPONSE, half_rad, radius_m)
         gain, self._model_std, self._band_per_m = _road_response(
             round(math.log(omega_radps * radius_m) / math.log(_SPEED_STEP)),
-            round(math.log(2.0 * half_rad * radius_m) / math.log(_CONTACT_STEP)),
+            round(math.log(2.0 * half_rad * radius_m) / math.log(_WIDTH_STEP)),
             round(1e3 * radius_m),
         )
         per_m3 = response**2 * gain
@@ -174,6 +187,11 @@ class RoadRoughnessEstimator:
         )
 
 
+def _of_ring(law: tuple[float, float], half_rad: float, radius_m: float) -> float:
+    """Return a power law of the half angle over the radius, 1/m."""
+    return law[0] / radius_m * (half_rad / _RING_HALF_RAD) ** law[1]
+
+
 def class_letter(value: float) -> str:
     """Return the letter of a class number, 1 for A; numbers beyond the classes belong to the outer ones."""
     return CLASSES[min(max(round(value), 1), len(CLASSES)) - 1]
@@ -183,41 +201,68 @@ def _class_of(roughness_m3: float) -> float:
     return 1.0 + math.log(roughness_m3 / _CLASS_A_M3) / math.log(4.0)
 
 
-def _unusable(revolution: Revolution, speed_mps: float) -> Reason | None:
-    """Return why a revolution says nothing about the road; None when it may be used."""
+def _crossings(
+    revolution: Revolution, average: AngleAverage, speed_mps: float
+) -> tuple[tuple[float, float] | None, Reason | None]:
+    """Return where the radial axis crosses the middle level, leading and trailing, in rad, or why it cannot be used."""
     if revolution.faults:
-        return not_used(revolution.faults)
-    if not (revolution.trailing_edge_rad > revolution.leading_edge_rad):
-        return Reason(Code.NO_CONTACT_EDGES)
+        return None, not_used(revolution.faults)
     if not 0.0 < speed_mps < math.inf:
-        return Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+        return None, Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
     if speed_mps < _SLOWEST_MPS:
-        return Reason(Code.TOO_SLOW_FOR_ROAD, limit_mps=_SLOWEST_MPS)
-    return None
+        return None, Reason(Code.TOO_SLOW_FOR_ROAD, limit_mps=_SLOWEST_MPS)
+    if average.effective_count < SETTLED_REVOLUTIONS:
+        return None, Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
+    n = len(average.radial_mps2)
+    angles = angle_grid(n)
+    inside = (angles > _PLATEAU_SHARE * average.leading_edge_rad) & (
+        angles < _PLATEAU_SHARE * average.trailing_edge_rad
+    )
+    radial = revolution.radial_mps2
+    if not (inside.any() and np.isfinite(radial).all()):
+        return None, Reason(Code.NO_CONTACT_EDGES)
+    # The level is the average's: that of a single revolution would follow the hub's acceleration.
+    plateau = float(average.radial_mps2[inside].mean())
+    level = 0.5 * (plateau + float(np.median(average.radial_mps2[np.abs(angles) > _FREE_RAD])))
+    above = radial > level
+    middle = n // 2
+    trailing, leading = int(np.argmax(above[middle:])) + middle, middle - int(np.argmax(above[middle::-1]))
+    if above[middle] or not (above[trailing] and above[leading]):
+        return None, Reason(Code.NO_CONTACT_EDGES)
+    spacing = 2.0 * math.pi / n
+    found = []
+    for outer, step in ((leading, -1), (trailing, 1)):
+        low, high = float(radial[outer - step]), float(radial[outer])
+        found.append(float(angles[outer]) - step * spacing * (high - level) / (high - low))
+    return (found[0], found[1]), None
 
 
 @lru_cache(maxsize=256)
-def _road_response(speed_step: int, contact_step: int, radius_mm: int) -> tuple[float, float, tuple[float, float]]:
-    """Return the variance of the second difference of the tire's deflection on a road of G(n0) = 1 m^3.
+def _road_response(speed_step: int, width_step: int, radius_mm: int) -> tuple[float, float, tuple[float, float]]:
+    """Return the variance of the difference of the tire's deflection from its parabola on a road of G(n0) = 1 m^3.
 
     Args:
         speed_step: logarithm of the speed in m/s in steps of 10 %.
-        contact_step: likewise of the contact length in m, in steps of 15 %.
+        width_step: likewise of the width in m, in steps of 15 %.
         radius_mm: belt radius.
 
     Returns:
         The variance over the usual vehicles (geometric mean), m^2 per m^3; the standard error of its logarithm; the
         spatial frequencies, cycles per m, between which lie four fifths of it.
     """
-    speed, contact = _SPEED_STEP**speed_step, _CONTACT_STEP**contact_step
+    speed, width = _SPEED_STEP**speed_step, _WIDTH_STEP**width_step
     period = 2.0 * math.pi * 1e-3 * radius_mm / speed
     frequency = np.geomspace(max(_LOWEST_PER_M * speed, 0.2), 120.0, 800)
-    second = np.square(1.0 - np.cos(2.0 * math.pi * frequency * period))
+    turns = np.exp(2j * math.pi * np.outer(frequency * period, np.arange(_WINDOW)))
+    changing = np.square(np.abs(turns @ _DIFFERENCE))
     # The road under the contact is averaged over its length; its edges read the load as the sensor enters and leaves.
-    reach = 0.5 * contact + _EDGE_READ_RAD * 1e-3 * radius_mm
-    averaged = np.square(np.sinc(frequency * contact / speed) * np.cos(2.0 * math.pi * frequency * reach / speed))
+    averaged = np.square(
+        np.sinc(frequency * _CONTACT_OVER_WIDTH * width / speed) * np.cos(math.pi * frequency * width / speed)
+    )
     height = (_REFERENCE_PER_M * speed / frequency) ** 2 / speed
-    powers = np.square(np.abs(_deflection(frequency))) * (second * averaged * height)
+    radius_m = 1e-3 * radius_mm
+    per_mass = STANDARD_GRAVITY_MPS2 * _of_ring(_RING_STIFFNESS, 0.5 * width / radius_m, radius_m)
+    powers = np.square(np.abs(_deflection(frequency, per_mass))) * (changing * averaged * height)
     variances = np.trapezoid(powers, frequency, axis=1)
     logarithms = np.log(variances)
     mean = powers.mean(axis=0) * frequency
@@ -226,31 +271,35 @@ def _road_response(speed_step: int, contact_step: int, radius_mm: int) -> tuple[
     return math.exp(float(logarithms.mean())), float(logarithms.std()), (low, high)
 
 
-def _deflection(frequency_hz: FloatArray) -> FloatArray:
-    """Return (draws, m) deflection of the tire over the height of the road, of the usual vehicles."""
-    hop, damping, body, ratio = (draw[:, np.newaxis] for draw in _vehicles())
+def _deflection(frequency_hz: FloatArray, tire_per_mass: float) -> ComplexArray:
+    """Return (draws, m) deflection of the tire over the height of the road, of the usual vehicles.
+
+    Args:
+        frequency_hz: (m,) not 0.
+        tire_per_mass: the tire's vertical stiffness over the mass that it carries, wheel included, 1/s^2.
+    """
+    damping, ratio, body = (draw[:, np.newaxis] for draw in _vehicles())
     s = 2j * math.pi * frequency_hz
-    # Of unit unsprung mass: tire and spring together give the hop, the spring the body.
+    # Of unit unsprung mass.
+    tire = (1.0 + ratio) * tire_per_mass
     spring = ratio * np.square(2.0 * math.pi * body)
-    tire = np.maximum(np.square(2.0 * math.pi * hop) - spring, spring)
-    damper = 2.0 * damping * 2.0 * math.pi * hop
+    damper = 2.0 * damping * np.sqrt(tire + spring)
     strut = damper * s + spring
     body_follows = strut / (ratio * s**2 + strut)
     wheel = tire / (s**2 + strut * (1.0 - body_follows) + tire)
-    relative: FloatArray = 1.0 - wheel
+    relative: ComplexArray = 1.0 - wheel
     return relative
 
 
-def _vehicles() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return hop frequency, damping ratio, body frequency and mass ratio of the draws: quantiles, shuffled."""
+def _vehicles() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return damping ratio of the hop, mass ratio and body frequency of the draws: quantiles, shuffled."""
     from scipy.special import ndtri
 
     levels = ndtri((np.arange(_DRAWS) + 0.5) / _DRAWS)
     rng = np.random.default_rng(8608)
-    columns = [rng.permutation(levels) for _ in range(4)]
+    columns = [rng.permutation(levels) for _ in range(3)]
     return (
-        _HOP_HZ[0] * np.exp(_HOP_HZ[1] * columns[0]),
-        _HOP_DAMPING[0] * np.exp(_HOP_DAMPING[1] * columns[1]),
-        _BODY_HZ[0] * np.exp(_BODY_HZ[1] * columns[2]),
-        _MASS_RATIO[0] * np.exp(_MASS_RATIO[1] * columns[3]),
+        _HOP_DAMPING[0] * np.exp(_HOP_DAMPING[1] * columns[0]),
+        _MASS_RATIO[0] * np.exp(_MASS_RATIO[1] * columns[1]),
+        _BODY_HZ[0] + _BODY_HZ[1] * columns[2],
     )

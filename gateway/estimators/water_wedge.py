@@ -1,11 +1,10 @@
 """Estimator of the motion of the leading contact edge against the trailing one, as by a wedge of water.
 
 Water that the tread does not clear lifts the front of the contact, so that the leading edge moves toward the trailing
-one, which stays (Matilainen and Tuononen, Mechanical Systems and Signal Processing 52-53 (2015) 548-559, saw contacts
-shorten so on wet roads). A smaller load moves both edges alike, toward each other. The middle of the contact tells them
-apart: it arrives later by half the difference of what the edges have moved. Its time is compared with that of a
-rotation of steady acceleration over the revolutions before. Only a change is seen, and no drive in water has verified
-this estimator.
+one, which stays; Niskanen and Tuononen (Vehicle System Dynamics 52 (sup1), 2014, 287-298) have seen such deformations
+of the contact with accelerometers on the inner liner. A smaller load moves both edges alike, toward each other. To tell
+them apart, the middle of the contact is compared with a rotation of steady acceleration over the contacts before. Only
+a change is seen, and no drive in water has verified this estimator.
 """
 
 from __future__ import annotations
@@ -25,18 +24,24 @@ NAMES: Final = ("leading_edge_shift_rad", "trailing_edge_shift_rad", "water_wedg
 # Contacts from which the next one is predicted, and degree of the polynomial in their numbers.
 _WINDOW: Final = 16
 _DEGREE: Final = 2
+# Contacts over which a wedge is followed before it becomes the new reference.
+_HELD: Final = 12
 # Predictions whose scatter is the error of the next.
 _SCATTER: Final = 32
-_LEAST_SCATTER: Final = 8
+_LEAST_SCATTER: Final = 16
+# The place of an edge changes with its shape by about this, whatever the noise.
+_LEAST_STD_RAD: Final = 1.5e-3
+# Share by which the shape of an edge, whose place it is read from, may change a shift of it.
+_SHIFT_STD: Final = 0.08
 # Share of a length change by which the trailing edge may move while the leading edge's is called a wedge.
 _TRAILING_SHARE: Final = 1.0 / 3.0
 
 
 class _Contact(NamedTuple):
-    """Half angle of one contact, and hub time of its centre."""
+    """Half angle of one contact, and hub time of the middle between its edges."""
 
     half_rad: float
-    centre_s: float
+    middle_s: float
 
 
 class WaterWedgeEstimator:
@@ -55,12 +60,16 @@ class WaterWedgeEstimator:
     def reset(self) -> None:
         """Forget the contacts."""
         self._clear()
-        self._shifts: list[tuple[float, float]] = []
+        self._shifts: list[tuple[float, float, float]] = []
 
     def _clear(self) -> None:
-        self._contacts: list[_Contact] = []
+        self._clear_reference()
         self._leading_rad = math.nan
         self._next = -1
+
+    def _clear_reference(self, *contacts: _Contact) -> None:
+        self._contacts = list(contacts)
+        self._held = 0
 
     def update(
         self,
@@ -82,50 +91,63 @@ class WaterWedgeEstimator:
             self._clear()
         self._next = revolution.index + 1
         # The revolution begins with the second half of a contact, whose first half the one before has measured.
-        half = 0.5 * (revolution.trailing_edge_rad - self._leading_rad)
+        leading, trailing = self._leading_rad, revolution.trailing_edge_rad
         self._leading_rad = revolution.leading_edge_rad
-        if not half > 0.0:
+        # The revolution's own zero follows the template of the average, which a change of load shifts for a while.
+        middle_s = revolution.start_s + 0.5 * (leading + trailing) / revolution.omega_radps
+        contact = _Contact(0.5 * (trailing - leading), middle_s)
+        if math.isnan(leading):
             return _invalid(Reason(Code.NEEDS_REVOLUTIONS, needed=float(_WINDOW), count=0.0))
-        made = self._shifts_of(_Contact(half, revolution.start_s), revolution.omega_radps)
-        self._contacts = [*self._contacts[1 - _WINDOW :], _Contact(half, revolution.start_s)]
-        return made
+        if len(self._contacts) < _WINDOW:
+            self._contacts.append(contact)
+            count = float(len(self._contacts))
+            return _invalid(Reason(Code.NEEDS_REVOLUTIONS, needed=float(_WINDOW), count=count))
+        return self._shifts_of(contact, revolution.omega_radps)
 
     def _shifts_of(self, contact: _Contact, omega_radps: float) -> tuple[Estimate, ...]:
         """Return the estimates of a contact from those before it."""
-        if len(self._contacts) < _WINDOW:
-            return _invalid(Reason(Code.NEEDS_REVOLUTIONS, needed=float(_WINDOW), count=float(len(self._contacts))))
-        before = self._contacts
+        before = np.array(self._contacts)
         # Relative to the last contact, so that hours of hub time lose no digits.
-        since = np.array([one.centre_s - before[-1].centre_s for one in before])
-        late = omega_radps * (contact.centre_s - before[-1].centre_s - float(self._weights @ since))
-        shorter = float(np.mean([one.half_rad for one in before])) - contact.half_rad
+        since = before[:, 1] - before[-1, 1]
+        late = omega_radps * (contact.middle_s - float(before[-1, 1]) - float(self._weights[self._held] @ since))
+        shorter = float(before[:, 0].mean()) - contact.half_rad
+        leading, trailing, wedge = shorter + late, shorter - late, 2.0 * late
         scatter = self._scatter()
-        # A wedge is not part of the scatter that it is compared with.
-        if scatter is None or abs(late) < DETERMINED * scatter[0]:
-            self._shifts = [*self._shifts[1 - _SCATTER :], (late, shorter)]
+        # A wedge belongs neither to the contacts nor to the scatter that the next contact is compared with; what lasts
+        # longer than the prediction reaches becomes the new reference.
+        if scatter is not None and abs(wedge) > DETERMINED * scatter[2] and self._held < _HELD:
+            self._held += 1
+        elif self._held:
+            self._clear_reference(contact)
+        else:
+            self._contacts = [*self._contacts[1:], contact]
+            self._shifts = [*self._shifts[1 - _SCATTER :], (leading, trailing, wedge)]
         if scatter is None:
             needed, count = float(_WINDOW + _LEAST_SCATTER), float(_WINDOW + len(self._shifts))
             return _invalid(Reason(Code.NEEDS_REVOLUTIONS, needed=needed, count=count))
-        late_std, shorter_std = scatter
-        edge_std = math.hypot(late_std, shorter_std)
-        leading, trailing, wedge = shorter + late, shorter - late, 2.0 * late
+        leading_std, trailing_std, wedge_std = scatter
         notes = [Reason(Code.NOT_VERIFIED_BY_MEASUREMENT)]
-        is_wedge = wedge > DETERMINED * 2.0 * late_std and leading > DETERMINED * edge_std
-        if is_wedge and abs(trailing) < max(_TRAILING_SHARE * leading, DETERMINED * edge_std):
+        if (
+            wedge > DETERMINED * wedge_std
+            and leading > DETERMINED * leading_std
+            and abs(trailing) < max(_TRAILING_SHARE * leading, DETERMINED * trailing_std)
+        ):
             notes.insert(0, Reason(Code.LIKE_A_WATER_WEDGE, shift_rad=leading))
+        found = ((leading, leading_std), (trailing, trailing_std), (wedge, wedge_std))
         return tuple(
-            Estimate(name, value, std, Status.PROVISIONAL, tuple(notes))
-            for name, value, std in zip(
-                NAMES, (leading, trailing, wedge), (edge_std, edge_std, 2.0 * late_std), strict=True
-            )
+            Estimate(name, value, math.hypot(std, _SHIFT_STD * value), Status.PROVISIONAL, tuple(notes))
+            for name, (value, std) in zip(NAMES, found, strict=True)
         )
 
-    def _scatter(self) -> tuple[float, float] | None:
-        """Return the root mean squares of lateness and shortening so far; None before there are enough."""
+    def _scatter(self) -> tuple[float, float, float] | None:
+        """Return the standard errors of the three shifts, from those so far; None before there are enough."""
         if len(self._shifts) < _LEAST_SCATTER:
             return None
-        late, shorter = np.sqrt(np.square(self._shifts).mean(axis=0)).tolist()
-        return late, shorter
+        # A prediction that reaches further is less certain.
+        first, reach = (math.sqrt(1.0 + float(self._weights[at] @ self._weights[at])) for at in (0, self._held))
+        scatters = np.sqrt(np.square(self._shifts).mean(axis=0)) * (reach / first)
+        leading, trailing, wedge = np.maximum(scatters, _LEAST_STD_RAD).tolist()
+        return leading, trailing, wedge
 
 
 def _invalid(reason: Reason) -> tuple[Estimate, ...]:
@@ -133,8 +155,9 @@ def _invalid(reason: Reason) -> tuple[Estimate, ...]:
 
 
 def _prediction_weights() -> FloatArray:
-    """Return (window,) weights of the times of past contacts in the time of the next: a polynomial's extrapolation."""
+    """Return (held + 1, window) weights of the times of past contacts in that of a later one, the next one first."""
     numbers = np.arange(-_WINDOW, 0, dtype=np.float64)
-    powers = np.vander(numbers, _DEGREE + 1, increasing=True)
-    weights: FloatArray = np.linalg.pinv(powers)[0]
+    inverse = np.linalg.pinv(np.vander(numbers, _DEGREE + 1, increasing=True))
+    later = np.vander(np.arange(_HELD + 1, dtype=np.float64), _DEGREE + 1, increasing=True)
+    weights: FloatArray = later @ inverse
     return weights
