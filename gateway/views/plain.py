@@ -13,7 +13,7 @@ from gateway.views.readout import Reading, read_result
 from gateway.views.text import clean, crop, crop_middle, pad, width
 from gateway.views.wording import notice_text
 
-LINE_WIDTH: Final = 200
+LINE_WIDTH: Final = 216
 HEADER_EVERY: Final = 40
 _NUMBERS_TITLE: Final = "numbers ± standard error (~ provisional, x invalid)"
 _NAME_WIDTH_MIN: Final = 5
@@ -93,7 +93,7 @@ class PlainView:
     def _header(self) -> str:
         numbers = crop(_NUMBERS_TITLE, self._numbers_width())
         return (
-            f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {'km/h':>7} {'rpm':>7} {'m':>8} "
+            f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {'km/h':>7} {'rpm':>6} {'m':>8} "
             f"{'leading deg':>13} {'trailing deg':>12} {numbers:<{self._numbers_width()}} {'kPa':>6} st reason"
         )
 
@@ -105,7 +105,7 @@ class PlainView:
         numbers = " ".join(f"{cell:<{size}}" for cell, size in zip(cells, self._number_widths, strict=False))
         return (
             f"{pad(name, self._name_width)} {revolution.index:>6} {revolution.start_s:>10.3f} "
-            f"{reading.speed.number.value + reading.speed.mark:>7} {reading.rotation.number.value:>7} "
+            f"{reading.speed.number.value + reading.speed.mark:>7} {fixed(reading.rotation.value, 1):>6} "
             f"{fixed(reading.distance.value, 1) if reading.distance else MISSING:>8} {_cell(reading.leading):>13} "
             f"{_cell(reading.trailing):>12} {numbers:<{self._numbers_width()}} "
             f"{kpa(result.conditions.pressure_pa):>6} {_STATUS_WORDS[reading.status]:<2} "
