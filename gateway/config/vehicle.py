@@ -100,17 +100,15 @@ class Reference(Section):
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
         """Return the numbers in SI, at the tire's stated pressure where the table has none."""
         pressure_pa = stated_pressure_pa if self.pressure_kpa is None else self.pressure_kpa * 1e3
-        rates = {
-            name: 0.01 * rate
-            for name, rate in (
-                ("softening_per_k", self.softening_percent_per_k),
-                ("softening_std_per_k", self.softening_std_percent_per_k),
-            )
-            if rate is not None
-        }
+        rate, rate_std = self.softening_percent_per_k, self.softening_std_percent_per_k
         converted = {"pressure_kpa", "softening_percent_per_k", "softening_std_percent_per_k"}
         stated = self.model_dump(exclude=converted, exclude_none=True)
-        return ReferenceNumbers(**stated, **rates, pressure_pa=pressure_pa)
+        return ReferenceNumbers(
+            **stated,
+            pressure_pa=pressure_pa,
+            softening_per_k=SOFTENING_PER_K if rate is None else 0.01 * rate,
+            softening_std_per_k=SOFTENING_STD_PER_K if rate_std is None else 0.01 * rate_std,
+        )
 
 
 class LoadCalibrationTable(Section):
