@@ -189,7 +189,7 @@ class RoadRoughnessEstimator:
 
 def _of_ring(law: tuple[float, float], half_rad: float, radius_m: float) -> float:
     """Return a power law of the half angle over the radius, 1/m."""
-    return law[0] / radius_m * (half_rad / _RING_HALF_RAD) ** law[1]
+    return float(law[0] / radius_m * (half_rad / _RING_HALF_RAD) ** law[1])
 
 
 def class_letter(value: float) -> str:
@@ -287,7 +287,7 @@ def _deflection(frequency_hz: FloatArray, tire_per_mass: float) -> ComplexArray:
     strut = damper * s + spring
     body_follows = strut / (ratio * s**2 + strut)
     wheel = tire / (s**2 + strut * (1.0 - body_follows) + tire)
-    relative: ComplexArray = 1.0 - wheel
+    relative: ComplexArray = np.asarray(1.0 - wheel, np.complex128)
     return relative
 
 

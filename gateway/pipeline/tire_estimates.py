@@ -155,7 +155,7 @@ class _Series:
         own = {self.calibration.name: self.calibration}
         common = {made.name: made for made in (other.estimators if other else ()) if made.name in _COMMON}
         known: dict[str, Estimator] = {**own, **common}
-        self.estimators = [known.get(name) or make_estimator(name) for name in in_order(estimators)]
+        self.estimators: list[Estimator] = [known.get(name) or make_estimator(name) for name in in_order(estimators)]
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
