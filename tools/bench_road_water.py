@@ -1,4 +1,4 @@
-"""Pulls of distance, road class, cavity temperature and water wedge on simulated tires drawn at random.
+"""Pulls of distance, load, wear, road class, cavity and water wedge on simulated tires drawn at random.
 
 python tools/bench_road_water.py [--tires N] [--seed N] [QUANTITY...]
 """
@@ -9,7 +9,7 @@ import argparse
 import math
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +18,8 @@ from firmware_protocol.decoder import FrameDecoder
 from gateway.config.validation import parse_document
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.tire_data import ReferenceNumbers
+from gateway.estimators.tire_fit import TirePoint, fit_load_calibration, reference_numbers
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import TireData, WheelSetup
 from gateway.pipeline.wheels import Pipeline
@@ -57,7 +59,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--tires", type=int, default=24, help="tires to draw [default: 24]")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw [default: 1]")
     options = parser.parse_args(arguments)
-    print(f"{'quantity':<34} runs  given   rms pull  max pull  beyond 2  median std  right")
+    print(f"{'quantity':<40} runs  given   rms pull  max pull  beyond 2  median std  right")
     for name in options.quantities or BENCHES:
         pulls: list[Pull] = []
         for index in range(options.tires):
@@ -69,7 +71,7 @@ def main(arguments: list[str]) -> int:
 
 def _row(group: str, pulls: list[Pull]) -> str:
     given = [pull for pull in pulls if pull.estimate is not None and pull.estimate.status is not Status.INVALID]
-    line = f"{group:<34} {len(pulls):4d}  {len(given) / len(pulls):5.0%}"
+    line = f"{group:<40} {len(pulls):4d}  {len(given) / len(pulls):5.0%}"
     if not given:
         return line
     errors = np.array([(pull.estimate.value - pull.truth) / pull.estimate.std for pull in given if pull.estimate])
@@ -91,16 +93,18 @@ def run(
     wheel: str = "",
     loads: str | None = None,
     radius: float = 1.0,
+    seconds: float = SECONDS,
+    stated: float | None = None,
 ) -> tuple[list[RevolutionResult], WheelTruth]:
     """Return the results of a wheel on a drawn tire, and the truth."""
     text = scenario_text(world, tables, seed, wheel, loads)
-    simulation = simulate(parse_document(Scenario, text, "bench"), duration_s=SECONDS)
+    simulation = simulate(parse_document(Scenario, text, "bench"), duration_s=seconds)
     setup = WheelSetup(
         "FL",
         0,
         0,
         radius * world.radius_m,
-        load_n=world.load_n,
+        load_n=stated,
         pressure_pa=world.pressure_pa,
         radius_std_m=0.01 * world.radius_m,
         tire=tire or TireData(),
@@ -267,8 +271,62 @@ def distance(seed: int, index: int) -> Iterator[Pull]:
     yield Pull("rpm", last(results, "rotation_rpm"), omega * 30.0 / math.pi)
 
 
+def load(seed: int, index: int) -> Iterator[Pull]:
+    """Yield load and wear of a worn and warm tire that was calibrated new and cold."""
+    world = draw_world(seed, index)
+    rng = np.random.default_rng([seed, index, 310])
+    rate, rate_std = 0.006 + 0.003 * rng.standard_normal(), 3e-4
+    degc, wear_mm = float(rng.uniform(15.0, 65.0)), float(rng.uniform(0.0, 0.4)) * world.thickness_mm
+    points = []
+    for share in (0.7, 1.0, 1.3):
+        known = replace(world, load_n=share * world.load_n)
+        results, _ = run(
+            known,
+            "",
+            ("kinematic", "weak-form"),
+            index,
+            seconds=8.0,
+            wheel="temperature_degc = 25",
+            stated=known.load_n,
+        )
+        good = [result for result in results[5:] if not result.revolution.faults]
+        if not good:
+            return
+        halves = [0.5 * (one.revolution.trailing_edge_rad - one.revolution.leading_edge_rad) for one in good]
+        numbers = {found.name: found for found in good[-1].estimates}
+        half = float(np.median(halves))
+        points.append(TirePoint("", known.load_n, 0.0, world.pressure_pa, half, numbers, temperature_degc=25.0))
+    reference = reference_numbers(points, "weak-form")
+    calibration = fit_load_calibration(points).calibration
+    measured_rate = rate + rate_std * rng.standard_normal()
+    bs, *others = world.numbers
+    warm = replace(world, numbers=(bs * math.exp(-rate * (degc - 25.0)), *others))
+    thick = 1e-3 * world.thickness_mm
+    wheel = (
+        f"temperature_degc = {degc:.4f}\n[wheel.tire]\nwear_mm = {wear_mm:.4f}\n"
+        f"ring_thickness_mm = {world.thickness_mm:.4f}"
+    )
+    stated = 1e-3 * (wear_mm + 0.3 * rng.standard_normal())
+    new = TireData(ring_thickness_m=thick, reference=reference, load_calibration=calibration)
+    known_rate = replace(reference, softening_per_k=measured_rate, softening_std_per_k=rate_std)
+    by_number = ("kinematic", "weak-form", "wear", "load")
+    for name, tire, estimators, load_n in (
+        ("by the bending number", new, by_number, None),
+        ("by stated wear", replace(new, wear_m=stated, wear_std_m=3e-4), ("kinematic", "load"), None),
+        ("wear unknown", replace(new, reference=ReferenceNumbers(temperature_degc=25.0)), ("kinematic", "load"), None),
+        ("assumed coefficient", new, by_number, world.load_n),
+        ("measured coefficient", replace(new, reference=known_rate), by_number, world.load_n),
+    ):
+        results, _ = run(warm, "", estimators, 1000 * seed + index, tire=tire, wheel=wheel, seconds=12.0, stated=load_n)
+        if load_n is None:
+            yield Pull(f"load by angle, {name}", last(results, "load_by_angle_n"), world.load_n)
+        else:
+            yield Pull(f"wear, {name}", last(results, "wear_mm"), wear_mm)
+
+
 BENCHES: Final[dict[str, Callable[[int, int], Iterator[Pull]]]] = {
     "distance": distance,
+    "load": load,
     "road": road,
     "cavity": cavity,
     "water": water,
