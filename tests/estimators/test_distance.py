@@ -10,6 +10,7 @@ import pytest
 
 from gateway.estimators.distance import DistanceEstimator
 from gateway.estimators.estimator import Estimate, Status
+from gateway.pipeline.tire_estimates import _Series
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, codes_of
 from tests.testkit.exact_ring import RADIUS_M, solution
@@ -85,3 +86,13 @@ def test_simulated_distance_over_a_drive() -> None:
     omega = truth.omega_radps(0.5 * (results[-1].revolution.start_s + end) - shift)
     assert found["angular_speed_radps"].value == pytest.approx(omega, rel=2e-3)
     assert found["rotation_rpm"].value == pytest.approx(60.0 / results[-1].revolution.period_s, rel=1e-9)
+
+
+def test_distance_goes_on_where_known_effects_do_not_hold() -> None:
+    with_effects = _Series(("kinematic", "distance"))
+    without = _Series(("kinematic", "distance"), with_effects)
+    shared, own = (
+        [made for made in series.estimators if made.name == "distance"] for series in (with_effects, without)
+    )
+    assert shared[0] is own[0]
+    assert without.estimators[0] is not with_effects.estimators[0]
