@@ -107,8 +107,12 @@ class Code(StrEnum):
     NOT_DETERMINED = "not_determined"
     ORDERS_UNUSABLE = "orders_unusable"
     RING_DOES_NOT_FIT = "ring_does_not_fit"
+    # Of distance
+    DISTANCE_BRIDGED = "distance_bridged"
+    DISTANCE_INTERRUPTED = "distance_interrupted"
     # Of load and wear
     BENDING_NOT_POSITIVE = "bending_not_positive"
+    CORRECTED_FOR_BENDING = "corrected_for_bending"
     CORRECTED_FOR_WEAR = "corrected_for_wear"
     FROM_BELT_WIDTH = "from_belt_width"
     FROM_CONTACT_ANGLE = "from_contact_angle"
@@ -129,6 +133,7 @@ class Code(StrEnum):
     PRESSURE_OUTSIDE_CALIBRATION = "pressure_outside_calibration"
     TEMPERATURE_NOT_COMPENSATED = "temperature_not_compensated"
     UNKNOWN_ESTIMATOR = "unknown_estimator"
+    WEAR_CONTRADICTED = "wear_contradicted"
     WEAR_UNKNOWN = "wear_unknown"
     # Of the lateral axis
     CONICITY_NOT_SEPARATED = "conicity_not_separated"
@@ -163,6 +168,18 @@ class Code(StrEnum):
     IN_BAND = "in_band"
     NEEDS_UNINTERRUPTED_ROLLING = "needs_uninterrupted_rolling"
     NO_LINE = "no_line"
+
+    # Of road and water
+    CAVITY_CONTRADICTED = "cavity_contradicted"
+    LIKE_A_WATER_WEDGE = "like_a_water_wedge"
+    NEEDS_CAVITY_LENGTH = "needs_cavity_length"
+    NEEDS_REVOLUTIONS = "needs_revolutions"
+    NEEDS_TEMPERATURE = "needs_temperature"
+    NOT_VERIFIED_BY_MEASUREMENT = "not_verified_by_measurement"
+    ROAD_BELOW_NOISE = "road_below_noise"
+    ROAD_CLASS = "road_class"
+    ROAD_WAVES = "road_waves"
+    TOO_SLOW_FOR_ROAD = "too_slow_for_road"
 
     # Sensors
     AXIS_READS = "axis_reads"

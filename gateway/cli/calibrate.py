@@ -63,6 +63,8 @@ def load(
 
     The result is two tables for the vehicle configuration. [tire.load_calibration] lets the estimator `load` give the
     load of wheels whose load is not stated. [tire.reference] is the reference for wear; record it with new tires.
+    Recordings of the same tires cold and warm, 20 K apart or more, also measure how their stiffness falls with the
+    temperature, which makes wear and load more certain.
 
     All wheels are treated as tires of one kind unless --wheel selects some of them. The errors of the fit are printed,
     also with each recording left out in turn.
@@ -83,7 +85,7 @@ def load(
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
     to_stdout = is_stdout(out_path)
-    for line in fit_lines(points, fit):
+    for line in fit_lines(points, fit, reference):
         click.echo(line, err=to_stdout)
     text = calibration_toml(fit.calibration, reference)
     _write(text, out_path, force=force)

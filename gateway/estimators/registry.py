@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 # uses the estimates of others comes after them.
 ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
+    "distance": "gateway.estimators.distance:DistanceEstimator",
     "self-calibration": "gateway.estimators.self_calibration:SelfCalibrationEstimator",
     "weak-form": "gateway.estimators.weak_form:WeakFormEstimator",
     "ring-modal": "gateway.estimators.ring_modal:RingModalEstimator",
@@ -27,9 +28,12 @@ ESTIMATORS: Final[dict[str, str]] = {
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
     "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
+    "cavity": "gateway.estimators.cavity:CavityEstimator",
+    "road": "gateway.estimators.road_roughness:RoadRoughnessEstimator",
+    "water-wedge": "gateway.estimators.water_wedge:WaterWedgeEstimator",
 }
 
-DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "wear", "ply-steer")
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "distance", "weak-form", "wear", "ply-steer")
 
 
 def estimator_names() -> list[str]:

@@ -28,9 +28,11 @@ _ENVIRONMENT_DEPTH: Final = 64
 # Revolutions worked on together, which bounds the memory.
 _LONGEST_BLOCK: Final = 64
 # Estimators that known effects, which are locked to the wheel's angle, do not change.
-_UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
-# Estimate that rests on the times of contacts alone.
-_SPEED: Final = "speed_mps"
+_UNAFFECTED: Final = frozenset({"kinematic", "distance", "asynchronous", "cavity", "road", "water-wedge"})
+# Estimators whose memory is of times, not of waveforms: one for all revolutions.
+_COMMON: Final = frozenset({"distance"})
+# Estimates that rest on the times of contacts alone.
+_OF_TIMES: Final = frozenset({"speed_mps", "angular_speed_radps", "rotation_rpm", "distance_m"})
 
 
 class Given(Mapping[str, "Named"]):
@@ -146,13 +148,14 @@ def _average(average: RunningAverage, revolutions: Sequence[Revolution]) -> Aver
 class _Series:
     """Average, self-calibration and estimators of revolutions that may be averaged together."""
 
-    def __init__(self, estimators: Sequence[str]) -> None:
+    def __init__(self, estimators: Sequence[str], other: _Series | None = None) -> None:
         self.average = RunningAverage()
         # Always on, because what it measures decides how far the other estimates hold.
         self.calibration = SelfCalibrationEstimator()
-        self.estimators: list[Estimator] = [
-            self.calibration if name == self.calibration.name else make_estimator(name) for name in in_order(estimators)
-        ]
+        own = {self.calibration.name: self.calibration}
+        common = {made.name: made for made in (other.estimators if other else ()) if made.name in _COMMON}
+        known: dict[str, Estimator] = {**own, **common}
+        self.estimators: list[Estimator] = [known.get(name) or make_estimator(name) for name in in_order(estimators)]
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
@@ -241,7 +244,7 @@ class TireEstimates:
         """Estimate revolutions of one series: all with known effects subtracted, or none."""
         uncorrected = revolutions[0].uncorrected is not None
         if uncorrected not in self._series:
-            self._series[uncorrected] = _Series(self._names)
+            self._series[uncorrected] = _Series(self._names, self._current)
         self._current = series = self._series[uncorrected]
         averages = self._take_in(revolutions)
         arrays = RevolutionArrays(revolutions)
@@ -280,7 +283,7 @@ class TireEstimates:
                     found = tuple(evidence.qualified(estimate) for estimate in found)
                 if doubt is not None:
                     found = tuple(
-                        estimate if estimate.name == _SPEED else _provisional(estimate, doubt) for estimate in found
+                        estimate if estimate.name in _OF_TIMES else _provisional(estimate, doubt) for estimate in found
                     )
                 given[index].add(estimator.name, found)
                 estimates[index] += found

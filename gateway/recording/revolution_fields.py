@@ -18,10 +18,13 @@ _SOLVED: Final = {
 QUANTITIES: Final[dict[str, dict[str, str]]] = {
     "kinematic": {
         "speed_mps": "rolling speed",
+        "angular_speed_radps": "angular speed",
+        "rotation_rpm": "revolutions per minute",
         "leading_edge_rad": "angle of the leading contact edge, negative",
         "trailing_edge_rad": "angle of the trailing contact edge",
         "contact_length_m": "contact length",
     },
+    "distance": {"distance_m": "distance rolled since the first revolution"},
     "self-calibration": {
         "gain": "gain of the radial axis, 1 reads true",
         "zero_g_offset_mps2": "zero-g offset of the radial axis",
@@ -75,6 +78,20 @@ QUANTITIES: Final[dict[str, dict[str, str]]] = {
         "asynchronous_rms_mps2": "root mean square of what is not locked to the wheel, 5 to 800 Hz",
         "asynchronous_line_hz": "frequency of the strongest line",
         "asynchronous_line_rms_mps2": "root mean square of the strongest line",
+    },
+    "cavity": {
+        "cavity_hz": "resonance frequency of the tire cavity",
+        "cavity_temperature_degc": "temperature of the gas in the tire, if it is air",
+        "cavity_gas_ratio": "gamma / M of the gas over that of air, at the measured temperature",
+    },
+    "road": {
+        "road_class": "class of the road's roughness after ISO 8608, 1 in the middle of A, 8 in that of H",
+        "road_roughness_m3": "density of the road's height at 0.1 cycles per m",
+    },
+    "water-wedge": {
+        "leading_edge_shift_rad": "shift of the leading edge into the contact, against the contacts before",
+        "trailing_edge_shift_rad": "shift of the trailing edge into the contact, against the contacts before",
+        "water_wedge_rad": "shift of the leading edge less that of the trailing edge",
     },
 }
 """Description of each estimate of each estimator, as named in messages and tables, where `/` is `_over_`."""

@@ -12,6 +12,7 @@ from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult, SinkSnapshot
 from gateway.reasons import Code, Reason
 from gateway.views.numbers import MISSING, age, duration, fixed, percent, show
+from gateway.views.readout import DISTANCE
 from gateway.views.wording import joined, text
 
 
@@ -162,16 +163,15 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     rows: list[tuple[str, str, str]] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
     span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
     rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
-    rows.append(
-        (
-            "distance",
-            f"{fixed(wheel.distance_m, 1)} m",
-            f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}",
-        )
-    )
+    took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
+    rolled = next((show(one) for one in wheel.estimates if one.name == DISTANCE), None)
+    if rolled is None or rolled.status is Status.INVALID:
+        rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
+    else:
+        rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
     lost = "0 %" if wheel.missing_fraction == 0 else f"{fixed(wheel.missing_fraction, 3, 100.0)} %"
     rows.append(("samples lost", lost, f"{wheel.saturated} revolutions saturated" if wheel.saturated else ""))
-    last = _estimate_rows(wheel.estimates)
+    last = _estimate_rows([one for one in wheel.estimates if one.name != DISTANCE])
     left = max(len(label) for label, _, _ in (*rows, *last))
     middle = max(len(value) for _, value, _ in (*rows, *last))
     lines = [f"  {label:<{left}}  {value:<{middle}}  {note}".rstrip() for label, value, note in (*rows, *last)]

@@ -169,8 +169,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RING_DOES_NOT_FIT: (
         "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
     ),
+    # Of distance
+    Code.DISTANCE_BRIDGED: (
+        "{duration_s:.1f s} without revolutions bridged at the mean speed: {distance_m:.1f m} ± {std_m:.1f m}"
+    ),
+    Code.DISTANCE_INTERRUPTED: "the hub restarted {count:.0f} times; what was rolled meanwhile is missing",
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
+    Code.CORRECTED_FOR_BENDING: "corrected for a bending stiffness {change:+.0%} from that of the calibration",
     Code.CORRECTED_FOR_WEAR: "corrected for {wear_m:.1f mm} of wear since the calibration",
     Code.FROM_BELT_WIDTH: "from the belt width",
     Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
@@ -200,6 +206,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
     ),
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
+    Code.WEAR_CONTRADICTED: "contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}",
     Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
     Code.CONICITY_NOT_SEPARATED: "conicity cannot be separated from ply steer and noise here",
@@ -254,6 +261,21 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.IN_BAND: "{low_hz:.0f Hz} to {high_hz:.0f Hz}, sensor noise included",
     Code.NEEDS_UNINTERRUPTED_ROLLING: "needs {duration_s:.0f s} of uninterrupted rolling",
     Code.NO_LINE: "no line stands out",
+    # Of road and water
+    Code.CAVITY_CONTRADICTED: (
+        "the inner liner reads {measured_degc:.0f} °C, but the cavity resonates as air of {found_degc:.0f} °C would: "
+        "another gas ({ratio:.2f} times gamma / M of air), cavity_length_mm or the temperature is wrong, or "
+        "it is another line"
+    ),
+    Code.LIKE_A_WATER_WEDGE: "the leading edge has moved in by {shift_rad:.1f deg}, the trailing one has not",
+    Code.NEEDS_CAVITY_LENGTH: "needs cavity_length_mm or a size with the rim of the tire in the vehicle file",
+    Code.NEEDS_REVOLUTIONS: "needs {needed:.0f} revolutions, {count:.0f} so far",
+    Code.NEEDS_TEMPERATURE: "needs the temperature",
+    Code.NOT_VERIFIED_BY_MEASUREMENT: "not verified by any measurement",
+    Code.ROAD_BELOW_NOISE: "not determined beside the jitter of the contact edges: class {letter} or better",
+    Code.ROAD_CLASS: "class {letter} with a probability of {probability:.0%}, if G falls with n²",
+    Code.ROAD_WAVES: "from waves of {short_m:.1f m} to {long_m:.1f m}",
+    Code.TOO_SLOW_FOR_ROAD: "needs at least {limit_mps:.0f km/h}",
     # Sensors
     Code.AXIS_READS: "{axis} at {counts:.0f}",
     Code.PRESSURE_FROZEN: (
