@@ -117,7 +117,7 @@ def read_all(output: int, printed: list[bytes]) -> None:
 
 
 def measure_work(scenario: str, seconds: float) -> dict[str, np.ndarray]:
-    """Return the CPU time of every chunk's work, ms, in a session with recording, by whether it completed revolutions."""
+    """Return the CPU time of the work on each chunk, ms, in a session with recording, by whether it gave results."""
     source = open_source(f"sim:{scenario}?speed=max&duration={seconds}", ManualClock())
     times: dict[str, list[float]] = {"chunk with revolution": [], "chunk without": [], "per revolution": []}
     with tempfile.TemporaryDirectory() as folder:

@@ -140,13 +140,17 @@ class WheelPipeline:
         self.add(first_sample, ticks_us, axes, counts, host)
         return self.complete()
 
-    def is_due(self, now_us: int | None) -> bool:
-        """Return whether there are results, or revolutions that have waited for `hold_s`, at a hub time."""
-        if self._results or not self._decided:
-            return bool(self._results)
+    def overdue_s(self, now_us: int | None) -> float:
+        """Return for how long results have been due at a hub time; negative before, or when there are none."""
+        if self._results:
+            return math.inf
+        if not self._decided:
+            return -math.inf
         assert self._buffer is not None
+        assert self._clock is not None
         # By samples too: the hub's time may stand still. By time too: the wheel may send no more samples.
-        return self._buffer.head >= self._due_at or now_us is None or now_us >= self._due_us
+        by_samples = (self._buffer.head - self._due_at) / self._clock.nominal_rate_hz
+        return by_samples if now_us is None else max(by_samples, (now_us - self._due_us) * 1e-6)
 
     def complete(self) -> list[RevolutionResult]:
         """Return the revolutions that were completed since the last call."""

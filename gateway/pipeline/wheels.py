@@ -65,9 +65,9 @@ class Pipeline:
             setups: configured wheels.
             unknown: template for wheels that are not configured; position, hub and wheel number are filled in.
             estimators: names from the registry, in the order of their output.
-            hold_s: time by which `frames` may return a revolution later, together with the next ones: to work on
-                several at once takes less than half of the time of one at a time. By the hub's clock, so that the
-                results do not depend on when frames arrive.
+            hold_s: time by which `frames` may return a revolution later, together with the next ones: work on
+                several at once takes less than on one at a time. By the hub's samples and clock, so that the results
+                do not depend on when frames arrive.
 
         Raises:
             ConfigError: unknown estimator.
@@ -101,12 +101,23 @@ class Pipeline:
                 self._slow(link, frame, tick_us)
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
-        return [
-            result
-            for (of_link, hub, _), wheel in self._wheels.items()
-            if wheel.is_due(self._hubs[of_link, hub].last_us)
-            for result in wheel.complete()
+        return [result for wheel in self._due() for result in wheel.complete()]
+
+    def _due(self) -> list[WheelPipeline]:
+        """Return the wheel whose results have been due for longest, and all that have been for another `hold_s`.
+
+        One wheel at a time keeps the work on a chunk short.
+        """
+        overdue = [
+            (wheel, late_s)
+            for (link, hub, _), wheel in self._wheels.items()
+            if (late_s := wheel.overdue_s(self._hubs[link, hub].last_us)) >= 0.0
         ]
+        if not overdue:
+            return []
+        latest_s = max(late_s for _, late_s in overdue)
+        first = next(wheel for wheel, late_s in overdue if late_s == latest_s)
+        return [wheel for wheel, late_s in overdue if wheel is first or late_s >= self._hold_s]
 
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
