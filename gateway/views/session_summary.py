@@ -85,17 +85,18 @@ class ResultSummary:
         if revolution.uncorrected is not None:
             wheel.uncorrected += 1
             wheel.uncorrected_reason = revolution.uncorrected
-        wheel.faults.update(revolution.faults)
+        if revolution.faults:
+            wheel.faults.update(revolution.faults)
         wheel.rolling_s += revolution.period_s
         wheel.missing_s += revolution.missing_fraction * revolution.period_s
         wheel.distance_m += 2.0 * math.pi * result.conditions.radius_m
         speed_mps = revolution.omega_radps * result.conditions.radius_m
         wheel.speed_min_mps = min(wheel.speed_min_mps, speed_mps)
         wheel.speed_max_mps = max(wheel.speed_max_mps, speed_mps)
+        latest, invalid = wheel.estimates, Status.INVALID
         for estimate in result.estimates:
-            known = wheel.estimates.get(estimate.name)
-            if known is None or estimate.status is not Status.INVALID or known.status is Status.INVALID:
-                wheel.estimates[estimate.name] = estimate
+            if estimate.status is not invalid or latest.get(estimate.name, estimate).status is invalid:
+                latest[estimate.name] = estimate
 
     def wheels(self) -> tuple[WheelSummary, ...]:
         """Return the summaries so far, wheels in the order of their first result."""
