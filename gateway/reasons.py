@@ -107,6 +107,8 @@ class Code(StrEnum):
     NOT_DETERMINED = "not_determined"
     ORDERS_UNUSABLE = "orders_unusable"
     RING_DOES_NOT_FIT = "ring_does_not_fit"
+    # Of forces
+    FORCE_NOT_DETERMINED = "force_not_determined"
     # Of load and wear
     BENDING_NOT_POSITIVE = "bending_not_positive"
     CORRECTED_FOR_WEAR = "corrected_for_wear"

@@ -24,6 +24,7 @@ ESTIMATORS: Final[dict[str, str]] = {
     "forward": "gateway.estimators.forward:ForwardEstimator",
     "wear": "gateway.estimators.wear:WearEstimator",
     "load": "gateway.estimators.load:LoadEstimator",
+    "longitudinal-force": "gateway.estimators.longitudinal_force:LongitudinalForceEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
     "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",

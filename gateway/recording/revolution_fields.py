@@ -50,6 +50,13 @@ QUANTITIES: Final[dict[str, dict[str, str]]] = {
         "load_by_width_n": "vertical load from Cw of the new tire",
         "pressure_number": "Q / (2 p0 theta R^2)",
     },
+    "longitudinal-force": {
+        "longitudinal_force_n": "force of the road on the tire, positive forward",
+        "axle_torque_nm": "torque at the axle, positive when it drives",
+        "longitudinal_ratio": "longitudinal force over load",
+        "rolling_resistance": "coefficient of rolling resistance",
+        "damping_loss": "part of the rolling resistance that the deformation of belt and sidewall loses",
+    },
     "ply-steer": {
         "ply_steer_peak_rad": "steepest slope of the lateral shape of the belt in the contact",
         "ply_steer_first_half_rad": "mean slope from the leading edge to the middle of the contact",

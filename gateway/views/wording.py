@@ -169,6 +169,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RING_DOES_NOT_FIT: (
         "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
     ),
+    # Of forces
+    Code.FORCE_NOT_DETERMINED: (
+        "not determined: the standard error is {share:.1%} of the load, the limit {limit:.0%} or a third of the force"
+    ),
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
     Code.CORRECTED_FOR_WEAR: "corrected for {wear_m:.1f mm} of wear since the calibration",

@@ -26,7 +26,7 @@ _REACH_RAD: Final = 0.8
 _GROWS_OVER_M: Final = 1e-4
 # Sliding speed, as a share of the rolling speed, at which friction is nearly full.
 _REGULAR: Final = 2e-3
-# Gain of the road's speed on the longitudinal force, for free rolling.
+# Gain of the road's speed on the longitudinal force.
 _FREE_ROLLING: Final = 0.5
 
 
@@ -51,6 +51,7 @@ class Belt:
         tread_damping_nspm2: of the tread.
         bending_damping_nm2s: of the belt.
         friction: of the road.
+        traction: longitudinal force of the road on the tire, positive forward, over the load; the road's speed follows.
         drum_radius_m: infinite for a flat road.
         elements: of the belt.
         steps: of the integration, a revolution.
@@ -73,6 +74,7 @@ class Belt:
     tread_damping_nspm2: float = 0.0
     bending_damping_nm2s: float = 0.0
     friction: float = 0.0
+    traction: float = 0.0
     drum_radius_m: float = math.inf
     elements: int = 180
     steps: int = 2048
@@ -376,8 +378,10 @@ def _integrate(mbs: Any, exu: Any, belt: Belt, road: RoadForce, quiet: bool) -> 
         q, v = states.GetODE2Coordinates(), states.GetODE2Coordinates_t()
         found = road.at(time_s, q, v)
         if belt.friction and found.push_n > 0.0:
-            # The road follows the belt until nothing pulls: free rolling.
-            road.road_mps -= _FREE_ROLLING * found.drag_n / found.push_n * belt.speed_mps / belt.steps
+            # The road follows the belt until the force is the wanted one; without one the tire rolls freely. The force
+            # on the belt is along the belt's motion, which is backward.
+            excess = found.drag_n / found.push_n + belt.traction
+            road.road_mps -= _FREE_ROLLING * excess * belt.speed_mps / belt.steps
         if time_s >= begin_s - 1e-12:
             a = states.GetODE2Coordinates_tt()
             rows.append((time_s, q[:COORDINATES], v[:COORDINATES], a[:COORDINATES], found.push_n, found.drag_n,
