@@ -170,9 +170,7 @@ def asymmetric_rows(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     return AsymmetricRows(by_unknown[:, linear] @ unknowns[linear], forces, by_unknown, forces_by_unknown)
 
 
-def row_sensitivity(
-    shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def row_sensitivity(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the derivatives of rows (ROWS, 2 MAX_ORDER) and forces (4, 2 MAX_ORDER) by the orders of the curvature.
 
     The adjoint of curvature -> angle -> position -> balance, closure included. Damping of the sidewall is left out: it

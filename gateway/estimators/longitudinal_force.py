@@ -9,29 +9,38 @@ the errors. The circumferential axis adds nothing: on a thin belt it reads the d
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from gateway.estimators.asymmetric_rows import Force
-from gateway.estimators.asymmetric_solve import AsymmetricSolution, corrected_orders, solve_asymmetric
+from gateway.estimators.asymmetric_rows import Force, U
+from gateway.estimators.asymmetric_solve import (
+    LASTING,
+    AsymmetricSolution,
+    TirePrior,
+    corrected_orders,
+    solve_asymmetric,
+)
 from gateway.estimators.determination import DETERMINED, doubt_about, positive, unusable
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.estimators.order_errors import relative_std
-from gateway.estimators.pace import is_due
+from gateway.estimators.pace import LONGEST, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.physics.asymmetric_belt import curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
 from gateway.reasons import Code, Reason
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import FloatArray
 
 NAMES: Final = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio", "rolling_resistance", "damping_loss")
 
 # Memory of the forces in revolutions: about two seconds at 65 km/h. A single one is known to a percent of the load.
 HORIZON_REVOLUTIONS: Final = 16.0
-# Memory of the losses, which change with temperature and pressure only.
-LOSS_HORIZON_REVOLUTIONS: Final = 500.0
+# Memory of the tire's stiffnesses and losses, which change with temperature and pressure only.
+TIRE_HORIZON_REVOLUTIONS: Final = 500.0
+# Times as many revolutions as the short mean that the long one needs, to be a prior of its own.
+_LEAST_MORE: Final = 2.0
+# Rolling resistance of the forces at load number 1.
+_RESISTANCE: Final[FloatArray] = np.array([0.0, -1.0, 1.0, 0.0])
 # Longest pause between solutions, so that the linear response bridges less than half of the memory.
 _LONGEST: Final = 8
 # Change of the forces, in standard errors, after which the balance is solved again.
@@ -47,40 +56,79 @@ _EXTENSION_LOSS_STD: Final = 0.004
 _USEFUL_STD: Final = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class _Renewed:
-    """The latest solution and what the forces since then rest on.
+class _Track:
+    """A running mean of the orders, and the balance of that mean."""
 
-    Attributes:
-        solution: of the running mean.
-        orders: (118,) of the mean then.
-        count: revolutions averaged then.
-        covariance: (4, 4) of one revolution's forces by errors of its orders and model error.
-        common: (4, 4) likewise without the errors of its orders: what averaging does not reduce.
-    """
+    def __init__(self, horizon_revolutions: float, longest: int) -> None:
+        """Start empty.
 
-    solution: AsymmetricSolution
-    orders: FloatArray
-    count: int
-    covariance: FloatArray
-    common: FloatArray
+        Args:
+            horizon_revolutions: memory of the mean.
+            longest: longest pause between solutions, in revolutions.
+        """
+        self._horizon, self._longest = horizon_revolutions, longest
+        self._mean: FloatArray = np.zeros(2 * MAX_ORDER)
+        self._count = 0
+        self._weight_square = 1.0
+        self._solved_at = 0
+        self._solved_orders: FloatArray = np.zeros(0)
+        self._std: FloatArray = np.zeros(0)
+        self.solution: AsymmetricSolution | None = None
 
+    @property
+    def effective_count(self) -> float:
+        """Number of revolutions of equal weight that would have the same variance."""
+        return 1.0 / self._weight_square if self._count else 0.0
 
-@dataclass(slots=True)
-class _Mean:
-    """Running mean with the sum of its squared weights."""
+    def update(self, orders: FloatArray) -> None:
+        """Add a revolution."""
+        self._count += 1
+        weight = max(1.0 / self._count, 1.0 / self._horizon)
+        self._mean = self._mean + weight * (orders - self._mean)
+        self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight
 
-    horizon: float
-    value: FloatArray
-    count: int = 0
-    weight_square: float = 1.0
+    @property
+    def is_outdated(self) -> bool:
+        """Whether the mean must be solved again."""
+        if self.solution is None or is_due(self._count) or self._count - self._solved_at >= self._longest:
+            return True
+        moved = np.square(self.solution.response @ (corrected_orders(self._mean) - self._solved_orders))
+        return bool((moved > _MOVED**2 * np.diagonal(self.covariance))[Force.LONGITUDINAL :].any())
 
-    def update(self, value: FloatArray) -> None:
-        """Add a value."""
-        self.count += 1
-        weight = max(1.0 / self.count, 1.0 / self.horizon)
-        self.value = self.value + weight * (value - self.value)
-        self.weight_square = (1.0 - weight) ** 2 * self.weight_square + weight * weight
+    def solve(self, own_std: FloatArray, half_angle_rad: float, prior: TirePrior | None) -> None:
+        """Solve the balance of the mean; `own_std` are errors of one revolution's orders.
+
+        Raises:
+            numpy.linalg.LinAlgError: the mean describes no belt.
+        """
+        start = None if self.solution is None else self.solution.unknowns
+        self.solution = None
+        mean_std = own_std * math.sqrt(self._weight_square)
+        found = solve_asymmetric(self._mean, mean_std, half_angle_rad, start, prior)
+        if not (np.isfinite(found.forces).all() and (found.unknowns[:4] > 0.0).all()):
+            raise np.linalg.LinAlgError("the balance describes no belt")
+        self.solution, self._std = found, own_std
+        self._solved_at, self._solved_orders = self._count, corrected_orders(self._mean)
+
+    @property
+    def forces(self) -> FloatArray:
+        """Forces of the mean at load number 1, (4,); between solutions by the linear response."""
+        assert self.solution is not None
+        found: FloatArray = self.solution.forces + self.solution.response @ (
+            corrected_orders(self._mean) - self._solved_orders
+        )
+        return found
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the forces, (4, 4)."""
+        assert self.solution is not None
+        return self.solution.noise(self._std * math.sqrt(self._weight_square)) + self.solution.common()
+
+    def tire(self) -> TirePrior:
+        """Return the tire's own unknowns."""
+        assert self.solution is not None
+        return self.solution.tire(self._std * math.sqrt(self._weight_square))
 
 
 class LongitudinalForceEstimator:
@@ -96,10 +144,10 @@ class LongitudinalForceEstimator:
         return "longitudinal-force"
 
     def reset(self) -> None:
-        """Forget the running means and the warm start."""
-        self._orders = _Mean(HORIZON_REVOLUTIONS, np.zeros(2 * MAX_ORDER))
-        self._losses = _Mean(LOSS_HORIZON_REVOLUTIONS, np.zeros(2))
-        self._renewed: _Renewed | None = None
+        """Forget the running means and their solutions."""
+        self._now = _Track(HORIZON_REVOLUTIONS, _LONGEST)
+        self._tire = _Track(TIRE_HORIZON_REVOLUTIONS, LONGEST)
+        self._omega_radps = 0.0
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return longitudinal_force_n, axle_torque_nm, longitudinal_ratio, rolling_resistance and damping_loss.
@@ -124,77 +172,67 @@ class LongitudinalForceEstimator:
         if reason:
             return _all_invalid(reason)
         edges = average.leading_edge_rad, average.trailing_edge_rad
-        max_order = min(MAX_ORDER, revolution.order_max)
+        half_angle, max_order = 0.5 * (edges[1] - edges[0]), min(MAX_ORDER, revolution.order_max)
         signal = orders_about(revolution.radial_mps2, 0.5 * (edges[0] + edges[1]), max_order)
         if not (np.isfinite(signal).all() and signal[0].real > 0.0):
             return _all_invalid(Reason(Code.NO_STEADY_VALUE))
         own = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
-        self._orders.update(own)
-        renewed = self._renewed
-        if renewed is None or self._is_outdated(renewed):
-            try:
-                renewed = self._renewed = self._renew(average, signal, 0.5 * (edges[1] - edges[0]), max_order)
-            except np.linalg.LinAlgError:
-                self._renewed = None
-                return _all_invalid(Reason(Code.NO_BELT_SHAPE))
-        moved = corrected_orders(self._orders.value) - renewed.orders
-        forces = renewed.solution.forces + renewed.solution.response @ moved
-        single = renewed.solution.forces + renewed.solution.response @ (corrected_orders(own) - renewed.orders)
-        self._losses.update(np.array([single[Force.TORQUE] - single[Force.LONGITUDINAL], single[Force.LOSS]]))
-        return self._found(revolution, conditions, forces, renewed)
+        self._now.update(own)
+        self._tire.update(own)
+        weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
+        self._omega_radps += weight * (revolution.omega_radps - self._omega_radps)
+        try:
+            self._solve(average, revolution, float(signal[0].real), half_angle, max_order)
+        except np.linalg.LinAlgError:
+            return _all_invalid(Reason(Code.NO_BELT_SHAPE))
+        return self._found(revolution, conditions)
 
-    def _is_outdated(self, renewed: _Renewed) -> bool:
-        count = self._orders.count
-        if is_due(count) or count - renewed.count >= _LONGEST:
-            return True
-        moved = corrected_orders(self._orders.value) - renewed.orders
-        variance = np.diagonal(renewed.covariance) * self._orders.weight_square + np.diagonal(renewed.common)
-        return bool((np.square(renewed.solution.response @ moved) > _MOVED**2 * variance)[:3].any())
-
-    def _renew(self, average: AngleAverage, signal: ComplexArray, half_angle_rad: float, max_order: int) -> _Renewed:
-        orders = self._orders.value
-        sizes = np.concatenate([[1.0], np.hypot(orders[:MAX_ORDER], orders[MAX_ORDER:])])
+    def _solve(
+        self, average: AngleAverage, revolution: Revolution, mean_mps2: float, half_angle_rad: float, max_order: int
+    ) -> None:
+        """Solve the balances that are outdated."""
+        outdated = self._tire.is_outdated
+        if not (outdated or self._now.is_outdated):
+            return
+        relative = np.abs(average.orders_mps2) / mean_mps2
         # The average knows the errors of its orders from its scatter; those of one revolution are larger.
         own_std = average.orders_std_mps2 * math.sqrt(average.effective_count)
-        std = relative_std(own_std, float(signal[0].real), sizes, max_order)
-        start = None if self._renewed is None else self._renewed.solution.unknowns
-        mean_std = std * math.sqrt(self._orders.weight_square)
-        solution = solve_asymmetric(orders, mean_std, half_angle_rad, start)
-        if not (np.isfinite(solution.forces).all() and (solution.unknowns[:4] > 0.0).all()):
-            raise np.linalg.LinAlgError("the balance describes no belt")
-        common = solution.covariance(np.zeros_like(std))
-        covariance = solution.covariance(std) - common
-        return _Renewed(solution, corrected_orders(orders), self._orders.count, covariance, common)
+        std = relative_std(own_std, mean_mps2, np.nan_to_num(relative), max_order)
+        if outdated:
+            self._tire.solve(std, half_angle_rad, None)
+        self._now.solve(std, half_angle_rad, self._prior(revolution.omega_radps))
 
-    def _found(
-        self, revolution: Revolution, conditions: TireConditions, forces: FloatArray, renewed: _Renewed
-    ) -> tuple[Estimate, ...]:
-        """Return the estimates from forces at load number 1."""
-        covariance = renewed.covariance * self._orders.weight_square + renewed.common
-        tilt = math.hypot(0.5 * renewed.solution.tilt_rad, _LEVEL_STD_RAD)
+    def _prior(self, omega_radps: float) -> TirePrior | None:
+        """Return the tire from the long mean; None while it hardly is longer than the short one."""
+        more = self._tire.effective_count / self._now.effective_count
+        if more < _LEAST_MORE:
+            return None
+        tire = self._tire.tire()
+        # The short mean is part of the long one: what is known without it.
+        covariance = tire.covariance * (more / (more - 1.0))
+        # Damping of either kind, with the speed or without, at another speed than the mean one.
+        change = math.log(omega_radps / self._omega_radps)
+        for place in (LASTING.index(U.DAMPING), LASTING.index(U.BENDING_DAMPING)):
+            covariance[place, place] += (tire.mean[place] * change) ** 2
+        return TirePrior(tire.mean, covariance)
+
+    def _found(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
+        """Return the estimates."""
+        doubts = doubt_about(revolution, self._now.effective_count)
+        assert self._now.solution is not None
+        assert self._tire.solution is not None
+        forces, covariance = self._now.forces, self._now.covariance
+        tilt = math.hypot(0.5 * self._now.solution.tilt_rad, _LEVEL_STD_RAD)
         pull, torque = float(forces[Force.LONGITUDINAL]), float(forces[Force.TORQUE])
-        pull_std = math.hypot(math.sqrt(covariance[1, 1]), tilt, _EXTENSION_STD * pull)
-        torque_std = math.hypot(math.sqrt(covariance[2, 2]), _EXTENSION_STD * torque)
-        doubts = doubt_about(revolution, 1.0 / self._orders.weight_square)
+        pull_variance, torque_variance = (float(covariance[one, one]) for one in (Force.LONGITUDINAL, Force.TORQUE))
+        pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull)
+        torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque)
         ratio = _signed(NAMES[2], pull, pull_std, 1.0, doubts)
-        resistance, loss = self._losses.value.tolist()
-        difference = np.array([0.0, -1.0, 1.0, 0.0])
-        share = self._losses.weight_square
-        common = math.hypot(
-            math.sqrt(max(float(difference @ renewed.common @ difference), 0.0)), tilt, _EXTENSION_LOSS_STD * pull
-        )
-        own = float(difference @ renewed.covariance @ difference)
-        resistance_std = math.hypot(math.sqrt(own * share), common)
-        loss_std = math.sqrt(renewed.covariance[3, 3] * share + renewed.common[3, 3])
-        losses = (
-            _positive(NAMES[3], resistance, resistance_std, doubts),
-            _positive(NAMES[4], loss, loss_std, doubts),
-        )
+        losses = self._losses(doubts)
         load = conditions.load_n
-        if not positive(load):
+        if load is None or not positive(load):
             needs = Reason(Code.NEEDS_LOAD)
             return (Estimate.invalid(NAMES[0], needs), Estimate.invalid(NAMES[1], needs), ratio, *losses)
-        assert load is not None
         relative = conditions.load_std_n / load
         lever = load * conditions.radius_m
         lever_relative = math.hypot(relative, conditions.radius_std_m / conditions.radius_m)
@@ -203,6 +241,21 @@ class LongitudinalForceEstimator:
             _signed(NAMES[1], lever * torque, lever * math.hypot(torque_std, torque * lever_relative), lever, doubts),
             ratio,
             *losses,
+        )
+
+    def _losses(self, doubts: tuple[Reason, ...]) -> tuple[Estimate, Estimate]:
+        """Return rolling resistance and the belt's part of it, from the long mean."""
+        assert self._tire.solution is not None
+        forces, covariance = self._tire.forces, self._tire.covariance
+        tilt = math.hypot(0.5 * self._tire.solution.tilt_rad, _LEVEL_STD_RAD)
+        resistance = float(_RESISTANCE @ forces)
+        variance = float(_RESISTANCE @ covariance @ _RESISTANCE)
+        extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])
+        return (
+            _positive(NAMES[3], resistance, math.hypot(math.sqrt(max(variance, 0.0)), tilt, extension), doubts),
+            _positive(
+                NAMES[4], float(forces[Force.LOSS]), math.sqrt(float(covariance[Force.LOSS, Force.LOSS])), doubts
+            ),
         )
 
 

@@ -43,7 +43,7 @@ _FREQUENCIES: Final = np.fft.fftfreq(STEPS, 1.0 / STEPS)
 _INVERSE: Final[ComplexArray] = np.zeros(STEPS, dtype=np.complex128)
 _INVERSE[1:] = -1j / _FREQUENCIES[1:]
 _INVERSE[STEPS // 2] = 0.0
-_DERIVATIVE: Final[ComplexArray] = 1j * _FREQUENCIES
+_DERIVATIVE: Final[ComplexArray] = np.asarray(1j * _FREQUENCIES, dtype=np.complex128)
 _DERIVATIVE[STEPS // 2] = 0.0
 
 

@@ -30,7 +30,9 @@ _SAMPLED_REVOLUTIONS = 10
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder of the .npz files")
-    parser.add_argument("--tire", action="append", choices=[belt.name for belt in (*TIRES, *PULLED)], help="instead of all")
+    parser.add_argument(
+        "--tire", action="append", choices=[belt.name for belt in (*TIRES, *PULLED)], help="instead of all"
+    )
     parser.add_argument("--elements", type=int, help="of the belt, instead of each tire's own number")
     parser.add_argument("--force", action="store_true", help="roll tires again that are there already")
     options = parser.parse_args()

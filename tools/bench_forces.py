@@ -1,0 +1,116 @@
+"""Accuracy of the forces of driven, braked and freely rolling tires, with pulls and the Cramer-Rao bound.
+
+Random tires of the exact ring with losses, extension and a drifting speed go through the whole chain: ring, sensor,
+hub, frames, pipeline, estimators. With --rolled DIR, the tires of finite elements that
+`python -m independent_tire` made are judged instead.
+
+Run: python tools/bench_forces.py [--count 28] [--bound] [--rolled DIR] [--known] [--markdown]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+
+from accuracy.tables import Table
+from forces.bounds import bound_table
+from forces.runs import QUANTITIES, TRACTIONS, Measured, pulls, rolled, simulated
+
+UNITS = {"longitudinal_force_n": ("N", 1.0, 0), "axle_torque_nm": ("N m", 1.0, 1), "rolling_resistance": ("%", 1e2, 2)}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--bound", action="store_true", help="print the Cramer-Rao bound only")
+    parser.add_argument("--count", type=int, default=28, help="random tires of the exact ring")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--rolled", type=Path, help="folder of kept tires of finite elements, judged instead")
+    parser.add_argument("--known", action="store_true", help="of them: everything stated exactly, a perfect sensor")
+    parser.add_argument("--each", action="store_true", help="print every tire")
+    parser.add_argument("--markdown", action="store_true")
+    options = parser.parse_args(arguments)
+    if options.bound:
+        tables = [bound_table()]
+    elif options.rolled:
+        measured = list(rolled(options.rolled, options.seed, options.known))
+        tables = [each_table(measured), summary_table(measured)]
+    else:
+        orders = [(index, TRACTIONS[index % len(TRACTIONS)]) for index in range(options.count)]
+        measured = _all(orders, options.seed, options.jobs)
+        tables = [each_table(measured), summary_table(measured)] if options.each else [summary_table(measured)]
+    for table in tables:
+        print(table.text(markdown=options.markdown))
+
+
+def _all(orders: Sequence[tuple[int, float]], seed: int, jobs: int) -> list[Measured]:
+    if jobs == 1:
+        return [one for order in orders for one in _one(seed, order)]
+    with ProcessPoolExecutor(jobs) as pool:
+        return [one for found in pool.map(partial(_one, seed), orders) for one in found]
+
+
+def _one(seed: int, order: tuple[int, float]) -> list[Measured]:
+    return list(simulated(*order, seed))
+
+
+def each_table(measured: Sequence[Measured]) -> Table:
+    """Return every tire: truth and estimates."""
+    rows = []
+    for start in range(0, len(measured), len(QUANTITIES)):
+        group = measured[start : start + len(QUANTITIES)]
+        cells = []
+        for one in group:
+            _, factor, digits = UNITS[one.quantity]
+            truth, value, std = (f"{factor * v:.{digits}f}" for v in (one.truth, one.estimate.value, one.estimate.std))
+            text = f"{value} ± {std}"
+            cells += [truth, text if one.estimate.status == "valid" else f"({text})"]
+        rows.append((group[0].tire, group[0].case, *cells))
+    heads = [head for name in QUANTITIES for head in (f"true {_words(name)}, {UNITS[name][0]}", "estimated")]
+    return Table("Forces of each tire", "in brackets what is not valid", ("tire", "", *heads), tuple(rows))
+
+
+def summary_table(measured: Sequence[Measured]) -> Table:
+    """Return errors and pulls by quantity and case."""
+    rows = []
+    for name in QUANTITIES:
+        for case in ("free", "driven", "braked", "all"):
+            chosen = [one for one in measured if one.quantity == name and case in (one.case, "all")]
+            if not chosen:
+                continue
+            rms, largest, share, false = pulls(chosen)
+            valid = [one for one in chosen if one.estimate.status == "valid"]
+            errors = sorted(abs(one.estimate.value - one.truth) / one.unit for one in valid)
+            middle = f"{100.0 * errors[len(errors) // 2]:.2g}" if errors else "-"
+            worst = f"{100.0 * errors[-1]:.2g}" if errors else "-"
+            row = (_words(name), case, str(len(chosen)), f"{100.0 * share:.0f}", middle, worst, f"{rms:.2f}",
+                   f"{largest:.1f}", str(false))  # fmt: skip
+            rows.append(row)
+    return Table(
+        "Accuracy of forces",
+        "errors of valid estimates over the load (torque: load times radius; resistance as it is); a pull is an error "
+        "over its standard error; falsely valid is a pull above 3",
+        (
+            "quantity",
+            "case",
+            "runs",
+            "valid, %",
+            "median error, %",
+            "largest, %",
+            "pull rms",
+            "largest",
+            "falsely valid",
+        ),
+        tuple(rows),
+    )
+
+
+def _words(name: str) -> str:
+    return {"longitudinal_force_n": "longitudinal force", "axle_torque_nm": "torque"}.get(name, name.replace("_", " "))
+
+
+if __name__ == "__main__":
+    main()
