@@ -27,6 +27,8 @@ ESTIMATORS: Final[dict[str, str]] = {
     "longitudinal-force": "gateway.estimators.longitudinal_force:LongitudinalForceEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
+    "side-force": "gateway.estimators.side_force:SideForceEstimator",
+    "friction": "gateway.estimators.friction_use:FrictionUseEstimator",
     "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
 }
 

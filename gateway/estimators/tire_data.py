@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from gateway.estimators.side_force_calibration import SideForceCalibration
 from gateway.reasons import Code, Reason
 
 # Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds: the rubber softens,
@@ -109,9 +110,11 @@ class TireData:
         ring_thickness_std_m: its standard error.
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
+        side_force_calibration: None when the tire is not calibrated at known side forces.
     """
 
     ring_thickness_m: float | None = None
     ring_thickness_std_m: float = 0.0
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
+    side_force_calibration: SideForceCalibration | None = None

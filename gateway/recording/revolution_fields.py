@@ -72,6 +72,16 @@ QUANTITIES: Final[dict[str, dict[str, str]]] = {
         "lateral_asymmetry": "(max + min) / (max - min) of the lateral waveform",
         "left_right_asymmetry": "sum of the means of the asymmetry at left and right slip",
     },
+    "side-force": {
+        "belt_shift_m": "mean lateral displacement of the belt against the wheel, positive to the left",
+        "belt_yaw_rad": "yaw of the belt against the wheel",
+        "side_force_n": "lateral force of the road on the tire, positive to the left",
+        "aligning_moment_nm": "moment of the road about the vertical axis, positive turns the tire to the left",
+    },
+    "friction": {
+        "friction_used": "horizontal force of the road over the vertical one",
+        "sliding_share": "share of the contact in which the tread slides, by the brush model",
+    },
     "asynchronous": {
         "asynchronous_rms_mps2": "root mean square of what is not locked to the wheel, 5 to 800 Hz",
         "asynchronous_line_hz": "frequency of the strongest line",
