@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.belt_laminate import BeltLaminate, coupling_law
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
@@ -44,6 +45,7 @@ _OWN_SIGN: Final = frozenset({"ply_steer_first_half_rad"})
 LINE_NAME: Final = "ply_steer_contact_line_rad"
 CONICITY_NAME: Final = "conicity_slope_rad"
 ROLL_NAME: Final = "sensor_roll_rad"
+LAMINATE_NAMES: Final = ("ply_steer_laminate_rad", "laminate_b16_n", "laminate_a66_npm")
 
 # Memory of the average: ply steer changes only with load, pressure and temperature.
 HORIZON_REVOLUTIONS: Final = 100.0
@@ -53,6 +55,11 @@ _SIGNIFICANT: Final = 3.0
 # square of the half angle, and its standard deviation over belts and treads (docs/explanation/ply-steer.md).
 _ROLLING_DIFFERENCE: Final = 2.9
 _ROLLING_DIFFERENCE_STD: Final = 1.4
+PEAK_OVER_LAMINATE: Final = 0.91
+"""Steepest slope of a rolling belt over that of a belt bent flat, 2 phi_z, on the belts of tools/bench_lateral.py."""
+PEAK_OVER_LAMINATE_STD: Final = 0.06
+# A16 / A66 from which tension shears the belt noticeably: a tension strain of 0.1 % then turns it by 0.01 deg.
+_UNBALANCED: Final = 0.2
 # Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
 # Standard errors by which a slope may follow the average until its place in the contact is renewed.
@@ -134,6 +141,9 @@ class PlySteerEstimator:
         cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but not the definition of the
         slope, in which the angles differ. Never raises on values.
 
+        Where the plies are stated (`conditions.tire.laminate`), LAMINATE_NAMES follow, with errors from the stated
+        tolerances. The angle is provisional where the measured peak differs from it by more than three errors.
+
         The slopes are linear in the average, which they follow in every revolution. Their places in the contact and
         their standard errors are renewed at the pace of `gateway.estimators.pace`.
         """
@@ -163,6 +173,13 @@ class PlySteerEstimator:
         return found
 
     def _estimates(self, block: RevolutionBlock, index: int, unusable: Reason | None) -> tuple[Estimate, ...]:
+        conditions = block.conditions[index]
+        found = self._measured(block, index, unusable)
+        if conditions.tire.laminate is None:
+            return found
+        return (*found, *_of_laminate(conditions.tire.laminate, conditions, found[0]))
+
+    def _measured(self, block: RevolutionBlock, index: int, unusable: Reason | None) -> tuple[Estimate, ...]:
         edges = contact_edges(block.averages.edges_rad[index], block.conditions[index])
         if isinstance(edges, Reason):
             return _all_invalid(unusable or edges)
@@ -374,3 +391,27 @@ def _roll_estimate(roll: Roll) -> Estimate:
 
 def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
     return tuple(Estimate.invalid(name, reason) for name in (*NAMES, LINE_NAME, CONICITY_NAME, ROLL_NAME))
+
+
+def _of_laminate(belt: BeltLaminate, conditions: TireConditions, peak: Estimate) -> tuple[Estimate, ...]:
+    """Return the angle that the stated plies give, compared with the measured peak, and B16 and A66."""
+    law = coupling_law(belt)
+    angle = law.slope(conditions.radius_m, conditions.radius_std_m)
+    reasons = [Reason(Code.FROM_LAMINATE, length_m=law.length_m.value, length_std_m=law.length_m.std)]
+    status = Status.VALID
+    if abs(law.imbalance) > _UNBALANCED:
+        reasons.append(Reason(Code.LAMINATE_NOT_BALANCED, share=law.imbalance))
+        status = Status.PROVISIONAL
+    if peak.status is Status.VALID:
+        expected = PEAK_OVER_LAMINATE * angle.value
+        std = math.hypot(PEAK_OVER_LAMINATE * angle.std, PEAK_OVER_LAMINATE_STD * angle.value, peak.std)
+        errors = abs(peak.value - expected) / std
+        if errors > _SIGNIFICANT:
+            reasons.append(
+                Reason(Code.LAMINATE_DIFFERS, measured_rad=peak.value, measured_std_rad=peak.std, errors=errors)
+            )
+            status = Status.PROVISIONAL
+    values = (angle, law.b16_n, law.a66_npm)
+    first = Estimate(LAMINATE_NAMES[0], *values[0], status, tuple(reasons))
+    rest = (Estimate(name, *value, Status.VALID) for name, value in zip(LAMINATE_NAMES[1:], values[1:], strict=True))
+    return (first, *rest)

@@ -98,16 +98,16 @@ def _estimates(block: RevolutionBlock, index: int, steps: LateralSteps, place: i
     # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
     by_roll = rows @ record.radial_m * steps.roll[place].std_rad
     variance = np.diagonal(covariance) + np.square(by_roll) + np.square(values * conditions.gain_std)
-    shift, yaw = values.tolist()
-    shift_std, yaw_std = np.sqrt(variance).tolist()
+    lever = np.array([1.0, 1.0 / conditions.radius_m])
+    shift, yaw = (values * lever).tolist()
+    shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
     count = steps.effective_counts[place]
     doubts: tuple[Reason, ...] = ()
     if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
         doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
-    radius = conditions.radius_m
     return (
         _plain(NAMES[0], shift, shift_std, doubts),
-        _plain(NAMES[1], yaw / radius, yaw_std / radius, doubts),
+        _plain(NAMES[1], yaw, yaw_std, doubts),
         *_forces(conditions, half, (shift, yaw), (shift_std, yaw_std), doubts),
     )
 
@@ -115,8 +115,8 @@ def _estimates(block: RevolutionBlock, index: int, steps: LateralSteps, place: i
 def _forces(
     conditions: TireConditions,
     half_angle_rad: float,
-    displacements_m: tuple[float, float],
-    stds_m: tuple[float, float],
+    displacements: tuple[float, float],
+    stds: tuple[float, float],
     doubts: tuple[Reason, ...],
 ) -> tuple[Estimate, Estimate]:
     calibration = conditions.tire.side_force_calibration
@@ -127,10 +127,10 @@ def _forces(
     load = conditions.load_n or _USUAL_LOAD_N
     unit = _USEFUL_LEVER * load * conditions.radius_m
     return (
-        _force(NAMES[2], calibration.side, displacements_m[0], stds_m[0], load, doubts),
+        _force(NAMES[2], calibration.side, displacements[0], stds[0], load, doubts),
         Estimate.invalid(NAMES[3], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
         if calibration.moment is None
-        else _force(NAMES[3], calibration.moment, displacements_m[1], stds_m[1], unit, doubts),
+        else _force(NAMES[3], calibration.moment, displacements[1], stds[1], unit, doubts),
     )
 
 
@@ -149,10 +149,10 @@ def _plain(name: str, value: float, std: float, doubts: tuple[Reason, ...]) -> E
 
 
 def _force(
-    name: str, law: LinearLaw, displacement_m: float, std_m: float, unit: float, doubts: tuple[Reason, ...]
+    name: str, law: LinearLaw, displacement: float, error: float, unit: float, doubts: tuple[Reason, ...]
 ) -> Estimate:
     """Return a force, valid where it is known to a share of the load, or to a third of itself."""
-    value, std = law.force(displacement_m, std_m)
+    value, std = law.force(displacement, error)
     if math.isfinite(std) and std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
         doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
     return _plain(name, value, std, doubts)

@@ -24,23 +24,23 @@ class LinearLaw:
     """force = factor (displacement - zero).
 
     Attributes:
-        factor: force per displacement: N/m, or N m/m of yaw times R.
+        factor: side force per shift in N/m, or aligning moment per yaw in N m/rad.
         factor_std: one standard error.
-        zero_m: displacement without force.
-        zero_std_m: one standard error.
+        zero: displacement without force, m or rad.
+        zero_std: one standard error.
     """
 
     factor: float
     factor_std: float
-    zero_m: float
-    zero_std_m: float
+    zero: float
+    zero_std: float
 
-    def force(self, displacement_m: float, std_m: float) -> tuple[float, float]:
+    def force(self, displacement: float, std: float) -> tuple[float, float]:
         """Return the force of a displacement and its standard error, calibration included."""
-        distance = displacement_m - self.zero_m
+        distance = displacement - self.zero
         force = self.factor * distance
         return force, math.hypot(
-            self.factor * std_m, self.factor * self.zero_std_m, self.factor_std * distance, LAW_STD * force
+            self.factor * std, self.factor * self.zero_std, self.factor_std * distance, LAW_STD * force
         )
 
 
@@ -67,8 +67,8 @@ class SideForceCalibration:
 
 
 def fit_linear_law(
-    displacements_m: Sequence[float],
-    displacement_stds_m: Sequence[float],
+    displacements: Sequence[float],
+    displacement_stds: Sequence[float],
     forces: Sequence[float],
     force_stds: Sequence[float],
 ) -> LinearLaw:
@@ -79,7 +79,7 @@ def fit_linear_law(
     Raises:
         ValueError: fewer than two points, or all displacements equal.
     """
-    x, x_std = np.asarray(displacements_m, dtype=np.float64), np.asarray(displacement_stds_m, dtype=np.float64)
+    x, x_std = np.asarray(displacements, dtype=np.float64), np.asarray(displacement_stds, dtype=np.float64)
     y, y_std = np.asarray(forces, dtype=np.float64), np.asarray(force_stds, dtype=np.float64)
     if len(x) < 2 or not float(np.ptp(x)) > 0.0:
         raise ValueError("a law needs at least two points of different displacement")

@@ -1,4 +1,4 @@
-"""Data of a tire that a configuration may give: thickness, reference numbers and load calibration."""
+"""Data of a tire that a configuration may give: thickness, reference numbers, calibrations and laminate."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from gateway.estimators.belt_laminate import BeltLaminate
 from gateway.estimators.side_force_calibration import SideForceCalibration
+from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
 
 # Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds: the rubber softens,
@@ -110,6 +112,8 @@ class TireData:
         ring_thickness_std_m: its standard error.
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
+        slip_calibration: None when the tire is not calibrated at known slip angles.
+        laminate: plies of the belt, None when they are not stated.
         side_force_calibration: None when the tire is not calibrated at known side forces.
     """
 
@@ -117,4 +121,6 @@ class TireData:
     ring_thickness_std_m: float = 0.0
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
+    slip_calibration: SlipCalibration | None = None
+    laminate: BeltLaminate | None = None
     side_force_calibration: SideForceCalibration | None = None

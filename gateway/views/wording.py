@@ -218,7 +218,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # Of the lateral axis
     Code.CONICITY_NOT_SEPARATED: "conicity cannot be separated from ply steer and noise here",
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
+    Code.FROM_LAMINATE: (
+        "from tire.laminate: B16 / A66 = {length_m:.2f mm} ± {length_std_m:.2f mm}, belt kept from twisting"
+    ),
     Code.INCLUDES_CONICITY: "ply steer plus conicity",
+    Code.LAMINATE_DIFFERS: (
+        "differs from the measured peak, {measured_rad:.3f deg} ± {measured_std_rad:.3f deg}, by {errors:.1f} standard "
+        "errors: cord angles, order of the plies, conicity, slip, or a belt that twists"
+    ),
+    Code.LAMINATE_NOT_BALANCED: (
+        "the plies are not at opposite angles (A16 / A66 = {share:.2f}): tension shears the belt as well (Eq. 11)"
+    ),
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
     Code.ORDERS_USED: "orders {first:.0f} to {last:.0f}",
     Code.ROLL_NOT_CALIBRATED: (
@@ -226,9 +236,16 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
     Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",
+    Code.SLIP_BEYOND_LAW: "beyond the slip angles that the slip calibration describes",
+    Code.SLIP_OUTSIDE_CALIBRATION: (
+        "the slip angle {slip_rad:.2f deg} is outside the calibrated {low_rad:.2f deg} to {high_rad:.2f deg}"
+    ),
     Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
-    Code.ZERO_SLIP_GIVEN: "zero slip as given",
-    Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
+    Code.ZERO_SLIP_GIVEN: "zero slip from tire.slip_calibration",
+    Code.ZERO_SLIP_IS_MEAN: (
+        "zero slip is the mean of the latest revolutions, so constant slip is not seen; it needs tire.slip_calibration "
+        "(treadlink calibrate slip)"
+    ),
     Code.ZERO_SLIP_NOT_SETTLED: "zero slip is settling: {revolutions:.0f} of {needed:.0f} revolutions",
     # Of the sensor's calibration
     Code.FLAT_CONTACT_ASSUMED: "AC-coupled: from the contact, assumed to be flat (flat road)",

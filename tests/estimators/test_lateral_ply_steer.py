@@ -12,18 +12,23 @@ import pytest
 
 from firmware_protocol.messages import Coupling
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.belt_laminate import BeltLaminate, StatedPly
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import LateralAverage, lateral_record, slopes
 from gateway.estimators.ply_steer import (
     CONICITY_NAME,
+    LAMINATE_NAMES,
     LINE_NAME,
     NAMES,
+    PEAK_OVER_LAMINATE,
+    PEAK_OVER_LAMINATE_STD,
     ROLL_NAME,
     PlySteerEstimator,
     separate_plysteer_conicity,
 )
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.revolution_block import RevolutionArrays, RevolutionBlock
+from gateway.estimators.tire_data import TireData
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution
 from gateway.physics.rolling_ring import RingSolution
 from gateway.reasons import Code, Reason, codes_of
@@ -64,12 +69,16 @@ def rolled(
     return tuple(r.revolution for r in through_pipeline(values, sensor) if not r.revolution.faults)
 
 
-def estimate(revolutions: Sequence[Revolution], estimator: PlySteerEstimator | None = None) -> dict[str, Estimate]:
+def estimate(
+    revolutions: Sequence[Revolution],
+    estimator: PlySteerEstimator | None = None,
+    conditions: TireConditions | None = None,
+) -> dict[str, Estimate]:
     estimator = estimator or PlySteerEstimator()
     average = settled(revolutions[0])
     found: tuple[Estimate, ...] = ()
     for revolution in revolutions:
-        found = estimator.update(revolution, average, CONDITIONS)
+        found = estimator.update(revolution, average, conditions or CONDITIONS)
     return {e.name: e for e in found}
 
 
@@ -305,3 +314,41 @@ def test_gain_and_radius_errors_scale_the_angle() -> None:
     for name in (*NAMES, LINE_NAME):
         # The standard error is that of the last renewal.
         assert found[name].std == pytest.approx(math.hypot(plain[name].std, 0.05 * plain[name].value), rel=2e-3)
+
+
+def laminate_of(angle_deg: float) -> TireData:
+    """Return a tire whose plies lie 1.2 mm apart, the inner one at an angle."""
+    plies = tuple(
+        StatedPly(math.radians(angle), 1.2e-3, 200e9, 0.22, math.radians(0.5), 0.03e-3)
+        for angle in (angle_deg, -angle_deg)
+    )
+    return TireData(laminate=BeltLaminate(plies, 6e6, 1.2e6))
+
+
+def with_laminate(revolutions: Sequence[Revolution], angle_deg: float) -> dict[str, Estimate]:
+    conditions = TireConditions(RADIUS_M, radius_std_m=0.002, tire=laminate_of(angle_deg))
+    return estimate(revolutions, conditions=conditions)
+
+
+def test_laminate_angle_stands_with_the_measured_peak() -> None:
+    # The belt of the signal has g = +1.2 mm: plies at -26.6 deg inside.
+    revolutions = rolled(radial(), LateralBelt(), QUIET, 40)
+    found = with_laminate(revolutions, -26.6)
+    angle, peak = found["ply_steer_laminate_rad"], found["ply_steer_peak_rad"]
+    assert angle.status is Status.VALID
+    assert angle.value == pytest.approx(1.2e-3 / RADIUS_M, rel=0.01)
+    assert 0.02 < angle.std / angle.value < 0.1
+    assert abs(peak.value - PEAK_OVER_LAMINATE * angle.value) < 3.0 * PEAK_OVER_LAMINATE_STD * angle.value
+    assert found["laminate_b16_n"].value / found["laminate_a66_npm"].value == pytest.approx(angle.value * RADIUS_M)
+    assert found["laminate_b16_n"].std > 0.0
+
+
+@pytest.mark.parametrize("angle_deg", [26.6, -12.0])
+def test_laminate_that_differs_from_the_peak_is_provisional(angle_deg: float) -> None:
+    angle = with_laminate(rolled(radial(), LateralBelt(), QUIET, 40), angle_deg)["ply_steer_laminate_rad"]
+    assert angle.status is Status.PROVISIONAL
+    assert Code.LAMINATE_DIFFERS in codes_of(angle.reasons)
+
+
+def test_no_laminate_estimates_without_plies() -> None:
+    assert not set(LAMINATE_NAMES) & set(estimate(rolled(radial())))
