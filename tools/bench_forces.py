@@ -4,27 +4,44 @@ Random tires of the exact ring with losses, extension and a drifting speed go th
 hub, frames, pipeline, estimators. With --rolled DIR, the tires of finite elements that
 `python -m independent_tire` made are judged instead.
 
-Run: python tools/bench_forces.py [--count 28] [--bound] [--rolled DIR] [--known] [--markdown]
+Run: python tools/bench_forces.py [--count 28] [--bound] [--cornering MODEL] [--rolled DIR] [--known] [--markdown]
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import groupby
 from pathlib import Path
+from typing import TypeVar
 
 from accuracy.tables import Table
 from forces.bounds import bound_table
-from forces.runs import QUANTITIES, TRACTIONS, Measured, pulls, rolled, simulated
+from forces.lateral import MODELS, cornering
+from forces.runs import TRACTIONS, Measured, pulls, rolled, simulated
 
-UNITS = {"longitudinal_force_n": ("N", 1.0, 0), "axle_torque_nm": ("N m", 1.0, 1), "rolling_resistance": ("%", 1e2, 2)}
+from gateway.estimators.estimator import Status
+
+T = TypeVar("T")
+CASES = ("free", "driven", "braked")
+
+UNITS = {
+    "longitudinal_force_n": ("N", 1.0, 0),
+    "axle_torque_nm": ("N m", 1.0, 1),
+    "rolling_resistance": ("%", 1e2, 2),
+    "side_force_n": ("N", 1.0, 0),
+    "aligning_moment_nm": ("N m", 1.0, 1),
+    "friction_used": ("", 1.0, 3),
+    "sliding_share": ("", 1.0, 2),
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bound", action="store_true", help="print the Cramer-Rao bound only")
+    parser.add_argument("--cornering", choices=MODELS, help="judge side force and moment on a lateral model")
     parser.add_argument("--count", type=int, default=28, help="random tires of the exact ring")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=1)
@@ -35,54 +52,71 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     if options.bound:
         tables = [bound_table()]
+    elif options.cornering:
+        measured = _spread(partial(_corner, options.cornering, options.seed), range(options.count), options.jobs)
+        tables = _tables(measured, options.each)
     elif options.rolled:
         measured = list(rolled(options.rolled, options.seed, options.known))
         tables = [each_table(measured), summary_table(measured)]
     else:
         orders = [(index, TRACTIONS[index % len(TRACTIONS)]) for index in range(options.count)]
-        measured = _all(orders, options.seed, options.jobs)
-        tables = [each_table(measured), summary_table(measured)] if options.each else [summary_table(measured)]
+        measured = _spread(partial(_one, options.seed), orders, options.jobs)
+        tables = _tables(measured, options.each)
     for table in tables:
         print(table.text(markdown=options.markdown))
 
 
-def _all(orders: Sequence[tuple[int, float]], seed: int, jobs: int) -> list[Measured]:
+def _tables(measured: Sequence[Measured], each: bool) -> list[Table]:
+    return [each_table(measured), summary_table(measured)] if each else [summary_table(measured)]
+
+
+def _spread(judge: Callable[[T], list[Measured]], orders: Sequence[T], jobs: int) -> list[Measured]:
     if jobs == 1:
-        return [one for order in orders for one in _one(seed, order)]
+        return [one for order in orders for one in judge(order)]
     with ProcessPoolExecutor(jobs) as pool:
-        return [one for found in pool.map(partial(_one, seed), orders) for one in found]
+        return [one for found in pool.map(judge, orders) for one in found]
 
 
 def _one(seed: int, order: tuple[int, float]) -> list[Measured]:
     return list(simulated(*order, seed))
 
 
+def _corner(model: str, seed: int, index: int) -> list[Measured]:
+    return list(cornering(model, index, seed))
+
+
 def each_table(measured: Sequence[Measured]) -> Table:
     """Return every tire: truth and estimates."""
     rows = []
-    for start in range(0, len(measured), len(QUANTITIES)):
-        group = measured[start : start + len(QUANTITIES)]
+    names = list(dict.fromkeys(one.quantity for one in measured))
+    for (tire, case), members in groupby(measured, key=lambda one: (one.tire, one.case)):
+        group = {one.quantity: one for one in members}
         cells = []
-        for one in group:
-            _, factor, digits = UNITS[one.quantity]
+        for name in names:
+            one = group.get(name)
+            if one is None:
+                cells += ["-", "-"]
+                continue
+            _, factor, digits = UNITS[name]
             truth, value, std = (f"{factor * v:.{digits}f}" for v in (one.truth, one.estimate.value, one.estimate.std))
             text = f"{value} ± {std}"
-            cells += [truth, text if one.estimate.status == "valid" else f"({text})"]
-        rows.append((group[0].tire, group[0].case, *cells))
-    heads = [head for name in QUANTITIES for head in (f"true {_words(name)}, {UNITS[name][0]}", "estimated")]
+            cells += [truth, text if one.estimate.status is Status.VALID else f"({text})"]
+        rows.append((tire, case, *cells))
+    heads = [head for name in names for head in (", ".join(filter(None, (f"true {_words(name)}", UNITS[name][0]))), "estimated")]
     return Table("Forces of each tire", "in brackets what is not valid", ("tire", "", *heads), tuple(rows))
 
 
 def summary_table(measured: Sequence[Measured]) -> Table:
     """Return errors and pulls by quantity and case."""
     rows = []
-    for name in QUANTITIES:
-        for case in ("free", "driven", "braked", "all"):
+    for name in dict.fromkeys(one.quantity for one in measured):
+        cases = [case for case in CASES if any(one.case == case for one in measured)]
+        for case in (*cases, "all"):
             chosen = [one for one in measured if one.quantity == name and case in (one.case, "all")]
             if not chosen:
                 continue
             rms, largest, share, false = pulls(chosen)
-            valid = [one for one in chosen if one.estimate.status == "valid"]
+            valid = [one for one in chosen if one.estimate.status is Status.VALID]
             errors = sorted(abs(one.estimate.value - one.truth) / one.unit for one in valid)
             middle = f"{100.0 * errors[len(errors) // 2]:.2g}" if errors else "-"
             worst = f"{100.0 * errors[-1]:.2g}" if errors else "-"
@@ -109,7 +143,7 @@ def summary_table(measured: Sequence[Measured]) -> Table:
 
 
 def _words(name: str) -> str:
-    return {"longitudinal_force_n": "longitudinal force", "axle_torque_nm": "torque"}.get(name, name.replace("_", " "))
+    return {"axle_torque_nm": "torque"}.get(name, name.removesuffix("_n").removesuffix("_nm").replace("_", " "))
 
 
 if __name__ == "__main__":

@@ -32,6 +32,8 @@ _TRAIL_STD: Final = 0.15
 _LATERAL_SLIP: Final = 0.3
 # Largest standard error of a valid share.
 _USEFUL_STD: Final = 0.2
+# Share that slides where the pressure begins and ends, which the brush on a rigid belt does not have.
+_EDGE_STD: Final = 0.05
 _POINTS: Final = 400
 
 
@@ -114,7 +116,7 @@ def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, 
     value = 0.5 * sum(shares[1])
     by_shape = 0.5 * abs(shares[1][0] - shares[1][1])
     by_trail = 0.25 * (sum(shares[2]) - sum(shares[0]))
-    std = math.hypot(by_shape, by_trail)
+    std = math.hypot(by_shape, by_trail, _EDGE_STD)
     worst = sorted(share for pair in shares for share in pair)
     doubt = Reason(Code.SLIP_LIMIT_NOT_DETERMINED, trail_m=trail, std_m=trail_std, low=worst[0], high=worst[-1])
     doubts: tuple[Reason, ...] = (doubt,) if std > _USEFUL_STD else ()

@@ -222,7 +222,7 @@ class LongitudinalForceEstimator:
         assert self._now.solution is not None
         assert self._tire.solution is not None
         forces, covariance = self._now.forces, self._now.covariance
-        tilt = math.hypot(0.5 * self._now.solution.tilt_rad, _LEVEL_STD_RAD)
+        tilt = math.hypot(self._now.solution.tilt_rad, _LEVEL_STD_RAD)
         pull, torque = float(forces[Force.LONGITUDINAL]), float(forces[Force.TORQUE])
         pull_variance, torque_variance = (float(covariance[one, one]) for one in (Force.LONGITUDINAL, Force.TORQUE))
         pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull)
@@ -247,7 +247,7 @@ class LongitudinalForceEstimator:
         """Return rolling resistance and the belt's part of it, from the long mean."""
         assert self._tire.solution is not None
         forces, covariance = self._tire.forces, self._tire.covariance
-        tilt = math.hypot(0.5 * self._tire.solution.tilt_rad, _LEVEL_STD_RAD)
+        tilt = math.hypot(self._tire.solution.tilt_rad, _LEVEL_STD_RAD)
         resistance = float(_RESISTANCE @ forces)
         variance = float(_RESISTANCE @ covariance @ _RESISTANCE)
         extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])

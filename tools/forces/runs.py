@@ -17,7 +17,7 @@ from validity.runs import Run, record_wheel, results_of
 from validity.statements import Statement, draw_statement, known_exactly
 from validity.tires import World, draw_world, ordinary
 
-from gateway.estimators.estimator import Estimate
+from gateway.estimators.estimator import Estimate, Status
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.simulator.tire_table import Range, TireTable
 from gateway.simulator.wheel_plan import WheelPlan
@@ -136,7 +136,7 @@ def _kept(tire: RolledTire) -> Callable[[WheelPlan, World], Any]:
 
 def pulls(measured: Sequence[Measured]) -> tuple[float, float, float, int]:
     """Return rms and largest pull of valid estimates, share valid, and number of falsely valid ones."""
-    valid = [one for one in measured if one.estimate.status == "valid"]
+    valid = [one for one in measured if one.estimate.status is Status.VALID]
     found = np.array([(one.estimate.value - one.truth) / one.estimate.std for one in valid])
     if not len(found):
         return math.nan, math.nan, 0.0, 0
