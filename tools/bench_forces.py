@@ -102,7 +102,11 @@ def each_table(measured: Sequence[Measured]) -> Table:
             text = f"{value} ± {std}"
             cells += [truth, text if one.estimate.status is Status.VALID else f"({text})"]
         rows.append((tire, case, *cells))
-    heads = [head for name in names for head in (", ".join(filter(None, (f"true {_words(name)}", UNITS[name][0]))), "estimated")]
+    heads = [
+        head
+        for name in names
+        for head in (", ".join(filter(None, (f"true {_words(name)}", UNITS[name][0]))), "estimated")
+    ]
     return Table("Forces of each tire", "in brackets what is not valid", ("tire", "", *heads), tuple(rows))
 
 

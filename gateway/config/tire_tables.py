@@ -82,10 +82,10 @@ class SideForceCalibrationTable(Section):
     shift_zero_mm: float = Field(ge=-50, le=50, description="shift without side force in mm")
     shift_zero_std_mm: float = Field(ge=0, le=50, description="standard error of shift_zero_mm in mm")
     moment_nm_per_deg: float | None = Field(
-        default=None, ge=-100_000, le=100_000, description="aligning moment per yaw of the belt in N m per degree"
+        default=None, ge=-100_000, le=100_000, description="aligning moment per yaw of the belt in N m / degrees"
     )
     moment_std_nm_per_deg: float = Field(
-        default=0.0, ge=0, le=100_000, description="standard error of moment_nm_per_deg in N m per degree"
+        default=0.0, ge=0, le=100_000, description="standard error of moment_nm_per_deg in N m / degrees"
     )
     yaw_zero_deg: float = Field(default=0.0, ge=-10, le=10, description="yaw without aligning moment in degrees")
     yaw_zero_std_deg: float = Field(default=0.0, ge=0, le=10, description="standard error of yaw_zero_deg in degrees")
