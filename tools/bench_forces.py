@@ -4,7 +4,7 @@ Random tires of the exact ring with losses, extension and a drifting speed go th
 hub, frames, pipeline, estimators. With --rolled DIR, the tires of finite elements that
 `python -m independent_tire` made are judged instead.
 
-Run: python tools/bench_forces.py [--count 28] [--bound] [--cornering MODEL] [--rolled DIR] [--known] [--markdown]
+Run: python tools/bench_forces.py [--bound | --linearity | --cornering MODEL | --rolled DIR] [--count 28] [--markdown]
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import TypeVar
 
 from accuracy.tables import Table
 from forces.bounds import bound_table
-from forces.lateral import MODELS, cornering
+from forces.lateral import MODELS, cornering, linearity_table
 from forces.runs import TRACTIONS, Measured, pulls, rolled, simulated
 
 from gateway.estimators.estimator import Status
@@ -41,6 +41,7 @@ UNITS = {
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--bound", action="store_true", help="print the Cramer-Rao bound only")
+    parser.add_argument("--linearity", action="store_true", help="print how linear side force and moment are only")
     parser.add_argument("--cornering", choices=MODELS, help="judge side force and moment on a lateral model")
     parser.add_argument("--count", type=int, default=28, help="random tires of the exact ring")
     parser.add_argument("--seed", type=int, default=1)
@@ -52,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parser.parse_args(arguments)
     if options.bound:
         tables = [bound_table()]
+    elif options.linearity:
+        tables = [linearity_table()]
     elif options.cornering:
         measured = _spread(partial(_corner, options.cornering, options.seed), range(options.count), options.jobs)
         tables = _tables(measured, options.each)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Final
 
 import numpy as np
+from accuracy.tables import Table
 from validity.independent import RolledTable
 from validity.runs import record_wheel, results_of
 from validity.statements import Statement, draw_statement
@@ -21,10 +22,14 @@ from validity.tires import World, draw_world
 from forces.runs import Measured
 from gateway.config.toml_writer import toml_text
 from gateway.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.estimators.belt_displacement import displacement_rows
 from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.lateral_shape import ORDERS
 from gateway.estimators.side_force_calibration import SideForceCalibration, fit_linear_law
 from gateway.physics.brush_tread import BrushNotConvergedError
-from gateway.physics.rolling_ring import RingNotConvergedError, RingSolution
+from gateway.physics.lateral_belt import LateralBelt
+from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
+from gateway.physics.rolling_ring import RingNotConvergedError, RingParameters, RingSolution, solve_rolling_ring
 from gateway.simulator.tire_model import TireModel
 from gateway.simulator.tire_table import LATERAL, TABLE_ANGLES, Range, TireTable
 from gateway.simulator.wheel_plan import WheelPlan
@@ -213,3 +218,62 @@ def _judged(tire: str, case: str, truth: Cornering, found: dict[str, Estimate], 
     for name, (value, unit) in values.items():
         if math.isfinite(value):
             yield Measured(tire, case, name, found.get(name) or Estimate.invalid(name), value, unit)
+
+
+def linearity_table() -> Table:
+    """Return how far side force and moment are linear in shift and yaw, without noise, on belts of both models."""
+    rows = []
+    for model, changes in (
+        ("brush", {}),
+        ("brush", {"bending_stiffness_nm2": 200.0}),
+        ("brush", {"bending_stiffness_nm2": 4e3}),
+        ("brush", {"sidewall_stiffness_npm2": 1.5e5}),
+        ("brush", {"friction": 0.5}),
+        ("twisting", {}),
+        ("twisting", {"bending_stiffness_nm2": 400.0}),
+        ("twisting", {"bending_stiffness_nm2": 3e3}),
+    ):
+        tire = TireModel(
+            RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=TABLE_3_RADIUS_M, pressure_pa=TABLE_3_PRESSURE_PA),
+            reference_pa=TABLE_3_PRESSURE_PA,
+            lateral=replace(LateralBelt(), **changes),
+        )
+        ring = solve_rolling_ring(tire.ring, TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA, 56.4, nodes=1440)
+        rng = np.random.default_rng(1)
+        solve = {"brush": brush, "twisting": twisting}[model]
+        found = [solve(tire, ring, slip, rng) for slip in (-6.0, -4.0, -2.0, -1.0, 0.0, 1.0, 2.0, 4.0, 6.0)]
+        grid = len(ring.theta_rad)
+        signs = np.where(np.asarray(ORDERS) % 2, -1.0, 1.0)
+        spectra = np.array([np.fft.rfft(one.lateral_m)[ORDERS.start : ORDERS.stop] for one in found])
+        spectra = spectra * signs * (2.0 / grid)
+        records = np.concatenate([spectra.real, -spectra.imag], axis=1)
+        shift, yaw = displacement_rows(ring.half_angle_rad) @ records.T
+        lateral = 2.0 * math.pi * tire.ring.radius_m * tire.lateral.sidewall_stiffness_npm2
+        cells = []
+        for displaced, forces in (
+            (shift, np.array([one.side_force_n for one in found])),
+            (yaw, np.array([one.aligning_moment_nm for one in found])),
+        ):
+            line = np.polyfit(displaced, forces, 1)
+            off = float(np.abs(np.polyval(line, displaced) - forces).max())
+            cells.append((float(line[0]), f"{off:.2f} of {float(np.abs(forces).max()):.0f}"))
+        words = ", ".join(f"{_belt_words(name)} {value:g}" for name, value in changes.items())
+        (side, side_off), (moment, moment_off) = cells
+        per_degree = moment * tire.ring.radius_m * math.radians(1.0)
+        rows.append(
+            (
+                *(model, words or "as stated", f"{1e-3 * side:.0f}", f"{side / lateral:.2f}", side_off),
+                *(f"{per_degree:.1f}", moment_off),
+            )
+        )
+    return Table(
+        "Force over displacement",
+        "no noise, slip -6° to +6° (twisting: a random distribution of the force each); off: largest distance from a "
+        "straight line",
+        ("model", "belt", "K, N/mm", "K / (2π R ky)", "off, N", "M, N m/°", "off, N m"),
+        tuple(rows),
+    )
+
+
+def _belt_words(name: str) -> str:
+    return name.removesuffix("_nm2").removesuffix("_npm2").replace("_", " ")
