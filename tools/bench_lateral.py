@@ -1,6 +1,6 @@
-"""Laws and calibrations of the lateral axis on random belts: laminate against peak, share against slip, pulls.
+"""Laws and calibrations of the lateral axis: laminates, peak against laminate, share against slip, pulls.
 
-    python -m tools.bench_lateral [--only laws|calibration] [--belts COUNT] [--seed SEED]
+    python -m tools.bench_lateral [--only laminate|laws|calibration] [--belts COUNT] [--seed SEED]
 
 Belts are solved on the exact rolling ring with a brush tread. For the calibration their signals are sampled, disturbed,
 quantised and run through the pipeline; the known slip angles are wrong by their stated errors.
@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gateway.errors import CalibrationError
+from gateway.estimators.belt_laminate import BeltLaminate, StatedPly, coupling_law
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.slip_angle import MEAN_NAME, SLIP_NAME, SlipAngleEstimator
 from gateway.estimators.slip_fit import SlipFit, SlipRunRevolutions, fit_slip_calibration
@@ -30,6 +31,7 @@ from gateway.simulator.truth import LateralSlopes, slopes_of
 from gateway.types import FloatArray
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
+LAMINATE_ANGLES_DEG = (18.0, 22.0, 26.0, 30.0)
 SLIPS_DEG = (-2.0, -1.5, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5, 2.0)
 FORWARD_DEG = (-1.0, -0.5, 0.0, 0.5, 1.0)
 REVERSE_DEG = (0.0, 0.5)
@@ -88,6 +90,29 @@ def random_cases(count: int, seed: int) -> Iterator[Case]:
                 seed=1000 * seed + number,
             ),
         )
+
+
+def laminates() -> None:
+    """Print the coupling of two steel plies over their angle."""
+    print("two steel plies of 1.2 mm, 22 % cords, rubber of 6 MPa, angles to 1 deg")
+    print("angle deg      B16 N   A66 N/m  B16 / A66 mm         free strip mm  2 phi_z deg at 310 mm")
+    for angle in LAMINATE_ANGLES_DEG:
+        law = coupling_law(crossed_belt(angle))
+        slope = law.slope(0.31)
+        print(
+            f"{angle:9.0f} {law.b16_n.value:10.0f} {law.a66_npm.value:9.3g} {1e3 * law.length_m.value:8.2f} "
+            f"± {1e3 * law.length_m.std:.2f} {1e3 * law.released_length_m.value:21.2f} "
+            f"{math.degrees(slope.value):14.3f} ± {math.degrees(slope.std):.3f}"
+        )
+
+
+def crossed_belt(angle_deg: float) -> BeltLaminate:
+    """Return two steel plies with usual tolerances, the inner one at the angle, the outer one at its opposite."""
+    plies = tuple(
+        StatedPly(math.radians(angle), 1.2e-3, 200e9, 0.22, math.radians(1.0), 0.05e-3, 20e9, 0.02)
+        for angle in (angle_deg, -angle_deg)
+    )
+    return BeltLaminate(plies, 6e6, 1.2e6)
 
 
 def laws(count: int, seed: int) -> None:
@@ -203,13 +228,15 @@ def _rms(values: list[float]) -> float:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", choices=("laws", "calibration"))
+    parser.add_argument("--only", choices=("laminate", "laws", "calibration"))
     parser.add_argument("--belts", type=int, default=40)
     parser.add_argument("--seed", type=int, default=2)
     arguments = parser.parse_args()
-    if arguments.only != "calibration":
+    if arguments.only in (None, "laminate"):
+        laminates()
+    if arguments.only in (None, "laws"):
         laws(arguments.belts, arguments.seed)
-    if arguments.only != "laws":
+    if arguments.only in (None, "calibration"):
         calibration(arguments.belts, arguments.seed)
 
 

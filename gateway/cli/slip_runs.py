@@ -139,7 +139,7 @@ def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:
     found = fit.calibration
     if fit.degrees_of_freedom > 0:
         check = (
-            f"chi-square {fit.chi_square:.1f} for {fit.degrees_of_freedom} degrees of freedom, probability "
+            f"chi-square {fit.chi_square:.1f}, degrees of freedom {fit.degrees_of_freedom}, probability "
             f"{fit.probability:.2g}"
         )
     else:

@@ -21,6 +21,7 @@ from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import (
     GAIN_STD,
     HAND_MOUNTED_STD_M,
+    HAND_MOUNTED_STD_RAD,
     RADIUS_STD,
     ZERO_G_STD_MPS2,
     LoadCalibration,
@@ -231,8 +232,14 @@ class Mounting(Section):
     offset_std_mm: float = Field(
         default=HAND_MOUNTED_STD_M * 1e3, ge=0, le=40, description="standard error of offset_mm in mm"
     )
-    roll_deg: float = Field(
-        default=0.0, ge=-45, le=45, description="rotation about the circumferential axis in degrees"
+    roll_deg: float | None = Field(
+        default=None,
+        ge=-45,
+        le=45,
+        description="rotation about the circumferential axis in degrees; default: as measured, 0 for diagnose",
+    )
+    roll_std_deg: float = Field(
+        default=math.degrees(HAND_MOUNTED_STD_RAD), ge=0, le=45, description="standard error of roll_deg in degrees"
     )
     pitch_deg: float = Field(default=0.0, ge=-45, le=45, description="rotation about the lateral axis in degrees")
 
@@ -243,8 +250,8 @@ class Mounting(Section):
 
     @property
     def roll_rad(self) -> float:
-        """Roll of the sensor about the circumferential axis in rad."""
-        return math.radians(self.roll_deg)
+        """Roll of the sensor about the circumferential axis in rad, 0 when it is not stated."""
+        return math.radians(self.roll_deg or 0.0)
 
     @property
     def pitch_rad(self) -> float:
@@ -415,6 +422,8 @@ class VehicleConfig(Section):
                 offset_std_m=wheel.mounting.offset_std_mm * 1e-3,
                 gain_std=wheel.sensor.gain_std_percent * 1e-2,
                 zero_g_std_mps2=wheel.sensor.zero_g_std_mps2,
+                roll_rad=None if wheel.mounting.roll_deg is None else wheel.mounting.roll_rad,
+                roll_std_rad=math.radians(wheel.mounting.roll_std_deg),
             ),
             tire=tire.data(),
         )

@@ -232,17 +232,23 @@ def fit_slip_calibration(runs: Sequence[SlipRun], zero_std_rad: float) -> SlipFi
         )
     both = len({run.is_reverse for run in runs}) == 2
     freedom = len(runs) - (3 if both else 2)
-    probability = float(gammaincc(0.5 * freedom, 0.5 * solution.chi_square)) if freedom > 0 else math.nan
+    probability = _probability(solution.chi_square, freedom)
     pulls = solution.residual_rad / solution.std_rad
     others = [[*runs[:index], *runs[index + 1 :]] for index in range(len(runs))]
     if probability < _LEAST_PROBABILITY:
-        without = [_solve(rest, zero_std_rad).chi_square for rest in others]
-        worst = int(np.argmin(without))
+        fitting = [
+            run.name
+            for run, rest in zip(runs, others, strict=True)
+            if _probability(_solve(rest, zero_std_rad).chi_square, freedom - 1) >= _LEAST_PROBABILITY
+        ]
+        which = f"the others agree without {' or without '.join(fitting)}" if fitting else "more than one run is off"
+        if freedom == 1:
+            which = "another run would show which one is off"
         raise CalibrationError(
-            f"the runs contradict each other: chi-square {solution.chi_square:.1f}, {freedom} degrees of freedom, "
-            f"{without[worst]:.1f} without {runs[worst].name}",
-            "Check that run first: slip_deg, its sign, and direction. If slip angles are less accurate than stated, "
-            "increase slip_std_deg.",
+            f"the runs contradict each other: chi-square {solution.chi_square:.1f}, degrees of freedom {freedom}; "
+            f"{which}",
+            "Check slip_deg, its sign, and direction. If slip angles are less accurate than stated, increase "
+            "slip_std_deg.",
         )
     left_out = np.full(len(runs), math.nan)
     for index, (run, rest) in enumerate(zip(runs, others, strict=True)):
@@ -257,6 +263,11 @@ def fit_slip_calibration(runs: Sequence[SlipRun], zero_std_rad: float) -> SlipFi
         freedom,
         probability,
     )
+
+
+def _probability(chi_square: float, freedom: int) -> float:
+    """Return the probability of a larger chi-square by chance, NaN without degrees of freedom."""
+    return float(gammaincc(0.5 * freedom, 0.5 * chi_square)) if freedom > 0 else math.nan
 
 
 def _check(runs: Sequence[SlipRun]) -> None:

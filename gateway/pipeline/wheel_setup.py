@@ -8,6 +8,7 @@ from gateway.estimators.belt_laminate import BeltLaminate as BeltLaminate  # for
 from gateway.estimators.belt_laminate import StatedPly as StatedPly
 from gateway.estimators.sensor_claims import GAIN_STD as GAIN_STD
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M as HAND_MOUNTED_STD_M
+from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_RAD as HAND_MOUNTED_STD_RAD
 from gateway.estimators.sensor_claims import RADIUS_STD as RADIUS_STD
 from gateway.estimators.sensor_claims import ZERO_G_STD_MPS2 as ZERO_G_STD_MPS2
 from gateway.estimators.sensor_claims import SensorClaims as SensorClaims

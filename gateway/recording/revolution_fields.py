@@ -64,6 +64,8 @@ QUANTITIES: Final[dict[str, dict[str, str]]] = {
         "ply_steer_contact_line_rad": "slope of a line through the whole contact",
         "conicity_slope_rad": "half the change of slope from the first to the second half of the contact",
         "sensor_roll_rad": "roll of the sensor, from the means of two axes",
+        "lateral_offset_mps2": "constant in the mean of the lateral axis: zero-g offset and camber",
+        "ply_steer_ahead_rad": "steepest slope of the free belt ahead of the contact, which leans the other way",
         "ply_steer_laminate_rad": "slope of a belt of the stated plies that is bent flat, 2 phi_z of Eq. 18",
         "laminate_b16_n": "B16 of the stated plies",
         "laminate_a66_npm": "A66 of the stated plies",

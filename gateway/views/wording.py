@@ -229,8 +229,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LAMINATE_NOT_BALANCED: (
         "the plies are not at opposite angles (A16 / A66 = {share:.2f}): tension shears the belt as well (Eq. 11)"
     ),
+    Code.LATERAL_ZERO_CONTRADICTED: (
+        "contradicts the stated accuracy of the sensor's zero, {stated_std_mps2:.1f m/s²}; a degree of camber is "
+        "0.17 m/s²"
+    ),
+    Code.LATERAL_ZERO_NOT_SEPARATED: "needs two speeds: roll tilt and zero-g offset are not separated yet",
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
     Code.ORDERS_USED: "orders {first:.0f} to {last:.0f}",
+    Code.ROLL_CONTRADICTED: (
+        "contradicts the stated roll, {stated_rad:.1f deg} ± {stated_std_rad:.1f deg} (mounting.roll_deg); the "
+        "measured one is used"
+    ),
     Code.ROLL_NOT_CALIBRATED: (
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     ),

@@ -47,7 +47,7 @@ def test_calibration_gives_constant_slip(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "slip.toml"
     text = run("calibrate", "slip", folder / "runs.toml", "--out", out)
     assert "chi-square" in text
-    assert "1 degrees of freedom" in text
+    assert "degrees of freedom 1" in text
     found = tomllib.loads(out.read_text())["tire"]["slip_calibration"]
     wheel = "[tire]\nradius_mm = 320\n[[wheel]]\nposition = 'FL'\nhub = 0\nwheel = 0\nload_n = 4000\n"
     vehicle = parse_vehicle(wheel + out.read_text(), "test")
