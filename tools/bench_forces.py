@@ -31,6 +31,7 @@ UNITS = {
     "longitudinal_force_n": ("N", 1.0, 0),
     "axle_torque_nm": ("N m", 1.0, 1),
     "rolling_resistance": ("%", 1e2, 2),
+    "load_by_width_n": ("N", 1.0, 0),
     "side_force_n": ("N", 1.0, 0),
     "aligning_moment_nm": ("N m", 1.0, 1),
     "friction_used": ("", 1.0, 3),
@@ -150,7 +151,7 @@ def summary_table(measured: Sequence[Measured]) -> Table:
 
 
 def _words(name: str) -> str:
-    return {"axle_torque_nm": "torque"}.get(name, name.removesuffix("_n").removesuffix("_nm").replace("_", " "))
+    return {"axle_torque_nm": "torque"}.get(name, name.removesuffix("_nm").removesuffix("_n").replace("_", " "))
 
 
 if __name__ == "__main__":

@@ -22,8 +22,8 @@ from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.simulator.tire_table import Range, TireTable
 from gateway.simulator.wheel_plan import WheelPlan
 
-ESTIMATORS: Final = ("kinematic", "self-calibration", "weak-form", "longitudinal-force")
-QUANTITIES: Final = ("longitudinal_force_n", "axle_torque_nm", "rolling_resistance")
+ESTIMATORS: Final = ("kinematic", "self-calibration", "weak-form", "load", "longitudinal-force")
+QUANTITIES: Final = ("longitudinal_force_n", "axle_torque_nm", "rolling_resistance", "load_by_width_n")
 REVOLUTIONS: Final = 128
 # Torque over load and radius.
 TRACTIONS: Final = (-0.4, -0.1, -0.03, 0.0, 0.03, 0.06, 0.15)
@@ -60,7 +60,9 @@ class Truth:
 
     def unit(self, quantity: str) -> float:
         """Return what an error of a quantity is compared with: the load for a force."""
-        return {"longitudinal_force_n": self.load_n, "axle_torque_nm": self.load_n * self.radius_m}.get(quantity, 1.0)
+        return (
+            self.load_n * self.radius_m if quantity.endswith("_nm") else self.load_n if quantity.endswith("_n") else 1.0
+        )
 
 
 def simulated(index: int, traction: float, seed: int) -> Iterator[Measured]:
@@ -79,6 +81,7 @@ def simulated(index: int, traction: float, seed: int) -> Iterator[Measured]:
         "longitudinal_force_n": ring.longitudinal_force_n,
         "axle_torque_nm": ring.axle_torque_nm,
         "rolling_resistance": ring.rolling_resistance,
+        "load_by_width_n": world.load_n,
     }
     said = draw_statement(world, np.random.default_rng([seed, index, 1]))
     yield from _measured(
@@ -98,7 +101,7 @@ def rolled(folder: Path, seed: int, known: bool) -> Iterator[Measured]:
             world = replace(world, gain_error=(0.0, 0.0, 0.0), zero_g_mps2=(0.0, 0.0, 0.0), tilt_deg=(0.0, 0.0, 0.0))
             said = known_exactly(world, said)
         run = record_wheel(world, world.plan(), _kept(tire), (seed, index), lateral=False)
-        truth = {name: float(about[name]) for name in QUANTITIES}
+        truth = {name: float(about[name]) for name in QUANTITIES[:3]} | {"load_by_width_n": world.load_n}
         case = _case(truth["axle_torque_nm"] / (world.load_n * world.radius_m))
         yield from _measured(str(about["name"]), case, run, said, Truth(truth, world.load_n, world.radius_m))
 
