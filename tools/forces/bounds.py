@@ -8,7 +8,7 @@ below what a method that is free of it can reach.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,9 +16,14 @@ import numpy as np
 from accuracy.tables import Table
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.asymmetric_rows import Force
+from gateway.estimators.asymmetric_solve import solve_asymmetric
+from gateway.physics.asymmetric_belt import curvature_from_signal
+from gateway.physics.belt_shape import orders_about
 from gateway.physics.reference_tire import TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
+from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import FloatArray
 
 LOAD_N: Final = 5000.0
@@ -180,9 +185,32 @@ def bound_table() -> Table:
         size = math.sqrt(whole[torque, torque] * whole[damping, damping])
         correlation = f"{whole[torque, damping] / size:+.2f}" if size else "-"
         rows.append((name, f"{std[0]:.0f}", f"{std[1]:.1f}", f"{100.0 * std[2]:.2f}", correlation))
+    rows.append(("65 km/h, the estimator", *(f"{value:.{digits}f}" for value, digits in _by_estimator()), "-"))
     return Table(
         "Cramer-Rao bound of one revolution",
         f"{LOAD_N:.0f} N, {DENSITY_MG:g} mg/√Hz; stiffnesses, tread, both dampings, torque and centre unknown",
         ("data", "longitudinal force, N", "torque, N m", "rolling resistance, %", "torque with sidewall damping"),
         tuple(rows),
     )
+
+
+def _by_estimator() -> Iterator[tuple[float, int]]:
+    """Yield the standard errors of the estimator's own balance for one revolution, with the digits to show."""
+    omega = 65.0 / 3.6 / TABLE_3_RADIUS_M
+    ring = RingParameters.from_numbers(
+        *TABLE_3_NUMBERS,
+        radius_m=TABLE_3_RADIUS_M,
+        pressure_pa=TABLE_3_PRESSURE_PA,
+        foundation_damping_nspm2=_DAMPING,
+        tread_damping_nspm2=_TREAD_DAMPING,
+    )
+    base = solve_rolling_ring(ring, LOAD_N, TABLE_3_PRESSURE_PA, omega, nodes=_NODES, axle_torque_nm=_TORQUE_NM)
+    signal = orders_about(base.sensor.radial_m, base.contact_centre_rad, _ORDERS)
+    noise = DENSITY_MG * 1e-3 * STANDARD_GRAVITY_MPS2 * math.sqrt(omega / (2.0 * math.pi))
+    std = np.full(ORDER_COUNT, noise / (omega**2 * float(signal[0].real)))
+    found = solve_asymmetric(curvature_from_signal(signal, 0.0), std, base.half_angle_rad)
+    covariance = found.noise(std) + found.common()
+    difference = np.array([0.0, -1.0, 1.0, 0.0])
+    yield LOAD_N * math.sqrt(covariance[Force.LONGITUDINAL, Force.LONGITUDINAL]), 0
+    yield LOAD_N * TABLE_3_RADIUS_M * math.sqrt(covariance[Force.TORQUE, Force.TORQUE]), 1
+    yield 100.0 * math.sqrt(float(difference @ covariance @ difference)), 2
