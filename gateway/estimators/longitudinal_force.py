@@ -90,8 +90,11 @@ class _Track:
     @property
     def is_outdated(self) -> bool:
         """Whether the mean must be solved again."""
-        if self.solution is None or is_due(self._count) or self._count - self._solved_at >= self._longest:
+        if is_due(self._count) or self._count - self._solved_at >= self._longest:
             return True
+        # A mean that had no solution is tried again at the same pace.
+        if self.solution is None:
+            return False
         moved = np.square(self.solution.response @ (corrected_orders(self._mean) - self._solved_orders))
         return bool((moved > _MOVED**2 * np.diagonal(self.covariance))[Force.LONGITUDINAL :].any())
 
@@ -102,13 +105,13 @@ class _Track:
             numpy.linalg.LinAlgError: the mean describes no belt.
         """
         start = None if self.solution is None else self.solution.unknowns
-        self.solution = None
+        self.solution, self._solved_at = None, self._count
         mean_std = own_std * math.sqrt(self._weight_square)
         found = solve_asymmetric(self._mean, mean_std, half_angle_rad, start, prior)
         if not (np.isfinite(found.forces).all() and (found.unknowns[:4] > 0.0).all()):
             raise np.linalg.LinAlgError("the balance describes no belt")
         self.solution, self._std = found, own_std
-        self._solved_at, self._solved_orders = self._count, corrected_orders(self._mean)
+        self._solved_orders = corrected_orders(self._mean)
 
     @property
     def forces(self) -> FloatArray:
@@ -169,6 +172,8 @@ class LongitudinalForceEstimator:
             return _all_invalid(not_used(revolution.faults))
         average = block.averages.at(index)
         reason = unusable(average, conditions)
+        if reason is None and not positive(revolution.omega_radps):
+            reason = Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
         if reason:
             return _all_invalid(reason)
         edges = average.leading_edge_rad, average.trailing_edge_rad
@@ -184,6 +189,8 @@ class LongitudinalForceEstimator:
         try:
             self._solve(average, revolution, float(signal[0].real), half_angle, max_order)
         except np.linalg.LinAlgError:
+            return _all_invalid(Reason(Code.NO_BELT_SHAPE))
+        if self._now.solution is None or self._tire.solution is None:
             return _all_invalid(Reason(Code.NO_BELT_SHAPE))
         return self._found(revolution, conditions)
 
@@ -205,7 +212,7 @@ class LongitudinalForceEstimator:
     def _prior(self, omega_radps: float) -> TirePrior | None:
         """Return the tire from the long mean; None while it hardly is longer than the short one."""
         more = self._tire.effective_count / self._now.effective_count
-        if more < _LEAST_MORE:
+        if more < _LEAST_MORE or self._tire.solution is None:
             return None
         tire = self._tire.tire()
         # The short mean is part of the long one: what is known without it.

@@ -74,7 +74,9 @@ class AsymmetricShape:
 def level_part(half_width_rad: float) -> IntArray:
     """Return the grid points within an angle of theta = 0, where the belt lies level on the road."""
     reach = int(half_width_rad / STEP_RAD)
-    return np.concatenate([np.arange(reach + 1), np.arange(STEPS - reach, STEPS)])
+    points = np.concatenate([np.arange(reach + 1), np.arange(STEPS - reach, STEPS)])
+    points.setflags(write=False)
+    return points
 
 
 def curvature_from_signal(signal: ComplexArray, offset: float) -> FloatArray:

@@ -141,3 +141,18 @@ def test_strong_noise_leaves_force_not_determined() -> None:
 def test_first_revolutions_are_provisional() -> None:
     found = estimates(ring(60.0), revolutions=3)
     assert Code.NOT_SETTLED in codes_of(found["longitudinal_ratio"].reasons)
+
+
+def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gateway.estimators import longitudinal_force
+
+    calls = []
+
+    def fails(*arguments: object) -> None:
+        calls.append(arguments)
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(longitudinal_force, "solve_asymmetric", fails)
+    found = estimates(ring(60.0), revolutions=7)
+    assert codes_of(found["longitudinal_ratio"].reasons) == (Code.NO_BELT_SHAPE,)
+    assert len(calls) < 11
