@@ -33,13 +33,16 @@ def main() -> None:
     parser.add_argument(
         "--tire", action="append", choices=[belt.name for belt in (*TIRES, *PULLED)], help="instead of all"
     )
+    parser.add_argument("--pulled", action="store_true", help="the driven and braked tires in place of the others")
     parser.add_argument("--elements", type=int, help="of the belt, instead of each tire's own number")
     parser.add_argument("--force", action="store_true", help="roll tires again that are there already")
     options = parser.parse_args()
     options.cache.mkdir(parents=True, exist_ok=True)
-    for belt in (*TIRES, *PULLED):
+    # The driven and braked tires are of other benchmarks, so they are made only by name or on request.
+    usual = PULLED if options.pulled else TIRES
+    for belt in [belt for belt in (*TIRES, *PULLED) if belt.name in options.tire] if options.tire else usual:
         path = options.cache / f"{belt.name}.npz"
-        if (options.tire and belt.name not in options.tire) or (path.is_file() and not options.force):
+        if path.is_file() and not options.force:
             continue
         tire = replace(belt, elements=options.elements) if options.elements else belt
         begun = time.perf_counter()
