@@ -110,6 +110,12 @@ class Code(StrEnum):
     # Of distance
     DISTANCE_BRIDGED = "distance_bridged"
     DISTANCE_INTERRUPTED = "distance_interrupted"
+    # Of forces
+    FORCE_NOT_DETERMINED = "force_not_determined"
+    FRICTION_OF_LONGITUDINAL_ONLY = "friction_of_longitudinal_only"
+    NEEDS_SIDE_FORCE_CALIBRATION = "needs_side_force_calibration"
+    SLIP_LIMIT_NOT_DETERMINED = "slip_limit_not_determined"
+    SLIP_NOT_LATERAL = "slip_not_lateral"
     # Of load and wear
     BENDING_NOT_POSITIVE = "bending_not_positive"
     CORRECTED_FOR_BENDING = "corrected_for_bending"

@@ -1,4 +1,4 @@
-"""`treadlink calibrate`: tire calibration from recordings with known loads or slip angles."""
+"""`treadlink calibrate`: tire calibration from recordings with known loads, slip angles or side forces."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _LoadUnlessNamed(click.Group):
 
 @click.group(cls=_LoadUnlessNamed, context_settings={"ignore_unknown_options": True})
 def calibrate() -> None:
-    """Calibrate a tire from recordings with known loads or slip angles.
+    """Calibrate a tire from recordings with known loads, slip angles or side forces.
 
     `treadlink calibrate RECORDING...` is short for `treadlink calibrate load RECORDING...`.
     """
@@ -133,6 +133,47 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
     for line in slip_lines(runs, fit):
         click.echo(line, err=to_stdout)
     _write(slip_toml(fit.calibration), out_path, force=force)
+
+
+@calibrate.command(name="side-force")
+@click.argument("runs_path", type=click.Path(path_type=Path), metavar="RUNS")
+@click.option(
+    "--config",
+    "config_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Vehicle configuration (TOML) to use instead of those in the recordings.",
+)
+@click.option(
+    "--out",
+    "out_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the table to this file; - is standard output.",
+)
+@force_option
+def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None, force: bool) -> None:
+    """Calibrate side force and aligning moment from runs at known forces.
+
+    RUNS is a TOML file that lists the runs: [[run]] tables with recording, side_force_n and, where it is known,
+    aligning_moment_nm, positive to the left. Three runs at one load, such as at -1000, 0 and 1000 N, determine and
+    check the calibration.
+
+    The result is the table [tire.side_force_calibration] for the vehicle configuration. With it the estimator
+    `side-force` gives side force and aligning moment. Runs that do not determine it are refused with the reason.
+    """
+    from gateway.config.force_runs import load_force_runs
+
+    runs_file = load_force_runs(runs_path)
+    read = (runs_path, config_path, *(runs_path.parent / run.recording for run in runs_file.run))
+    check_outputs((out_path,), read, force=force)
+    from gateway.cli.force_runs import fit_side_force, force_lines, force_toml, measured_force_runs
+
+    runs = measured_force_runs(runs_path, runs_file, config_path)
+    found = fit_side_force(runs, runs_file)
+    for line in force_lines(runs, found):
+        click.echo(line, err=is_stdout(out_path))
+    _write(force_toml(found), out_path, force=force)
 
 
 def _write(text: str, out_path: Path | None, *, force: bool) -> None:

@@ -59,7 +59,7 @@ def _calibrations(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, 
     tires = [("tire", data.get("tire"))]
     tires += [(key_of(data, ("wheel", index, "tire")), wheel.get("tire")) for index, wheel in wheels]
     for name, tire in tires:
-        for kind in ("load_calibration", "slip_calibration"):
+        for kind in ("load_calibration", "slip_calibration", "side_force_calibration"):
             calibration = _table(_table(tire).get(kind))
             for low_key, high_key in (
                 ("half_angle_min_rad", "half_angle_max_rad"),

@@ -1,4 +1,4 @@
-"""Tables of a vehicle configuration for the lateral behavior of a tire: slip calibration and laminate."""
+"""Tables of a vehicle configuration for lateral behavior: calibrations of slip and side force, laminate."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final
 from pydantic import Field
 
 from gateway.config.validation import Section
-from gateway.pipeline.wheel_setup import BeltLaminate, SlipCalibration, StatedPly
+from gateway.pipeline.wheel_setup import BeltLaminate, LinearLaw, SideForceCalibration, SlipCalibration, StatedPly
 
 # Relative standard errors where none is stated: the modulus of a twisted cord depends on its lay, that of a compound on
 # temperature and strain.
@@ -71,6 +71,47 @@ class SlipCalibrationTable(Section):
             ply_steer_std_rad=self.ply_steer_std_deg * deg,
             conicity_rad=None if self.conicity_deg is None else self.conicity_deg * deg,
             conicity_std_rad=self.conicity_std_deg * deg,
+        )
+
+
+class SideForceCalibrationTable(Section):
+    """`[tire.side_force_calibration]`: force per displacement of the belt, as written by the calibration."""
+
+    side_n_per_mm: float = Field(ge=-100_000, le=100_000, description="side force per shift of the belt in N/mm")
+    side_std_n_per_mm: float = Field(ge=0, le=100_000, description="standard error of side_n_per_mm in N/mm")
+    shift_zero_mm: float = Field(ge=-50, le=50, description="shift without side force in mm")
+    shift_zero_std_mm: float = Field(ge=0, le=50, description="standard error of shift_zero_mm in mm")
+    moment_nm_per_deg: float | None = Field(
+        default=None, ge=-100_000, le=100_000, description="aligning moment per yaw of the belt in N m / degrees"
+    )
+    moment_std_nm_per_deg: float = Field(
+        default=0.0, ge=0, le=100_000, description="standard error of moment_nm_per_deg in N m / degrees"
+    )
+    yaw_zero_deg: float = Field(default=0.0, ge=-10, le=10, description="yaw without aligning moment in degrees")
+    yaw_zero_std_deg: float = Field(default=0.0, ge=0, le=10, description="standard error of yaw_zero_deg in degrees")
+    half_angle_min_rad: float = Field(ge=0.01, le=1.5, description="smallest calibrated half angle in rad")
+    half_angle_max_rad: float = Field(ge=0.01, le=1.5, description="largest calibrated half angle in rad")
+
+    def calibration(self) -> SideForceCalibration:
+        """Return the calibration in SI."""
+        deg = math.radians(1.0)
+        moment = None
+        if self.moment_nm_per_deg is not None:
+            moment = LinearLaw(
+                factor=self.moment_nm_per_deg / deg,
+                factor_std=self.moment_std_nm_per_deg / deg,
+                zero=self.yaw_zero_deg * deg,
+                zero_std=self.yaw_zero_std_deg * deg,
+            )
+        return SideForceCalibration(
+            side=LinearLaw(
+                factor=self.side_n_per_mm * 1e3,
+                factor_std=self.side_std_n_per_mm * 1e3,
+                zero=self.shift_zero_mm * 1e-3,
+                zero_std=self.shift_zero_std_mm * 1e-3,
+            ),
+            moment=moment,
+            half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),
         )
 
 

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from gateway.config.bus_signals import VehicleSignals
 from gateway.config.cross_checks import cross_faults
-from gateway.config.tire_tables import LaminateTable, SlipCalibrationTable
+from gateway.config.tire_tables import LaminateTable, SideForceCalibrationTable, SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
@@ -195,6 +195,9 @@ class Tire(Section):
     slip_calibration: SlipCalibrationTable | None = Field(
         default=None, description="slope of the streamline over the slip angle"
     )
+    side_force_calibration: SideForceCalibrationTable | None = Field(
+        default=None, description="side force and aligning moment over the displacement of the belt"
+    )
     laminate: LaminateTable | None = Field(default=None, description="plies of the belt with their tolerances")
 
     def overridden_by(self, other: Tire) -> Tire:
@@ -259,6 +262,9 @@ class Tire(Section):
             reference=self.reference.numbers(self.pressure_pa),
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
             slip_calibration=None if self.slip_calibration is None else self.slip_calibration.calibration(),
+            side_force_calibration=(
+                None if self.side_force_calibration is None else self.side_force_calibration.calibration()
+            ),
             laminate=None if self.laminate is None else self.laminate.laminate(),
         )
 

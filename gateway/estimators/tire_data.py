@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.estimators.belt_laminate import BeltLaminate
+from gateway.estimators.side_force_calibration import SideForceCalibration
 from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
 
@@ -155,6 +156,7 @@ class TireData:
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
         slip_calibration: None when the tire is not calibrated at known slip angles.
+        side_force_calibration: None when the tire is not calibrated at known side forces.
         laminate: plies of the belt, None when they are not stated.
     """
 
@@ -167,4 +169,5 @@ class TireData:
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
     slip_calibration: SlipCalibration | None = None
+    side_force_calibration: SideForceCalibration | None = None
     laminate: BeltLaminate | None = None

@@ -12,6 +12,8 @@ from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_RAD as HAND_MOUNTE
 from gateway.estimators.sensor_claims import RADIUS_STD as RADIUS_STD
 from gateway.estimators.sensor_claims import ZERO_G_STD_MPS2 as ZERO_G_STD_MPS2
 from gateway.estimators.sensor_claims import SensorClaims as SensorClaims
+from gateway.estimators.side_force_calibration import LinearLaw as LinearLaw
+from gateway.estimators.side_force_calibration import SideForceCalibration as SideForceCalibration
 from gateway.estimators.slip_calibration import SlipCalibration as SlipCalibration
 from gateway.estimators.tire_data import SOFTENING_PER_K as SOFTENING_PER_K
 from gateway.estimators.tire_data import SOFTENING_STD_PER_K as SOFTENING_STD_PER_K

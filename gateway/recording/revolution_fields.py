@@ -53,6 +53,13 @@ QUANTITIES: Final[dict[str, dict[str, str]]] = {
         "load_by_width_n": "vertical load from Cw of the new tire",
         "pressure_number": "Q / (2 p0 theta R^2)",
     },
+    "longitudinal-force": {
+        "longitudinal_force_n": "force of the road on the tire, positive forward",
+        "axle_torque_nm": "torque at the axle, positive when it drives",
+        "longitudinal_ratio": "longitudinal force over load",
+        "rolling_resistance": "coefficient of rolling resistance",
+        "damping_loss": "part of the rolling resistance that the deformation of belt and sidewall loses",
+    },
     "ply-steer": {
         "ply_steer_peak_rad": "steepest slope of the lateral shape of the belt in the contact",
         "ply_steer_first_half_rad": "mean slope from the leading edge to the middle of the contact",
@@ -73,6 +80,16 @@ QUANTITIES: Final[dict[str, dict[str, str]]] = {
         "slip_direction": "direction of slip, -1, 0 or 1",
         "lateral_asymmetry": "(max + min) / (max - min) of the lateral waveform",
         "left_right_asymmetry": "sum of the means of the asymmetry at left and right slip",
+    },
+    "side-force": {
+        "belt_shift_m": "mean lateral displacement of the belt against the wheel, positive to the left",
+        "belt_yaw_rad": "yaw of the belt against the wheel",
+        "side_force_n": "lateral force of the road on the tire, positive to the left",
+        "aligning_moment_nm": "moment of the road about the vertical axis, positive turns the tire to the left",
+    },
+    "friction": {
+        "friction_used": "horizontal force of the road over the vertical one",
+        "sliding_share": "share of the contact in which the tread slides, by the brush model",
     },
     "asynchronous": {
         "asynchronous_rms_mps2": "root mean square of what is not locked to the wheel, 5 to 800 Hz",

@@ -49,6 +49,7 @@ UNITS: Final[dict[str, Unit]] = {
     "_mm": Unit("mm"),
     "_hz": Unit("Hz"),
     "_npm": Unit("N/m"),
+    "_nm": Unit("N m"),
     "_n": Unit("N"),
     "_m": Unit("mm", 1e3),
     "_s": Unit("s"),

@@ -174,6 +174,20 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{duration_s:.1f s} without revolutions bridged at the mean speed: {distance_m:.1f m} ± {std_m:.1f m}"
     ),
     Code.DISTANCE_INTERRUPTED: "the hub restarted {count:.0f} times; what was rolled meanwhile is missing",
+    # Of forces
+    Code.FORCE_NOT_DETERMINED: (
+        "not determined: the standard error is {share:.1%} of the load, the limit {limit:.0%} or a third of the force"
+    ),
+    Code.FRICTION_OF_LONGITUDINAL_ONLY: "of the longitudinal force only: the side force is not known",
+    Code.NEEDS_SIDE_FORCE_CALIBRATION: (
+        "needs the tire's side force calibration ([tire.side_force_calibration] in the vehicle file;"
+        " run: treadlink calibrate side-force)"
+    ),
+    Code.SLIP_LIMIT_NOT_DETERMINED: (
+        "not determined: the side force acts {trail_m:.1f mm} ± {std_m:.1f mm} behind the contact centre; the shape of"
+        " the contact pressure, which is not known, leaves {low:.0%} to {high:.0%}"
+    ),
+    Code.SLIP_NOT_LATERAL: "the longitudinal force is {ratio:.1f} times the side force, so the slip is not lateral",
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
     Code.CORRECTED_FOR_BENDING: "corrected for a bending stiffness {change:+.0%} from that of the calibration",
