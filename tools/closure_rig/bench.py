@@ -11,6 +11,7 @@ import numpy as np
 EXTENSION_STIFFNESS_MN = 20_000.0
 # With half as many a belt is softer by a shear length of 0.4 mm, which shows in a hundred revolutions at 3 mg/rtHz.
 RING_NODES = 2880
+SAMPLE_RATE_HZ = 9600.0
 REFERENCE_DEGC = 25.0
 """Temperature at which the simulator's gains hold."""
 
@@ -86,7 +87,7 @@ def draw_bench(rng: np.random.Generator) -> Bench:
         mass_kgpm=float(rng.uniform(2.5, 5.0)),
         tread_mpa=float(70.0 * math.exp(rng.uniform(-0.4, 0.4))),
         offset_mm=float(rng.choice([0.0, rng.uniform(1.0, 6.0)])),
-        rate_hz=9600.0,
+        rate_hz=SAMPLE_RATE_HZ,
         noise_mg_rthz=(first, second, third),
         lateral={
             "lateral_shear_stiffness_mn": float(1.6 * math.exp(rng.uniform(-0.3, 0.3))),

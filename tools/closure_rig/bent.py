@@ -29,7 +29,7 @@ class Bend:
     square_s2pm: float
     cube_s4pm2: float
 
-    def __call__(self, force_mps2: FloatArray, time_s: FloatArray) -> FloatArray:
+    def __call__(self, force_mps2: FloatArray, _: FloatArray) -> FloatArray:
         """Return the output of the nonlinear element for (n, 3) specific force."""
         read = force_mps2.copy()
         read[:, 2] *= 1.0 + force_mps2[:, 2] * (self.square_s2pm + self.cube_s4pm2 * force_mps2[:, 2])

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from closure_rig.bench import SAMPLE_RATE_HZ
 from closure_rig.bent import Creep
 from closure_rig.causes import Drawing, Tables
 from gateway.simulator.motion import Turning, WheelRotation
@@ -37,6 +38,7 @@ class Stranger:
         disturbance: added to the samples, None when the scenario is enough.
         creep: of the sensor's bond, None for a firm one.
         fault: of the samples' transport, None for a sound one; called again for each recording.
+        lowest: smallest size that is of interest; None for any.
         also: effects of the catalogue that are there as well, as a part of it.
     """
 
@@ -47,6 +49,7 @@ class Stranger:
     disturbance: Callable[[float, np.random.Generator], Disturbance] | None = None
     creep: Callable[[Drawing], Creep] | None = None
     fault: Callable[[float, np.random.Generator], OutputFault] | None = None
+    lowest: float | None = None
     also: tuple[str, ...] = ()
 
 
@@ -204,7 +207,7 @@ _CONTACT_END_RAD: Final = 0.22
 
 
 def rattle(size: float, rng: np.random.Generator) -> Disturbance:
-    """A part that is loose in the sensor's housing floats in the contact, where nothing presses it, and lands behind it.
+    """A part loose in the sensor's housing floats in the contact, where nothing presses it, and lands after it.
 
     The time to the blow and its strength differ from turn to turn, by a third.
     """
@@ -227,16 +230,12 @@ def rattle(size: float, rng: np.random.Generator) -> Disturbance:
     return added
 
 
-# The rig's sampling rate, at which the rates of faults hold.
-_RATE_HZ: Final = 9600.0
-
-
 def swap(size: float, rng: np.random.Generator) -> OutputFault:
     """Two neighbouring samples change places, `size` times a second: a race in the sensor's buffer."""
     draws = np.random.default_rng(int(rng.integers(2**31)))
 
     def changed(counts: NDArray[np.int16]) -> NDArray[np.int16]:
-        first = np.flatnonzero(draws.random(max(len(counts) - 1, 0)) < size / _RATE_HZ)
+        first = np.flatnonzero(draws.random(max(len(counts) - 1, 0)) < size / SAMPLE_RATE_HZ)
         result = counts.copy()
         for at in first.tolist():
             result[[at, at + 1]] = result[[at + 1, at]]
@@ -251,7 +250,7 @@ def stick(size: float, rng: np.random.Generator) -> OutputFault:
 
     def changed(counts: NDArray[np.int16]) -> NDArray[np.int16]:
         result = counts.copy()
-        for at in np.flatnonzero(draws.random(len(counts)) < size / _RATE_HZ).tolist():
+        for at in np.flatnonzero(draws.random(len(counts)) < size / SAMPLE_RATE_HZ).tolist():
             result[at : at + int(draws.integers(3, 10))] = counts[at]
         return result
 
@@ -266,7 +265,7 @@ STRANGERS: Final[tuple[Stranger, ...]] = (
     Stranger("belt bump", "m/s^2 at 65 km/h", (1.0, 3.0, 30.0), _bump),
     Stranger("stone in the tread", "m/s^2 at 65 km/h", (2.0, 6.0, 60.0), _stone),
     Stranger("electrical tone", "mg", (5.0, 15.0, 200.0), _tone),
-    Stranger("loose sensor", "Hz", (3500.0, 2000.0, 800.0), _loose),
+    Stranger("loose sensor", "Hz", (3500.0, 2000.0, 800.0), _loose, lowest=0.45 * SAMPLE_RATE_HZ),
     Stranger("stiff splice", "m/s^2 at 65 km/h", (0.5, 1.5, 15.0), _nothing, splice),
     Stranger("rub every second turn", "m/s^2 at 65 km/h", (2.0, 6.0, 40.0), _nothing, rub),
     Stranger("pole wheel", "m/s^2", (0.05, 0.15, 2.0), _nothing, pole_wheel),
