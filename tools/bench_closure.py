@@ -1,7 +1,7 @@
 """Blind test of `treadlink diagnose` on undeclared effects.
 
 `run` draws tires, sensors and undeclared effects from a seed. The exact ring makes the recordings, once for all
-versions; labels stay sealed until the diagnosis is made. `score` prints and draws how often each version is right.
+versions; labels stay sealed until the diagnosis is made. `score` prints and draws how often each version is right. Without either, ten cases are run and scored.
 Run: python tools/bench_closure.py run --cases DIR --results FILE.jsonl [--gateway DIR] [--count N] [--jobs N]
      python tools/bench_closure.py score FILE.jsonl [OTHER.jsonl] [--figures DIR]
 """
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from closure_rig.causes import CAUSES
@@ -26,11 +28,16 @@ _REPOSITORY = Path(__file__).parents[1]
 
 def main() -> None:
     """Run or score."""
-    options = _options()
+    options = _options(sys.argv[1:])
     if options.command == "run":
         _run(options)
-    else:
+    elif options.command == "score":
         _score(options)
+    else:
+        with tempfile.TemporaryDirectory(prefix="closure-rig-") as folder:
+            results = f"{folder}/short.jsonl"
+            _run(_options(["run", "--cases", folder, "--results", results, "--count", "10"]))
+            _score(_options(["score", results]))
 
 
 def _run(options: argparse.Namespace) -> None:
@@ -72,11 +79,11 @@ def _score(options: argparse.Namespace) -> None:
         draw_confusion(list(versions.values())[-1], options.figures / "closure-confusion.svg")
 
 
-def _options() -> argparse.Namespace:
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         description=__doc__.splitlines()[0], formatter_class=argparse.ArgumentDefaultsHelpFormatter
     )
-    commands = parser.add_subparsers(dest="command", required=True)
+    commands = parser.add_subparsers(dest="command")
     runs = commands.add_parser(
         "run",
         help="diagnose cases with one version of the gateway",
@@ -99,7 +106,7 @@ def _options() -> argparse.Namespace:
     )
     scores.add_argument("--all", action="store_true", help="also cases that not every version has run")
     scores.add_argument("--figures", type=Path, help="folder for the reliability curve and the confusion matrix")
-    return parser.parse_args()
+    return parser.parse_args(arguments)
 
 
 if __name__ == "__main__":

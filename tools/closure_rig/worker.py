@@ -5,6 +5,7 @@ Run: python -m closure_rig.worker FOLDER MODEL RESULT SOURCE
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import resource
@@ -31,11 +32,13 @@ def main() -> None:
 
     names = json.loads((folder / "declared.json").read_text(encoding="utf-8"))
     began, used = perf_counter(), _cpu_s()
+    # One process; a version without the option has no other.
+    alone = {"jobs": 1} if "jobs" in inspect.signature(diagnose_recordings).parameters else {}
     diagnosis = diagnose_recordings(
         [folder / name for name in names["recordings"]],
         model=BaselineModel(model),
-        jobs=1,
         reverse=[folder / name for name in names["reverse"]],
+        **alone,
     )
     found = {
         "gateway": gateway.__version__,
