@@ -66,7 +66,8 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _score(options: argparse.Namespace) -> None:
-    versions = {path.stem: read(path) for path in options.results}
+    names = [path.stem for path in options.results]
+    versions = {path.stem if names.count(path.stem) == 1 else str(path): read(path) for path in options.results}
     for name, lines in versions.items():
         if not lines:
             raise SystemExit(f"'{name}' holds no results")
