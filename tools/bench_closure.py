@@ -1,7 +1,9 @@
 """Blind test of `treadlink diagnose` on undeclared effects.
 
 `run` draws tires, sensors and undeclared effects from a seed. The exact ring makes the recordings, once for all
-versions; labels stay sealed until the diagnosis is made. `score` prints and draws how often each version is right. Without either, ten cases are run and scored.
+versions; labels stay sealed until the diagnosis is made. `score` prints and draws how often each version is right.
+Without either, ten cases are run and scored.
+
 Run: python tools/bench_closure.py run --cases DIR --results FILE.jsonl [--gateway DIR] [--count N] [--jobs N]
      python tools/bench_closure.py score FILE.jsonl [OTHER.jsonl] [--figures DIR]
 """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,16 +53,22 @@ class Store:
         """Return a case, made if it is not there yet."""
         folder = self._folder / "cases" / planned.stem
         if not folder.is_dir():
-            case = make(planned)
-            half = folder.with_name(f".{planned.stem}.half")
+            # Two versions may be run at a time. A case is the same whoever makes it; the first one stays.
+            half = folder.with_name(f".{planned.stem}.{os.getpid()}")
             shutil.rmtree(half, ignore_errors=True)
             half.mkdir()
+            case = make(planned)
             record(case, half)
             label = self._label(planned)
-            label.unlink(missing_ok=True)
-            digest = seal(case.label, label)
+            fresh = label.with_suffix(f".{os.getpid()}")
+            fresh.unlink(missing_ok=True)
+            digest = seal(case.label, fresh)
             label.with_suffix(".sha256").write_text(digest, encoding="ascii")
-            half.rename(folder)
+            fresh.replace(label)
+            try:
+                half.rename(folder)
+            except OSError:
+                shutil.rmtree(half)
         return Stored(planned, folder)
 
     def open_label(self, planned: Planned, diagnosis: Path) -> dict[str, Any]:
