@@ -102,7 +102,7 @@ def _options(arguments: Sequence[str]) -> argparse.Namespace:
     runs.add_argument("--kinds", type=Kind, nargs="+", choices=list(Kind), help="only cases of these kinds")
     runs.add_argument("--only", action="append", choices=names, metavar="EFFECT", help="only this effect; repeatable")
     runs.add_argument("--jobs", type=int, default=1, help="cases at a time")
-    runs.add_argument("--timeout", type=float, default=1800.0, help="seconds after which a diagnosis has failed")
+    runs.add_argument("--timeout", type=float, default=1800.0, help="seconds of CPU after which a diagnosis has failed")
     scores = commands.add_parser("score", help="print how often diagnoses are right, for versions side by side")
     scores.add_argument(
         "results", type=Path, nargs="+", help="JSON lines of one version each; the file's name names it"

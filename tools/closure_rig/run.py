@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -22,6 +24,8 @@ from closure_rig.store import Store, Stored
 from closure_rig.truth import State, numbers_of, parameters_of
 
 _TOOLS: Final = Path(__file__).parents[1]
+# A diagnosis that waits this many times its limit of CPU time hangs, also on a busy machine.
+_HANGS: Final = 40.0
 # Of a fault's text, in a line of results.
 _MOST_TEXT: Final = 2000
 
@@ -37,7 +41,7 @@ def run(
         gateway: folder that holds the package `gateway` of the version to run.
         results: JSON lines, continued if they exist.
         jobs: cases at a time, each on one core.
-        timeout_s: after which a diagnosis has failed.
+        timeout_s: CPU time after which a diagnosis has failed.
     """
     done = {line["number"] for line in _repaired(results)}
     waiting = [case for case in cases if case.number not in done]
@@ -96,7 +100,7 @@ def _diagnose(stored: Stored, gateway: Path, result: Path, timeout_s: float) -> 
     path = os.pathsep.join((str(gateway.resolve()), str(_TOOLS)))
     command = [sys.executable, "-m", "closure_rig.worker", str(stored.folder.resolve()), str(stored.planned.model)]
     process = subprocess.Popen(
-        [*command, str(result), str(gateway.resolve())],
+        [*command, str(result), str(gateway.resolve()), str(math.ceil(timeout_s))],
         env={**os.environ, "PYTHONPATH": path},
         # Away from any folder that has a package of that name.
         cwd=result.parent,
@@ -105,11 +109,13 @@ def _diagnose(stored: Stored, gateway: Path, result: Path, timeout_s: float) -> 
         text=True,
     )
     try:
-        _, error = process.communicate(timeout=timeout_s)
+        _, error = process.communicate(timeout=_HANGS * timeout_s)
     except subprocess.TimeoutExpired:
         process.kill()
         process.communicate()
-        return f"not done after {timeout_s:.0f} s"
+        return f"hangs: not done after {_HANGS * timeout_s:.0f} s"
+    if process.returncode == -signal.SIGXCPU:
+        return f"not done after {timeout_s:.0f} s of CPU"
     return error.strip()[-_MOST_TEXT:] or f"exit status {process.returncode}" if process.returncode else ""
 
 

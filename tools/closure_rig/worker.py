@@ -1,6 +1,6 @@
 """Diagnosis of one stored case by the version of the gateway that is on the path.
 
-Run: python -m closure_rig.worker FOLDER MODEL RESULT SOURCE
+Run: python -m closure_rig.worker FOLDER MODEL RESULT SOURCE CPU_SECONDS
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ def main() -> None:
     Raises:
         SystemExit: another version of the gateway than that of the source tree would be run.
     """
+    limit_s = int(sys.argv[5])
+    # Beyond the soft limit the signal tells why it ended; the hard one ends it for sure.
+    resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s + 5))
     folder, model, result = Path(sys.argv[1]), sys.argv[2], Path(sys.argv[3])
     import gateway
 
