@@ -223,7 +223,7 @@ class PlySteerEstimator:
         estimates.append(_estimate(LINE_NAME, line, line_std, doubt, notes[1:]))
         estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
         roll = followed.roll
-        return (*estimates, _roll_estimate(roll, claims), lean, _offset_estimate(roll, claims))
+        return (*estimates, _roll_estimate(roll, claims), lean, _offset_estimate(roll, claims, unusable))
 
 
 @dataclass(frozen=True, slots=True)
@@ -407,12 +407,14 @@ def _roll_estimate(roll: Roll, claims: SensorClaims) -> Estimate:
     return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, contradicted))
 
 
-def _offset_estimate(roll: Roll, claims: SensorClaims) -> Estimate:
+def _offset_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) -> Estimate:
     """Return the constant in the mean of the lateral axis, zero-g offset and camber, against the stated zero."""
     if not roll.count:
         return Estimate.invalid(OFFSET_NAME, Reason(Code.AC_COUPLED))
     value, std = roll.offset_mps2, roll.offset_std_mps2
     expected = max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
+    if unusable is not None:
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (unusable,))
     if std > _OFFSET_MEASURED * expected:
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(Code.LATERAL_ZERO_NOT_SEPARATED),))
     if abs(value) > _SIGNIFICANT * math.hypot(std, expected):
