@@ -99,6 +99,7 @@ class FrameBatch:
         self.tick_us = words[_TICK]
         self.end_offset: Indices = start + _byte(words, wire.LENGTH_OFFSET)
         self.end_offset += base + wire.OVERHEAD_BYTES
+        self._groups: list[SampleGroup] | None = None
 
     def __len__(self) -> int:
         return len(self._start)
@@ -108,6 +109,10 @@ class FrameBatch:
         word = int(self._words[_WORD1, index])
         length = (word & 0xFF) - (wire.TAG_BYTES if word >> _FLAGS_SHIFT & wire.SIGNED_FLAG else 0)
         return decode_payload(int(self.type[index]), _payload(self._buffer, int(self._start[index]), length))
+
+    def axes(self, index: int) -> int:
+        """Return the axis mask of frame `index`, which must have samples."""
+        return int(self._words[_AXES_N, index]) & 0xFF
 
     def frames(self) -> Iterator[Frame]:
         """Yield every frame as the streaming decoder would."""
@@ -123,6 +128,11 @@ class FrameBatch:
 
     def sample_groups(self) -> list[SampleGroup]:
         """Return the samples as one array per wheel, axis mask and block size; wheels in ascending order."""
+        if self._groups is None:
+            self._groups = self._grouped()
+        return self._groups
+
+    def _grouped(self) -> list[SampleGroup]:
         is_samples = self.type == _SAMPLES
         groups: list[SampleGroup] = []
         for key, members in self._sources.groups():

@@ -78,3 +78,7 @@ class PluginError(TreadlinkError):
         super().__init__(
             f"plug-in '{name}' of package '{package}' cannot be used", "Run `treadlink doctor`: it shows the reason."
         )
+
+
+class CalibrationError(TreadlinkError):
+    """Measurements do not determine a calibration, or contradict each other."""

@@ -1,106 +1,115 @@
 """Blind test of `treadlink diagnose` on undeclared effects.
 
-Seeds draw tires, sensors and undeclared effects. The exact ring makes the recordings. Labels stay sealed until the
-diagnosis is made. Run: python tools/bench_closure.py [--quick] [--seeds N] [--only EFFECT] [--jobs N] [--figure FILE]
+`run` draws tires, sensors and undeclared effects from a seed. The exact ring makes the recordings, once for all
+versions; labels stay sealed until the diagnosis is made. `score` prints and draws how often each version is right.
+Without either, ten cases are run and scored.
+
+Run: python tools/bench_closure.py run --cases DIR --results FILE.jsonl [--gateway DIR] [--count N] [--jobs N]
+     python tools/bench_closure.py score FILE.jsonl [OTHER.jsonl] [--figures DIR]
 """
 
 from __future__ import annotations
 
 import argparse
-from collections import Counter
+import sys
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from closure_rig.causes import CAUSES, SIZES
-from closure_rig.draw import Kind, Order, pair
-from closure_rig.figure import draw_confusion
-from closure_rig.judge import CANNOT_TELL
+from closure_rig.causes import CAUSES
+from closure_rig.draw import Kind
+from closure_rig.figure import draw_confusion, draw_reliability
 from closure_rig.outside import STRANGERS
-from closure_rig.run import default_jobs, kept, run_all
-from closure_rig.score import ENOUGH, by_effect, summary
+from closure_rig.plan import sampled
+from closure_rig.run import read, run
+from closure_rig.score import report
+from closure_rig.store import Store
+
+_REPOSITORY = Path(__file__).parents[1]
 
 
 def main() -> None:
-    options = _options()
-    faults: Counter[str] = Counter()
-    if options.kept:
-        judgements = [judgement for folder in options.kept for judgement in kept(folder)]
-        print(f"{len(judgements)} cases kept")
+    """Run or score."""
+    options = _options(sys.argv[1:])
+    if options.command == "run":
+        _run(options)
+    elif options.command == "score":
+        _score(options)
     else:
-        if options.keep is not None:
-            options.keep.mkdir(parents=True, exist_ok=True)
-        trials = run_all(_orders(options), options.jobs, options.model, options.keep)
-        judgements = [trial.judgement for trial in trials]
-        faults.update(trial.fault for trial in trials if trial.fault)
-        seconds = sum(trial.seconds for trial in trials) / len(trials)
-        print(f"baseline model {options.model}, {len(trials)} cases, {seconds:.1f} s each")
-    print("\n".join(summary(judgements)))
-    print("\nshare correct at " + ", ".join(SIZES) + f"; the smallest size found in {100 * ENOUGH:.0f} % of the cases")
-    print("\n".join(by_effect(judgements)))
-    pairs = [judgement for judgement in judgements if len(judgement.truth) > 1]
-    for judgement in pairs:
-        if not judgement.outcome.right:
-            named = " + ".join(judgement.named) or "nothing named"
-            print(f"pair {' + '.join(judgement.truth)} (seed {judgement.seed}): {judgement.outcome}; named {named}")
-    for fault, count in faults.most_common():
-        print(f"failed {count} times: {fault}")
-    print("\ncounted as correct when left open between:")
-    for names, reason in CANNOT_TELL.items():
-        print(f"  {' / '.join(sorted(names))}: {reason}")
-    if options.figure is not None:
-        draw_confusion(judgements, options.figure)
+        with tempfile.TemporaryDirectory(prefix="closure-rig-") as folder:
+            results = f"{folder}/short.jsonl"
+            _run(_options(["run", "--cases", folder, "--results", results, "--count", "10"]))
+            _score(_options(["score", results]))
 
 
-def _orders(options: argparse.Namespace) -> list[Order]:
-    seeds = range(options.first, options.first + options.seeds)
-    sizes = range(1, len(SIZES)) if options.quick else range(len(SIZES))
-    known = [entry.name for entry in CAUSES]
-    strange = [entry.name for entry in STRANGERS]
+def _run(options: argparse.Namespace) -> None:
+    if not (options.gateway / "gateway").is_dir():
+        raise SystemExit(f"'{options.gateway}' holds no package 'gateway': give a source tree of treadlink")
+    try:
+        store = Store(options.cases, options.seed)
+    except ValueError as error:
+        raise SystemExit(str(error)) from error
+    cases = sampled(store.cases, options.seed)
     if options.only:
-        kinds = {name: Kind.EFFECT if name in known else Kind.OUTSIDE for name in options.only}
-        return [Order(kind, seed, (name,), size) for name, kind in kinds.items() for size in sizes for seed in seeds]
-    orders: list[Order] = []
-    parts = {part for part in ("effects", "pairs", "outside", "nothing") if getattr(options, part) is not None}
-    everything = not parts
-    if everything or "effects" in parts:
-        orders += [Order(Kind.EFFECT, seed, (name,), size) for name in known for size in sizes for seed in seeds]
-    if everything or "pairs" in parts:
-        rng = np.random.default_rng(options.first)
-        count = options.pairs or len(known) * options.seeds // 2
-        orders += [Order(Kind.PAIR, options.first + i, pair(rng)) for i in range(count)]
-    if everything or "outside" in parts:
-        orders += [Order(Kind.OUTSIDE, seed, (name,), size) for name in strange for size in sizes for seed in seeds]
-    if everything or "nothing" in parts:
-        count = options.nothing or 10 * options.seeds
-        orders += [Order(Kind.NOTHING, options.first + i) for i in range(count)]
-    return orders
+        cases = [case for case in cases if set(case.names) & set(options.only)]
+    if options.kinds:
+        cases = [case for case in cases if case.kind in options.kinds]
+    count = options.count if options.count is not None else round(options.share * len(cases))
+    cases = cases[:count]
+    left = len(cases) - len({case.number for case in cases} & {line["number"] for line in read(options.results)})
+    print(f"{len(cases)} cases, {len(cases) - left} of them done", file=sys.stderr)
+    lines = run(store, cases, options.gateway, options.results, jobs=options.jobs, timeout_s=options.timeout)
+    for place, line in enumerate(lines, 1):
+        what = " + ".join(f"{name} {line['strengths'][name]:.2g} limits" for name in line["strengths"]) or "nothing"
+        said = " + ".join(line.get("named", ())) or "nothing named"
+        cost = f"{line['cpu_s']:.0f} s of CPU" if "cpu_s" in line else line["fault"].splitlines()[-1]
+        print(f"{place}/{left} case {line['number']}, {line['model']}, {what}: {said}: {line['outcome']}, {cost}")
+        sys.stdout.flush()
 
 
-def _options() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__)
-    names = sorted(entry.name for entry in (*CAUSES, *STRANGERS))
-    parser.add_argument("--seeds", type=int, default=None, help="cases of each effect and size; 10, quick 1")
-    parser.add_argument("--first", type=int, default=1, help="first seed")
-    parser.add_argument("--only", action="append", choices=names, metavar="EFFECT", help="only this effect; repeatable")
-    parser.add_argument("--quick", action="store_true", help="one seed, middle and large sizes")
-    parser.add_argument("--effects", action="store_const", const=0, help="single effects")
-    parser.add_argument("--pairs", type=int, nargs="?", const=0, help="pairs of effects, and their number")
-    parser.add_argument("--outside", action="store_const", const=0, help="effects outside the catalogue")
-    parser.add_argument("--nothing", type=int, nargs="?", const=0, help="cases without effects, and their number")
-    parser.add_argument("--model", choices=("paper", "series", "exact"), default="exact", help="baseline model")
-    parser.add_argument("--jobs", type=int, default=default_jobs())
-    parser.add_argument("--keep", type=Path, help="folder for diagnoses and opened labels")
-    parser.add_argument(
-        "--kept",
-        type=Path,
-        action="append",
-        metavar="DIR",
-        help="only judge the cases kept there by --keep; repeatable",
+def _score(options: argparse.Namespace) -> None:
+    names = [path.stem for path in options.results]
+    versions = {path.stem if names.count(path.stem) == 1 else str(path): read(path) for path in options.results}
+    for name, lines in versions.items():
+        if not lines:
+            raise SystemExit(f"'{name}' holds no results")
+    if len(versions) > 1 and not options.all:
+        both = set.intersection(*({line["number"] for line in lines} for lines in versions.values()))
+        versions = {name: [line for line in lines if line["number"] in both] for name, lines in versions.items()}
+    print("\n".join(report(versions)))
+    if options.figures is not None:
+        draw_reliability(versions, options.figures / "closure-reliability.svg")
+        draw_confusion(list(versions.values())[-1], options.figures / "closure-confusion.svg")
+
+
+def _options(arguments: Sequence[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        description=__doc__.splitlines()[0], formatter_class=argparse.ArgumentDefaultsHelpFormatter
     )
-    parser.add_argument("--figure", type=Path, help="draw the confusion matrix, as docs/figures/closure-confusion.svg")
-    options = parser.parse_args()
-    options.seeds = options.seeds or (1 if options.quick else 10)
-    return options
+    commands = parser.add_subparsers(dest="command")
+    runs = commands.add_parser(
+        "run",
+        help="diagnose cases with one version of the gateway",
+        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+    )
+    names = sorted([entry.name for entry in CAUSES] + [entry.name for entry in STRANGERS])
+    runs.add_argument("--cases", type=Path, required=True, help="folder of cases, shared by all versions")
+    runs.add_argument("--results", type=Path, required=True, help="JSON lines, one a case; continued if they exist")
+    runs.add_argument("--gateway", type=Path, default=_REPOSITORY, help="source tree of the version to run")
+    runs.add_argument("--seed", type=int, default=1, help="of the plan of cases")
+    runs.add_argument("--count", type=int, help="number of cases, a fair sample of all kinds; default: by --share")
+    runs.add_argument("--share", type=float, default=1.0, help="share of the cases, likewise")
+    runs.add_argument("--kinds", type=Kind, nargs="+", choices=list(Kind), help="only cases of these kinds")
+    runs.add_argument("--only", action="append", choices=names, metavar="EFFECT", help="only this effect; repeatable")
+    runs.add_argument("--jobs", type=int, default=1, help="cases at a time")
+    runs.add_argument("--timeout", type=float, default=1800.0, help="seconds of CPU after which a diagnosis has failed")
+    scores = commands.add_parser("score", help="print how often diagnoses are right, for versions side by side")
+    scores.add_argument(
+        "results", type=Path, nargs="+", help="JSON lines of one version each; the file's name names it"
+    )
+    scores.add_argument("--all", action="store_true", help="also cases that not every version has run")
+    scores.add_argument("--figures", type=Path, help="folder for the reliability curve and the confusion matrix")
+    return parser.parse_args(arguments)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 Prints two tables:
   * share of one core that `treadlink live serial://...` takes for 4 wheels x 3 axes x 9600 Hz, as lines, with a
     recording and with the screen, fed through a pseudo-terminal by another process in real time, start-up left out;
-  * time of work from the chunk that completes a revolution to its estimates, in process, at full speed.
+  * CPU time of the work on a chunk that completes revolutions, from its bytes to their estimates, in process, at full
+    speed.
 """
 
 from __future__ import annotations
@@ -116,16 +117,16 @@ def read_all(output: int, printed: list[bytes]) -> None:
 
 
 def measure_work(scenario: str, seconds: float) -> dict[str, np.ndarray]:
-    """Time every chunk's work in a session with recording; split by whether it completed a revolution."""
+    """Return the CPU time of the work on each chunk, ms, in a session with recording, by whether it gave results."""
     source = open_source(f"sim:{scenario}?speed=max&duration={seconds}", ManualClock())
     times: dict[str, list[float]] = {"chunk with revolution": [], "chunk without": [], "per revolution": []}
     with tempfile.TemporaryDirectory() as folder:
         recorder = RecordingWriter(Path(folder) / "bench.mcap", start_ns=0)
         core = SessionCore(parse_vehicle(source.vehicle_toml or "", scenario), recorder=recorder)
         for item in source.items(threading.Event()):
-            begin = time.perf_counter()
+            begin = time.thread_time()
             results = core.take(item)
-            took = (time.perf_counter() - begin) * 1e3
+            took = (time.thread_time() - begin) * 1e3
             times["chunk with revolution" if results else "chunk without"].append(took)
             if results:
                 times["per revolution"].append(took / len(results))
@@ -137,6 +138,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenario", default="demo")
     parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--work", action="store_true", help="only the work on chunks")
     arguments = parser.parse_args()
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     print(f"4 wheels x 3 axes x 9600 Hz, scenario '{arguments.scenario}', {arguments.seconds:g} s of real time")
@@ -145,10 +147,10 @@ def main() -> None:
         "live --plain --record": {"record": True},
         f"live, screen {COLUMNS} x {ROWS}": {"screen": True},
     }
-    for kind, options in kinds.items():
+    for kind, options in kinds.items() if not arguments.work else ():
         share, link = measure_process(arguments.scenario, arguments.seconds, **options)
         print(f"  {kind:22} {share:6.1%} of one core   {link}")
-    print("work from the chunk that completes a revolution to its estimates (ms)")
+    print("CPU time of the work on a chunk, from its bytes to the estimates of its revolutions (ms)")
     for name, values in measure_work(arguments.scenario, arguments.seconds).items():
         p50, p99, top = np.percentile(values, 50), np.percentile(values, 99), values.max()
         print(f"  {name:22} n {len(values):6}   median {p50:6.2f}   99 % {p99:6.2f}   max {top:6.2f}")

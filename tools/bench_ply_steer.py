@@ -27,6 +27,8 @@ from gateway.estimators.lateral_shape import DEFINITIONS, lateral_record, slopes
 from gateway.estimators.ply_steer import PlySteerEstimator
 from gateway.estimators.ply_steer_models import TABLE_FORCE_N, compare, roll_car_tire, table_points
 from gateway.estimators.slip_angle import SlipAngleEstimator
+from gateway.estimators.slip_calibration import SlipCalibration
+from gateway.estimators.tire_data import TireData
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
 from gateway.signal.synchronous_average import AngleAverage, RunningAverage
@@ -193,6 +195,12 @@ def mounting_table() -> None:
     print(f"{'roll tilt 1 deg, uncorrected':44s}{columns(np.degrees(leak - clean))}")
 
 
+def zero_only(zero_rad: float) -> SlipCalibration:
+    """Return a calibration with a known zero and a belt share of 1: its slip angle is the apparent one."""
+    anything = (0.0, math.inf)
+    return SlipCalibration(1.0, 0.0, zero_rad, 0.0, 0.0, 0.0, 0.0, 0.0, (-1.0, 1.0), anything, anything)
+
+
 def slip_table() -> None:
     print("\nSlip, 4000 N, 2.1 bar, 5 mg/rtHz: 60 revolutions straight, 20 at the slip angle, 20 straight; deg")
     print("   slip  apparent  apparent/slip  scatter of one revolution  direction right  lateral asymmetry")
@@ -204,8 +212,9 @@ def slip_table() -> None:
         revolutions = [r.revolution for r in through_pipeline(values, sensor) if not r.revolution.faults]
         average = average_of(revolutions[:60])
         zero = estimate(revolutions[:59])[0][1]
-        estimator = SlipAngleEstimator(zero_slope_rad=math.radians(zero))
-        found = [estimator.update(r, average, TireConditions(RADIUS_M)) for r in revolutions][62:77]
+        estimator = SlipAngleEstimator()
+        conditions = TireConditions(RADIUS_M, tire=TireData(slip_calibration=zero_only(math.radians(zero))))
+        found = [estimator.update(r, average, conditions) for r in revolutions][62:77]
         apparent = np.degrees([e[0].value for e in found])
         right = np.mean([e[1].value == math.copysign(1.0, slip) for e in found])
         print(

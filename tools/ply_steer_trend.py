@@ -1,9 +1,9 @@
-"""The trend of ply steer with load and pressure: what explains it, from the paper's tables and from property files.
+"""Trend of ply steer with load and pressure: laws for the paper's tables, their rejection, and property files.
 
     python -m tools.ply_steer_trend [--measured DIRECTORY]
 
-Eq. 18 with a flat contact has no trend. Here a finite contact is put on a beam under tension on the sidewall, beside
-the laws of `ply_steer_models`, and every law is judged on points left out.
+Eq. 18 with a flat contact has no trend. The slope of a rolling belt ahead of the contact has one, and so has a couple
+on a beam under tension. Every law is judged on points left out, and tested against the plane through the logarithms.
 docs/evidence/closure-ply-steer-tables.md explains the result.
 """
 
@@ -14,14 +14,16 @@ import itertools
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import stats
 
 from gateway.estimators.ply_steer_models import TABLE_FORCE_N, Points, compare, roll_car_tire, table_points
-from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
+from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
 from gateway.physics.rolling_ring import RingSolution
 from gateway.simulator.truth import slopes_of
 from gateway.types import FloatArray
@@ -132,27 +134,137 @@ def groups(at: Points) -> Iterator[tuple[str, FloatArray]]:
     yield "Q / sqrt(p)", at.load_n / np.sqrt(at.pressure_pa)
 
 
-def belt_laws(at: Points, angle_rad: FloatArray) -> list[Law]:
-    """The lateral belt with one coupling length, over stiffnesses far beyond any tire's: 36 belts, three slopes."""
+@dataclass(frozen=True, slots=True)
+class BeltAnswer:
+    """A lateral belt with the nominal coupling length at the six points.
+
+    Attributes:
+        belt: at the reference pressure.
+        share: of the lateral sidewall stiffness that pressure carries.
+        slopes_rad: (6, 3) peak, first half, adhesion line.
+        ahead_rad: (6,) steepest slope of the free belt ahead of the contact, of the opposite sign.
+        side_force_n: (6,) at zero slip.
+        cornering_npdeg: side force per slip angle at 400 kg and 2.1 bar.
+    """
+
+    belt: LateralBelt
+    share: float
+    slopes_rad: FloatArray
+    ahead_rad: FloatArray
+    side_force_n: FloatArray
+    cornering_npdeg: float
+
+    @property
+    def name(self) -> str:
+        """Values in which the belts differ."""
+        belt = self.belt
+        stiffness = f"EI {belt.bending_stiffness_nm2:g}, Ks {belt.shear_stiffness_n:g}"
+        return f"{stiffness}, cy {belt.tread_stiffness_npm2:g}, {self.share:.0%}"
+
+
+AHEAD_RAD = 0.8
+"""Search for the slope ahead of the leading edge, as the estimator's."""
+_SLIP_RAD = math.radians(0.2)
+
+
+def slope_ahead(ring: RingSolution, shape: LateralSolution) -> float:
+    """Return the steepest slope ahead of the contact against the sign of the line through the contact."""
+    theta, leading = ring.theta_rad, ring.leading_edge_rad
+    inside = (theta >= leading) & (theta <= ring.trailing_edge_rad)
+    sign = np.sign(np.polyfit(theta[inside], shape.y_m[inside], 1)[0])
+    ahead = (theta > leading - AHEAD_RAD) & (theta < leading)
+    return float(-(sign * shape.slope_rad[ahead]).min())
+
+
+@lru_cache(maxsize=64)
+def _cornering_npdeg(ring: RingSolution, belt: LateralBelt) -> float:
+    ends = [solve_lateral_belt(ring, belt, slip_angle_rad=slip).side_force_n for slip in (0.0, _SLIP_RAD)]
+    return (ends[1] - ends[0]) / math.degrees(_SLIP_RAD)
+
+
+def belt_answers(at: Points) -> list[BeltAnswer]:
+    """Return the answers of 36 belts, over stiffnesses far beyond any tire's."""
     rings: list[RingSolution] = [roll_car_tire(q, p) for q, p in zip(at.load_n, at.pressure_pa, strict=True)]
-    laws = []
+    answers = []
     for bending, shear, stiffness, tread, share in itertools.product(
         (10.0, 100.0, 1e3), (3e4, 1.6e6), (2.5e5,), (1e6, 8e6, 3e7), (0.0, 1.0)
     ):
-        slopes = []
+        slopes, ahead, forces = [], [], []
+        nominal = LateralBelt(
+            shear_stiffness_n=shear,
+            bending_stiffness_nm2=bending,
+            sidewall_stiffness_npm2=stiffness,
+            tread_stiffness_npm2=tread,
+        )
         for ring in rings:
-            belt = LateralBelt(
-                shear_stiffness_n=shear,
-                bending_stiffness_nm2=bending,
-                sidewall_stiffness_npm2=float(sidewall(np.array(ring.pressure_pa), stiffness, share)),
-                tread_stiffness_npm2=tread,
-            )
-            y = solve_lateral_belt(ring, belt).y_m
-            slopes.append(np.abs(slopes_of(y, at.radius_m, ring.leading_edge_rad, ring.trailing_edge_rad)))
-        for name, value in zip(("peak", "first half", "adhesion line"), np.array(slopes).T, strict=True):
-            what = f"EI {bending:g}, Ks {shear:g}, cy {tread:g}, {share:.0%}"
-            laws.append(judge(f"{name}, {what}", value, angle_rad))
+            ky = float(sidewall(np.array(ring.pressure_pa), stiffness, share))
+            shape = solve_lateral_belt(ring, replace(nominal, sidewall_stiffness_npm2=ky))
+            slopes.append(np.abs(slopes_of(shape.y_m, at.radius_m, ring.leading_edge_rad, ring.trailing_edge_rad)))
+            ahead.append(slope_ahead(ring, shape))
+            forces.append(abs(shape.side_force_n))
+        cornering = _cornering_npdeg(rings[1], nominal)
+        answers.append(BeltAnswer(nominal, share, np.array(slopes), np.array(ahead), np.array(forces), cornering))
+    return answers
+
+
+def belt_laws(answers: list[BeltAnswer], angle_rad: FloatArray) -> list[Law]:
+    """Return the slopes inside the contact as laws, with one coupling length, best first."""
+    laws = []
+    for answer in answers:
+        for name, value in zip(("peak", "first half", "adhesion line"), answer.slopes_rad.T, strict=True):
+            laws.append(judge(f"{name}, {answer.name}", value, angle_rad))
     return sorted(laws, key=lambda law: law.left_out_rms)
+
+
+def ahead_laws(answers: list[BeltAnswer], angle_rad: FloatArray) -> list[Law]:
+    """Return the slope ahead of the contact as laws, with one coupling length, in the order of the answers."""
+    return [judge(f"slope ahead, {answer.name}", answer.ahead_rad, angle_rad) for answer in answers]
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """log angle = c + m log Q + n log p: over this range every smooth law is close to such a plane.
+
+    Attributes:
+        exponents: m and n.
+        half_widths: of their 95 % intervals.
+        squares: sum of the squared residuals.
+        scatter: relative standard deviation of one point.
+        scatter_range: its 95 % interval.
+    """
+
+    exponents: FloatArray
+    half_widths: FloatArray
+    squares: float
+    scatter: float
+    scatter_range: tuple[float, float]
+
+
+_FREE = 3  # six points less three constants
+
+
+def plane(at: Points, angle_rad: FloatArray) -> Plane:
+    """Fit the plane to the logarithms of six angles."""
+    rows = np.stack([np.ones(len(angle_rad)), np.log(at.load_n), np.log(at.pressure_pa)], axis=1)
+    found = np.linalg.lstsq(rows, np.log(angle_rad), rcond=None)[0]
+    squares = float(np.sum(np.square(np.log(angle_rad) - rows @ found)))
+    covariance = squares / _FREE * np.linalg.inv(rows.T @ rows)
+    scatter = math.sqrt(squares / _FREE)
+    low, high = (scatter * math.sqrt(_FREE / stats.chi2.ppf(q, _FREE)) for q in (0.975, 0.025))
+    return Plane(found[1:], stats.t.ppf(0.975, _FREE) * np.sqrt(np.diag(covariance)[1:]), squares, scatter, (low, high))
+
+
+def rejection(values: FloatArray, angle_rad: FloatArray, of: Plane) -> float:
+    """Return the probability that scatter alone makes a law of one constant fit as badly as it does, by an F test."""
+    off = np.log(np.abs(values) / angle_rad)
+    squares = float(np.sum(np.square(off - off.mean())))
+    extra = 2
+    return float(stats.f.sf((squares - of.squares) / extra / (of.squares / _FREE), extra, _FREE))
+
+
+def exponents_of(values: FloatArray, at: Points) -> FloatArray:
+    """Return the exponents of load and pressure, (2,)."""
+    return plane(at, np.abs(values)).exponents
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,6 +335,24 @@ def property_laws(files: list[PropertyFile]) -> list[Law]:
     return sorted((judge(name, basis, angle, folds) for name, basis in bases.items()), key=lambda law: law.left_out_rms)
 
 
+CONICITY_DEG = (-0.05, 0.0, 0.05)
+"""Conicity assumed in the files' angles; they are of one direction of rolling, so it is not known."""
+
+
+def conicity_exponents(files: list[PropertyFile], load_n: float) -> FloatArray:
+    """Return the exponents of pressure of the ply steer that is left after each conicity, the same at all pressures."""
+    pressures = np.array([file.pressure_pa for file in files])
+    angles = np.array([file.angle_at_zero(load_n) for file in files])
+    return np.array([exponent(angles - math.radians(cone), pressures) for cone in CONICITY_DEG])
+
+
+def print_conicity_bounds(files: list[PropertyFile]) -> None:
+    """Print the exponents of pressure of ply steer alone for conicities that the files do not exclude."""
+    print(f"  exponent of p of ply steer alone, with a conicity of {', '.join(f'{c:+.2f}' for c in CONICITY_DEG)} deg")
+    for load in PROPERTY_LOADS_N:
+        print(f"  {load:6.0f} N  " + " ".join(f"{value:6.2f}" for value in conicity_exponents(files, load)))
+
+
 def exponent(values: FloatArray, pressures: FloatArray) -> float:
     """Return the slope of log values over log pressures."""
     return float(np.polyfit(np.log(pressures), np.log(np.abs(values)), 1)[0])
@@ -235,9 +365,14 @@ def main() -> None:
     points, angle = table_points()
     tried = compare(points, angle)
     derived = derived_laws(points, angle)
-    belts = belt_laws(points, angle)
+    answers = belt_answers(points)
+    belts = belt_laws(answers, angle)
     print(f"Tables I and II, six points; {len(tried)} + {len(derived)} + {len(belts)} laws tried; left out rms, max %")
-    for title, laws in (("of ply_steer_models", tried), ("beam or string with a contact", derived), ("belts", belts)):
+    for title, laws in (
+        ("of ply_steer_models", tried),
+        ("beam or string with a contact", derived),
+        ("belts, inside the contact", belts),
+    ):
         print(f"\n{title}")
         for law in laws[:12]:
             print(
@@ -252,9 +387,81 @@ def main() -> None:
             + "".join(f"{100 * law.left_out_rms:8.1f}" for law in laws)
             + f"   P {laws[1].constants[0]:.0f} N, couple at 400 kg, 2.1 bar {_couple(points, laws[1]):.1f} N m"
         )
-    print(f"\nmeasured side force {TABLE_FORCE_N} N")
+    print_rejections(points, angle, answers)
+    print_ahead(points, angle, answers)
     if arguments.measured is not None:
         print_property_files(property_files(arguments.measured / "tir"))
+
+
+LISTED_BELTS = ((100.0, 1e6), (100.0, 8e6), (1000.0, 1e6), (1000.0, 8e6))
+"""Bending and tread stiffness of the belts that are listed one by one."""
+
+
+def print_rejections(points: Points, angle: FloatArray, answers: list[BeltAnswer]) -> None:
+    """Print the plane and the laws of one constant that it rejects."""
+    found = plane(points, angle)
+    low, high = found.scatter_range
+    print(
+        f"\nplane: Q^{found.exponents[0]:.2f} ± {found.half_widths[0]:.2f}, p^{found.exponents[1]:.2f} ± "
+        f"{found.half_widths[1]:.2f} (95 %); scatter of a point {found.scatter:.1%}, {low:.1%} to {high:.1%}"
+    )
+    ones = [law for law in compare(points, angle) if len(law.constants) == 1]
+    tests = {law.name: rejection(law.fitted_rad, angle, found) for law in ones}
+    beam = short_patch(points, NOMINAL.bending_stiffness_nm2, 0.5)
+    tests["couple on the nominal belt"] = rejection(beam, angle, found)
+    inside = [rejection(column, angle, found) for answer in answers for column in answer.slopes_rad.T]
+    ahead = [rejection(answer.ahead_rad, angle, found) for answer in answers]
+    print("probability of the fit of laws with one constant")
+    for name, value in sorted(tests.items(), key=lambda item: -item[1]):
+        print(f"  {name:40s}{value:7.3f}")
+    for name, values in (("belts, inside the contact", inside), ("belts, slope ahead of the contact", ahead)):
+        kept = sum(value > 0.05 for value in values)
+        print(f"  {name:40s}{min(values):7.3f} to {max(values):.3f}, {kept} of {len(values)} above 0.05")
+
+
+def print_ahead(points: Points, angle: FloatArray, answers: list[BeltAnswer]) -> None:
+    """Print the slope ahead of the contact of the listed belts, and their side force at the measured angle."""
+    found = plane(points, angle)
+    every = np.array([exponents_of(answer.ahead_rad, points) for answer in answers])
+    (low_q, low_p), (high_q, high_p) = every.min(axis=0), every.max(axis=0)
+    print(f"\nslope ahead of the contact, {len(answers)} belts: ", end="")
+    print(f"Q^{low_q:.2f} to {high_q:.2f}, p^{low_p:.2f} to {high_p:.2f}")
+    print("    EI      cy  left out %  probability      Q      p  1.8 / 2.7 bar   g mm  N/deg  force N, 300/400/500 kg")
+    for answer, law in zip(answers, ahead_laws(answers, angle), strict=True):
+        belt = answer.belt
+        if (belt.bending_stiffness_nm2, belt.tread_stiffness_npm2) not in LISTED_BELTS:
+            continue
+        if belt.shear_stiffness_n != NOMINAL.shear_stiffness_n or answer.share != 1.0:
+            continue
+        q, p = exponents_of(answer.ahead_rad, points)
+        scale = float(law.constants[0])
+        forces = " ".join(f"{scale * answer.side_force_n[i]:5.0f}" for i in (4, 1, 5))
+        print(
+            f"{belt.bending_stiffness_nm2:6g} {belt.tread_stiffness_npm2:7g} {100 * law.left_out_rms:11.1f} "
+            f"{rejection(answer.ahead_rad, angle, found):12.3f} {q:6.2f} {p:6.2f} "
+            f"{answer.ahead_rad[0] / answer.ahead_rad[3]:14.2f} {1e3 * scale * belt.coupling_length_m:6.2f} "
+            f"{answer.cornering_npdeg:6.0f}  {forces}"
+        )
+    print(f"  measured: 1.8 / 2.7 bar {angle[0] / angle[3]:.2f}, side force {TABLE_FORCE_N} N")
+    factors = possible_force_factors(answers, angle, found)
+    print(
+        f"  {len(factors)} belts of more than {LEAST_CORNERING_NPDEG:.0f} N/deg and probability above 0.05: force "
+        f"{min(factors):.1f} to {max(factors):.1f} times the measured one"
+    )
+
+
+LEAST_CORNERING_NPDEG = 500.0
+"""A car tire has a sixth to a quarter of its load per degree, 650 to 1000 N at 400 kg; this is well below."""
+
+
+def possible_force_factors(answers: list[BeltAnswer], angle_rad: FloatArray, of: Plane) -> list[float]:
+    """Return side force over the measured one, mean of the three loads, of belts as stiff as a tire's that fit."""
+    factors = []
+    for answer in answers:
+        if answer.cornering_npdeg > LEAST_CORNERING_NPDEG and rejection(answer.ahead_rad, angle_rad, of) > 0.05:
+            scale = float(judge("", answer.ahead_rad, angle_rad).constants[0])
+            factors.append(float(np.mean(scale * answer.side_force_n[[4, 1, 5]] / np.array(TABLE_FORCE_N))))
+    return factors
 
 
 def _couple(at: Points, law: Law) -> float:
@@ -276,6 +483,7 @@ def print_property_files(files: list[PropertyFile]) -> None:
             + " ".join(f"{v:5.0f}" for v in forces)
             + f"   {exponent(angles, pressures):.2f} {exponent(forces, pressures):.2f} {exponent(law, pressures):.2f}"
         )
+    print_conicity_bounds(files)
     for law_ in property_laws(files):
         print(f"  {law_.name:20s} left out: rms {100 * law_.left_out_rms:.0f} %, max {100 * law_.left_out_max:.0f} %")
 

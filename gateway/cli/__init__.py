@@ -34,7 +34,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "diagnose": ("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),
     "campaign": ("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
     "trends": ("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
-    "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load and reference numbers of a tire."),
+    "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."),
     "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT or Parquet measurement to a recording."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),

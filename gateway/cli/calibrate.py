@@ -1,7 +1,8 @@
-"""`treadlink calibrate`: tire calibration from recordings with known loads."""
+"""`treadlink calibrate`: tire calibration from recordings with known loads, slip angles or side forces."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
@@ -11,7 +12,27 @@ from gateway.errors import TreadlinkError
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
 
-@click.command()
+class _LoadUnlessNamed(click.Group):
+    """Group whose arguments are those of `load` unless the first one names a subcommand."""
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Return the subcommand and its arguments."""
+        if args[0] in self.commands:
+            return super().resolve_command(ctx, args)
+        return "load", self.commands["load"], args
+
+
+@click.group(cls=_LoadUnlessNamed, context_settings={"ignore_unknown_options": True})
+def calibrate() -> None:
+    """Calibrate a tire from recordings with known loads, slip angles or side forces.
+
+    `treadlink calibrate RECORDING...` is short for `treadlink calibrate load RECORDING...`.
+    """
+
+
+@calibrate.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @click.option(
     "--config",
@@ -31,17 +52,19 @@ from gateway.views.output_file import check_outputs, is_stdout, write_whole
     help="Write the tables to this file; - is standard output.",
 )
 @force_option
-def calibrate(
+def load(
     recordings: tuple[Path, ...],
     config_path: Path | None,
     positions: tuple[str, ...],
     out_path: Path | None,
     force: bool,
 ) -> None:
-    """Calibrate load and reference numbers of a tire from RECORDING... with known loads.
+    """Calibrate load and reference numbers from recordings with known loads.
 
     The result is two tables for the vehicle configuration. [tire.load_calibration] lets the estimator `load` give the
     load of wheels whose load is not stated. [tire.reference] is the reference for wear; record it with new tires.
+    Recordings of the same tires cold and warm, 20 K apart or more, also measure how their stiffness falls with the
+    temperature, which makes wear and load more certain.
 
     All wheels are treated as tires of one kind unless --wheel selects some of them. The errors of the fit are printed,
     also with each recording left out in turn.
@@ -62,13 +85,104 @@ def calibrate(
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
     to_stdout = is_stdout(out_path)
-    for line in fit_lines(points, fit):
+    for line in fit_lines(points, fit, reference):
         click.echo(line, err=to_stdout)
     text = calibration_toml(fit.calibration, reference)
+    _write(text, out_path, force=force)
+
+
+@calibrate.command()
+@click.argument("runs_path", type=click.Path(path_type=Path), metavar="RUNS")
+@click.option(
+    "--config",
+    "config_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Vehicle configuration (TOML) to use instead of those in the recordings.",
+)
+@click.option(
+    "--out",
+    "out_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the table to this file; - is standard output.",
+)
+@force_option
+def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force: bool) -> None:
+    """Calibrate slip from runs at known slip angles.
+
+    RUNS is a TOML file that lists the runs: [[run]] tables with recording, slip_deg and, where the tire rolls
+    backwards, direction = "reverse". Three runs at one load and pressure, such as at -1, 0 and 1 deg, determine and
+    check the calibration. A reverse run separates ply steer from conicity.
+
+    The result is the table [tire.slip_calibration] for the vehicle configuration. With it the estimator `slip-angle`
+    gives the slip angle itself, constant slip included. Runs that do not determine it, or contradict each other, are
+    refused with the reason.
+    """
+    from gateway.config.slip_runs import load_slip_runs
+
+    runs_file = load_slip_runs(runs_path)
+    read = (runs_path, config_path, *(runs_path.parent / run.recording for run in runs_file.run))
+    check_outputs((out_path,), read, force=force)
+    from gateway.cli.slip_runs import measured_runs, slip_lines, slip_toml
+    from gateway.estimators.slip_fit import fit_slip_calibration
+
+    runs = measured_runs(runs_path, runs_file, config_path)
+    fit = fit_slip_calibration(runs, math.radians(runs_file.slip_zero_std_deg))
+    to_stdout = is_stdout(out_path)
+    for line in slip_lines(runs, fit):
+        click.echo(line, err=to_stdout)
+    _write(slip_toml(fit.calibration), out_path, force=force)
+
+
+@calibrate.command(name="side-force")
+@click.argument("runs_path", type=click.Path(path_type=Path), metavar="RUNS")
+@click.option(
+    "--config",
+    "config_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Vehicle configuration (TOML) to use instead of those in the recordings.",
+)
+@click.option(
+    "--out",
+    "out_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write the table to this file; - is standard output.",
+)
+@force_option
+def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None, force: bool) -> None:
+    """Calibrate side force and aligning moment from runs at known forces.
+
+    RUNS is a TOML file that lists the runs: [[run]] tables with recording, side_force_n and, where it is known,
+    aligning_moment_nm, positive to the left. Three runs at one load, such as at -1000, 0 and 1000 N, determine and
+    check the calibration.
+
+    The result is the table [tire.side_force_calibration] for the vehicle configuration. With it the estimator
+    `side-force` gives side force and aligning moment. Runs that do not determine it are refused with the reason.
+    """
+    from gateway.config.force_runs import load_force_runs
+
+    runs_file = load_force_runs(runs_path)
+    read = (runs_path, config_path, *(runs_path.parent / run.recording for run in runs_file.run))
+    check_outputs((out_path,), read, force=force)
+    from gateway.cli.force_runs import fit_side_force, force_lines, force_toml, measured_force_runs
+
+    runs = measured_force_runs(runs_path, runs_file, config_path)
+    found = fit_side_force(runs, runs_file)
+    for line in force_lines(runs, found):
+        click.echo(line, err=is_stdout(out_path))
+    _write(force_toml(found), out_path, force=force)
+
+
+def _write(text: str, out_path: Path | None, *, force: bool) -> None:
+    """Print the tables, or write them to a file."""
     if out_path is None:
         click.echo("\n" + text, nl=False)
         return
     write_whole(out_path, text, force=force)
-    if to_stdout:
-        return
-    click.echo(f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)")
+    if not is_stdout(out_path):
+        click.echo(
+            f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)"
+        )

@@ -13,7 +13,7 @@ import numpy as np
 from gateway.config.toml_writer import toml_text
 from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, recorded_vehicle
 from gateway.errors import ConfigError, TreadlinkError
-from gateway.estimators.tire_data import LoadCalibration, ReferenceNumbers
+from gateway.estimators.tire_data import SOFTENING_STD_PER_K, LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
@@ -21,6 +21,8 @@ from gateway.session.batch_estimation import estimate_items
 
 ESTIMATOR: Final = "weak-form"
 MIN_REVOLUTIONS: Final = 20
+# Share of the assumed error below which the loss of stiffness with temperature counts as measured.
+_MEASURED_SHARE: Final = 0.8
 # The first revolutions of a wheel are timed without a running average to compare them with.
 _SKIPPED_REVOLUTIONS: Final = 5
 
@@ -80,8 +82,8 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
     )
 
 
-def fit_lines(points: Sequence[TirePoint], fit: LoadFit) -> list[str]:
-    """Return the fit as a table with its validity."""
+def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNumbers) -> list[str]:
+    """Return the fit as a table with its validity, and the softening with temperature."""
     width = max(len("recording and wheel"), *(len(point.name) for point in points))
     lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad  fit err  left out"]
     for point, residual, left_out in zip(points, fit.residuals, fit.left_out, strict=True):
@@ -101,8 +103,15 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit) -> list[str]:
         + ("" if len(points) >= 3 else " (assumed; three recordings with different loads are needed to estimate it)"),
         f"valid for {low:.0f} to {high:.0f} N at {1e-3 * found.pressure_pa:.0f} kPa, "
         f"{1e-3 * found.pressure_range_pa[0]:.0f} to {1e-3 * found.pressure_range_pa[1]:.0f} kPa, at the present wear",
+        f"bending stiffness falls by {reference.softening_per_k:.2%} ± {reference.softening_std_per_k:.2%} per kelvin"
+        + ("" if is_softening_measured(reference) else " (assumed; recordings 20 K apart are needed to measure it)"),
     ]
     return lines
+
+
+def is_softening_measured(reference: ReferenceNumbers) -> bool:
+    """Return whether the recordings say more about the softening with temperature than its assumed range."""
+    return reference.softening_std_per_k < _MEASURED_SHARE * SOFTENING_STD_PER_K
 
 
 def calibration_toml(calibration: LoadCalibration, reference: ReferenceNumbers) -> str:
@@ -120,6 +129,7 @@ def calibration_toml(calibration: LoadCalibration, reference: ReferenceNumbers) 
         half_angle_max_rad=_rounded(half[1]),
         pressure_min_kpa=_rounded(1e-3 * pressure[0]),
         pressure_max_kpa=_rounded(1e-3 * pressure[1]),
+        temperature_degc=None if calibration.temperature_degc is None else _rounded(calibration.temperature_degc),
     )
     known: dict[str, float] = {}
     for name in ("Bs", "Cw", "Rs", "Ts"):
@@ -127,7 +137,10 @@ def calibration_toml(calibration: LoadCalibration, reference: ReferenceNumbers) 
         if value is not None:
             known[name] = _rounded(value)
             known[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
-    tire: dict[str, object] = {"load_calibration": table.model_dump()}
+    if is_softening_measured(reference):
+        known["softening_percent_per_k"] = _rounded(100.0 * reference.softening_per_k)
+        known["softening_std_percent_per_k"] = _rounded(100.0 * reference.softening_std_per_k)
+    tire: dict[str, object] = {"load_calibration": table.model_dump(exclude_none=True)}
     if known and reference.pressure_pa is not None:
         numbers = Reference(
             **known,

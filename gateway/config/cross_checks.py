@@ -59,16 +59,29 @@ def _calibrations(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, 
     tires = [("tire", data.get("tire"))]
     tires += [(key_of(data, ("wheel", index, "tire")), wheel.get("tire")) for index, wheel in wheels]
     for name, tire in tires:
-        calibration = _table(_table(tire).get("load_calibration"))
-        for low_key, high_key in (
-            ("half_angle_min_rad", "half_angle_max_rad"),
-            ("pressure_min_kpa", "pressure_max_kpa"),
-        ):
-            low, high = calibration.get(low_key), calibration.get(high_key)
-            if _is_number(low) and _is_number(high) and low > high:
-                yield Fault(
-                    f"{name}.load_calibration.{low_key}", show(low), f"allowed: up to {high_key} = {show(high)}"
-                )
+        for kind in ("load_calibration", "slip_calibration", "side_force_calibration"):
+            calibration = _table(_table(tire).get(kind))
+            for low_key, high_key in (
+                ("half_angle_min_rad", "half_angle_max_rad"),
+                ("pressure_min_kpa", "pressure_max_kpa"),
+                ("slip_min_deg", "slip_max_deg"),
+            ):
+                low, high = calibration.get(low_key), calibration.get(high_key)
+                if _is_number(low) and _is_number(high) and low > high:
+                    yield Fault(f"{name}.{kind}.{low_key}", show(low), f"allowed: up to {high_key} = {show(high)}")
+        yield from _laminate(f"{name}.laminate", _table(_table(tire).get("laminate")))
+
+
+def _laminate(name: str, laminate: Mapping[str, Any]) -> Iterator[Fault]:
+    rubber = laminate.get("rubber_mpa")
+    cords = [ply for _, ply in _tables(laminate.get("ply")) if ply.get("cord_share_percent") != 0]
+    if "ply" in laminate and len(cords) < 2:
+        yield Fault(f"{name}.ply", show(laminate["ply"]), "at least two plies need cords (cord_share_percent above 0)")
+    for index, ply in _tables(laminate.get("ply")):
+        cord = ply.get("cord_gpa")
+        if _is_number(cord) and _is_number(rubber) and cord * 1e3 < rubber:
+            allowed = f"at least {name}.rubber_mpa = {show(rubber)}, which is {rubber * 1e-3:g} GPa"
+            yield Fault(f"{name}.ply[#{index + 1}].cord_gpa", show(cord), f"allowed: {allowed}")
 
 
 def _duplicates(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:

@@ -59,6 +59,8 @@ _UNIT_HINTS: Final[dict[str, tuple[tuple[float, str], ...]]] = {
     "_n": ((1e3, "kN"), (STANDARD_GRAVITY_MPS2, "kg")),
     "_kg": ((1e3, "t"), (1 / STANDARD_GRAVITY_MPS2, "N")),
     "_hz": ((1e3, "kHz"),),
+    "_gpa": ((1e-3, "MPa"), (1e-9, "Pa")),
+    "_mpa": ((1e3, "GPa"), (1e-6, "Pa")),
 }
 
 

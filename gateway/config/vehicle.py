@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +14,7 @@ from pydantic import Field, model_validator
 
 from gateway.config.bus_signals import VehicleSignals
 from gateway.config.cross_checks import cross_faults
+from gateway.config.tire_tables import LaminateTable, SideForceCalibrationTable, SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Section, parse_document, read_text
 from gateway.constants import STANDARD_GRAVITY_MPS2
@@ -20,7 +22,10 @@ from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import (
     GAIN_STD,
     HAND_MOUNTED_STD_M,
+    HAND_MOUNTED_STD_RAD,
     RADIUS_STD,
+    SOFTENING_PER_K,
+    SOFTENING_STD_PER_K,
     ZERO_G_STD_MPS2,
     LoadCalibration,
     ReferenceNumbers,
@@ -37,6 +42,13 @@ ASSUMED_RADIUS_MM: Final = 320.0
 ASSUMED_RADIUS_STD_MM: Final = 80.0
 UNKNOWN_WHEEL: Final = WheelSetup("", 0, 0, ASSUMED_RADIUS_MM * 1e-3, radius_std_m=ASSUMED_RADIUS_STD_MM * 1e-3)
 """A wheel that no configuration describes."""
+# The rim's diameter in inches at the end of a size: 205/55 R16, 195R14C, 335/65R22.5.
+_RIM_INCHES: Final = re.compile(r"R ?(\d{2}(?:\.\d)?)(?!\d)")
+_INCH_M: Final = 0.0254
+# Inner liner below the neutral layer of the belt. The rim's well and the round shape of the cross-section change the
+# mean circumference by some per cent.
+_LINER_BELOW_BELT_M: Final = 0.006
+_CAVITY_STD: Final = 0.02
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 
 
@@ -72,12 +84,33 @@ class Reference(Section):
         description="inner-liner temperature of the measurement in degrees Celsius; default: not known",
     )
     estimator: str | None = Field(default=None, description="estimator that measured the numbers; default: weak-form")
+    softening_percent_per_k: float | None = Field(
+        default=None,
+        ge=-1,
+        le=5,
+        description="loss of the ring's bending stiffness per kelvin in percent; default: "
+        f"{100.0 * SOFTENING_PER_K:g}, assumed",
+    )
+    softening_std_percent_per_k: float | None = Field(
+        default=None,
+        ge=0,
+        le=5,
+        description="standard error of softening_percent_per_k in percent per kelvin; default: "
+        f"{100.0 * SOFTENING_STD_PER_K:g}",
+    )
 
     def numbers(self, stated_pressure_pa: float | None) -> ReferenceNumbers:
         """Return the numbers in SI, at the tire's stated pressure where the table has none."""
         pressure_pa = stated_pressure_pa if self.pressure_kpa is None else self.pressure_kpa * 1e3
-        stated = self.model_dump(exclude={"pressure_kpa"}, exclude_none=True)
-        return ReferenceNumbers(**stated, pressure_pa=pressure_pa)
+        rate, rate_std = self.softening_percent_per_k, self.softening_std_percent_per_k
+        converted = {"pressure_kpa", "softening_percent_per_k", "softening_std_percent_per_k"}
+        stated = self.model_dump(exclude=converted, exclude_none=True)
+        return ReferenceNumbers(
+            **stated,
+            pressure_pa=pressure_pa,
+            softening_per_k=SOFTENING_PER_K if rate is None else 0.01 * rate,
+            softening_std_per_k=SOFTENING_STD_PER_K if rate_std is None else 0.01 * rate_std,
+        )
 
 
 class LoadCalibrationTable(Section):
@@ -96,6 +129,12 @@ class LoadCalibrationTable(Section):
     half_angle_max_rad: float = Field(ge=0.01, le=1.5, description="largest calibrated half angle in rad")
     pressure_min_kpa: float = Field(ge=10, le=1500, description="lowest calibrated gauge pressure in kPa")
     pressure_max_kpa: float = Field(ge=10, le=1500, description="highest calibrated gauge pressure in kPa")
+    temperature_degc: float | None = Field(
+        default=None,
+        ge=-60,
+        le=200,
+        description="inner-liner temperature of the calibration in degrees Celsius; default: that of [tire.reference]",
+    )
 
     def calibration(self) -> LoadCalibration:
         """Return the calibration in SI."""
@@ -109,13 +148,14 @@ class LoadCalibrationTable(Section):
             relative_std=self.relative_std_percent * 1e-2,
             half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),
             pressure_range_pa=(self.pressure_min_kpa * 1e3, self.pressure_max_kpa * 1e3),
+            temperature_degc=self.temperature_degc,
         )
 
 
 class Tire(Section):
     """`[tire]`: the tire of every wheel; `[wheel.tire]`: the deviations of one wheel from it."""
 
-    size: str | None = Field(default=None, description="tire size, such as 205/55 R16; for information only")
+    size: str | None = Field(default=None, description="tire size, such as 205/55 R16; of use is only the rim")
     radius_mm: float | None = Field(
         default=None, ge=100, le=1200, description="belt radius in mm: rolling circumference / (2 pi)"
     )
@@ -135,10 +175,30 @@ class Tire(Section):
     ring_thickness_std_mm: float | None = Field(
         default=None, ge=0, le=40, description="standard error of ring_thickness_mm in mm"
     )
+    wear_mm: float | None = Field(
+        default=None, ge=0, le=60, description="tread worn off since the tire was new in mm, as measured"
+    )
+    wear_std_mm: float | None = Field(default=None, ge=0, le=20, description="standard error of wear_mm in mm")
+    cavity_length_mm: float | None = Field(
+        default=None,
+        ge=500,
+        le=5000,
+        description="mean circumference of the air in the tire in mm; default: from the belt and the rim of size",
+    )
+    cavity_length_std_mm: float | None = Field(
+        default=None, ge=0, le=500, description="standard error of cavity_length_mm in mm; default: 2 %"
+    )
     reference: Reference = Field(default=Reference(), description="dimensionless numbers of the new tire")
     load_calibration: LoadCalibrationTable | None = Field(
         default=None, description="load from contact half angle and pressure"
     )
+    slip_calibration: SlipCalibrationTable | None = Field(
+        default=None, description="slope of the streamline over the slip angle"
+    )
+    side_force_calibration: SideForceCalibrationTable | None = Field(
+        default=None, description="side force and aligning moment over the displacement of the belt"
+    )
+    laminate: LaminateTable | None = Field(default=None, description="plies of the belt with their tolerances")
 
     def overridden_by(self, other: Tire) -> Tire:
         """Return this tire with the values that `other` states instead of its own."""
@@ -173,13 +233,39 @@ class Tire(Section):
         """Thickness of the new ring in m."""
         return None if self.ring_thickness_mm is None else self.ring_thickness_mm * 1e-3
 
+    @property
+    def cavity_length_m(self) -> float | None:
+        """Mean circumference of the air in the tire in m: as stated, else halfway from the rim to the inner liner."""
+        if self.cavity_length_mm is not None:
+            return self.cavity_length_mm * 1e-3
+        rim = _RIM_INCHES.search(self.size or "")
+        if rim is None or self.radius_m is None:
+            return None
+        return math.pi * (self.radius_m - _LINER_BELOW_BELT_M + 0.5 * float(rim[1]) * _INCH_M)
+
+    @property
+    def cavity_length_std_m(self) -> float:
+        """Standard error of that circumference in m; 0 without one."""
+        if self.cavity_length_std_mm is not None:
+            return self.cavity_length_std_mm * 1e-3
+        return _CAVITY_STD * (self.cavity_length_m or 0.0)
+
     def data(self) -> TireData:
         """Return the data for the estimators, in SI."""
         return TireData(
             ring_thickness_m=self.ring_thickness_m,
             ring_thickness_std_m=(self.ring_thickness_std_mm or 0.0) * 1e-3,
+            wear_m=None if self.wear_mm is None else self.wear_mm * 1e-3,
+            wear_std_m=(self.wear_std_mm or 0.0) * 1e-3,
+            cavity_length_m=self.cavity_length_m,
+            cavity_length_std_m=self.cavity_length_std_m,
             reference=self.reference.numbers(self.pressure_pa),
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
+            slip_calibration=None if self.slip_calibration is None else self.slip_calibration.calibration(),
+            side_force_calibration=(
+                None if self.side_force_calibration is None else self.side_force_calibration.calibration()
+            ),
+            laminate=None if self.laminate is None else self.laminate.laminate(),
         )
 
 
@@ -218,8 +304,14 @@ class Mounting(Section):
     offset_std_mm: float = Field(
         default=HAND_MOUNTED_STD_M * 1e3, ge=0, le=40, description="standard error of offset_mm in mm"
     )
-    roll_deg: float = Field(
-        default=0.0, ge=-45, le=45, description="rotation about the circumferential axis in degrees"
+    roll_deg: float | None = Field(
+        default=None,
+        ge=-45,
+        le=45,
+        description="rotation about the circumferential axis in degrees; default: as measured, 0 for diagnose",
+    )
+    roll_std_deg: float = Field(
+        default=math.degrees(HAND_MOUNTED_STD_RAD), ge=0, le=45, description="standard error of roll_deg in degrees"
     )
     pitch_deg: float = Field(default=0.0, ge=-45, le=45, description="rotation about the lateral axis in degrees")
 
@@ -230,8 +322,8 @@ class Mounting(Section):
 
     @property
     def roll_rad(self) -> float:
-        """Roll of the sensor about the circumferential axis in rad."""
-        return math.radians(self.roll_deg)
+        """Roll of the sensor about the circumferential axis in rad, 0 when it is not stated."""
+        return math.radians(self.roll_deg or 0.0)
 
     @property
     def pitch_rad(self) -> float:
@@ -402,6 +494,8 @@ class VehicleConfig(Section):
                 offset_std_m=wheel.mounting.offset_std_mm * 1e-3,
                 gain_std=wheel.sensor.gain_std_percent * 1e-2,
                 zero_g_std_mps2=wheel.sensor.zero_g_std_mps2,
+                roll_rad=None if wheel.mounting.roll_deg is None else wheel.mounting.roll_rad,
+                roll_std_rad=math.radians(wheel.mounting.roll_std_deg),
             ),
             tire=tire.data(),
         )

@@ -66,7 +66,7 @@ class TireConditions:
         steady_std_mps2: one standard error of the steady value of the radial axis, beyond a common gain.
         gain_std: relative standard error of the gain of the sensor's axes.
         claims: what is stated about the sensor; `sensor_offset_m` is what is in use.
-        tire: the new tire's reference numbers, thickness and load calibration.
+        tire: the new tire's reference numbers, thickness, calibrations and laminate.
         given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
             estimate. Estimators run in the order of the registry. Empty outside `Estimator.update`.
     """

@@ -1,4 +1,4 @@
-"""Estimator of speed and contact length from timing and contact edges; needs only the belt radius."""
+"""Estimator of speed, rotation and contact length from timing and contact edges; needs only the belt radius."""
 
 from __future__ import annotations
 
@@ -9,14 +9,23 @@ from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Sta
 from gateway.estimators.revolution_block import RevolutionBlock
 from gateway.reasons import Code, Reason
 
-NAMES: Final = ("speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m")
+NAMES: Final = (
+    "speed_mps",
+    "angular_speed_radps",
+    "rotation_rpm",
+    "leading_edge_rad",
+    "trailing_edge_rad",
+    "contact_length_m",
+)
+
+_RPM_PER_RADPS: Final = 30.0 / math.pi
 
 # Share of interpolated samples above which the edges, which may lie in the gap, are provisional.
 _MAX_MISSING_SHARE: Final = 0.01
 
 
 class KinematicEstimator:
-    """Speed, both contact edges and contact length of each single revolution."""
+    """Speed, rotation, both contact edges and contact length of each single revolution."""
 
     @property
     def name(self) -> str:
@@ -32,13 +41,14 @@ class KinematicEstimator:
         average: AngleAverage,  # noqa: ARG002 - part of the interface
         conditions: TireConditions,
     ) -> tuple[Estimate, ...]:
-        """Return speed_mps, leading_edge_rad, trailing_edge_rad and contact_length_m of this revolution.
+        """Return speed_mps, angular_speed_radps, rotation_rpm, both edges and contact_length_m of this revolution.
 
         Contact length is the material length R (trailing - leading). Never raises on values.
 
         The standard errors of speed and contact length have two parts. The error of the belt radius, which is constant,
         scales both alike: relative differences between revolutions are more accurate than the stated error. The other
-        part is the timing of the two contacts for the speed, and the contact edges for the length.
+        part is the timing of the two contacts for the speed, and the contact edges for the length. Angular
+        speed and revolutions per minute have the error of the timing alone.
         """
         return _estimates(revolution, conditions)
 
@@ -54,15 +64,20 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     status, reasons = _condition(revolution)
     radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
     speed = radius * revolution.omega_radps
-    speed_std = speed * math.hypot(revolution.period_std_s / revolution.period_s, radius_error)
+    timing_error = revolution.period_std_s / revolution.period_s
+    speed_std = speed * math.hypot(timing_error, radius_error)
+    omega_std = revolution.omega_radps * timing_error
+    rpm, rpm_std = revolution.omega_radps * _RPM_PER_RADPS, omega_std * _RPM_PER_RADPS
     # The definition of both edges may be wrong in the same direction: their errors add.
     length = radius * (trailing - leading)
     length_std = math.hypot(radius * (leading_std + trailing_std), length * radius_error)
     return (
         _estimate(NAMES[0], speed, speed_std, status, reasons),
-        _estimate(NAMES[1], leading, leading_std, status, reasons),
-        _estimate(NAMES[2], trailing, trailing_std, status, reasons),
-        _estimate(NAMES[3], length, length_std, status, reasons),
+        _estimate(NAMES[1], revolution.omega_radps, omega_std, status, reasons),
+        _estimate(NAMES[2], rpm, rpm_std, status, reasons),
+        _estimate(NAMES[3], leading, leading_std, status, reasons),
+        _estimate(NAMES[4], trailing, trailing_std, status, reasons),
+        _estimate(NAMES[5], length, length_std, status, reasons),
     )
 
 

@@ -33,6 +33,8 @@ from gateway.types import FloatArray
 CIRCUMFERENTIAL, LATERAL, RADIAL = range(3)
 
 ORDERS: Final = trusted_orders(HIGHEST_ORDER)
+# Reach ahead of the leading edge in which the belt turns: several times its bending length.
+_AHEAD_RAD: Final = 0.8
 # Shorter contacts span too few grid points for a slope.
 _LEAST_CONTACT_RAD: Final = 0.08
 
@@ -63,7 +65,7 @@ class LateralRecord(NamedTuple):
 
 
 class Slopes(NamedTuple):
-    """Slope of the streamline in the contact, in three definitions, and their rows.
+    """Slope of the streamline in the contact, in three definitions, and ahead of it, with their rows.
 
     Attributes:
         values_rad: (3,) peak, first_half, adhesion_line.
@@ -73,6 +75,7 @@ class Slopes(NamedTuple):
             change; half the difference of the mean slopes in its second and first half, which an odd displacement that
             is straight in the contact does not change.
         parity_rows: (2, 2 k) likewise.
+        ahead_row: (2 k,) minus the steepest slope of the opposite sign ahead of the contact.
     """
 
     values_rad: FloatArray
@@ -80,6 +83,7 @@ class Slopes(NamedTuple):
     stretch_rad: tuple[float, float]
     parity_rad: FloatArray
     parity_rows: FloatArray
+    ahead_row: FloatArray
 
 
 DEFINITIONS: Final = ("peak", "first_half", "adhesion_line")
@@ -107,11 +111,13 @@ class LateralSteps(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Roll:
-    """Roll tilt and the number of revolutions that it rests on."""
+    """Roll tilt, the constant in the mean of the lateral axis, and the number of revolutions that they rest on."""
 
     rad: float
     std_rad: float
     count: int
+    offset_mps2: float = 0.0
+    offset_std_mps2: float = math.inf
 
 
 class _Part:
@@ -169,7 +175,15 @@ class LateralAverage:
             if not revolution.ac_coupled:
                 means = block.arrays.means_mps2[index]
                 self.roll.update(float(means[LATERAL]), float(means[RADIAL]))
-            rolls.append(Roll(self.roll.roll_rad, self.roll.roll_std_rad, self.roll.count))
+            rolls.append(
+                Roll(
+                    self.roll.roll_rad,
+                    self.roll.roll_std_rad,
+                    self.roll.count,
+                    self.roll.offset_mps2,
+                    self.roll.offset_std_mps2,
+                )
+            )
         tilts = np.array([roll.rad for roll in rolls])
         values = np.concatenate([_coefficients(block.arrays, taken, revolutions, tilts), tilts[:, np.newaxis]], axis=1)
         carried = [min(revolution.order_max, ORDERS.stop - 1) for revolution in revolutions]
@@ -305,7 +319,8 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
     peak: the steepest slope with the sign of the least-squares line through the whole contact. first_half: mean slope
     from the leading edge to the middle of the contact. adhesion_line: least-squares line through the lateral
     displacement over the range around the peak in which the slope keeps its sign, like a ruler laid on the rising part
-    of the plotted deformation.
+    of the plotted deformation. Ahead of the contact the free belt leans the other way: there the steepest slope is that
+    of the side force on a belt under tension, which the slopes inside the contact hardly contain.
     """
     leading, trailing = edges_rad
     angles = _ANGLES
@@ -326,7 +341,11 @@ def slopes(record: LateralRecord, edges_rad: tuple[float, float], radius_m: floa
             line_row(first, last, ORDERS, radius_m),
         ]
     )
-    return Slopes(rows @ record.lateral_m, rows, (first, last), parity_rows @ record.lateral_m, parity_rows)
+    before_edge = int(np.searchsorted(angles, max(leading - _AHEAD_RAD, -math.pi)))
+    lean = before_edge + int(slope[before_edge : start + 1].argmin())
+    ahead = min(_vertex(angles, -slope, lean), leading)
+    ahead_row = -slope_row(ahead, ORDERS, radius_m)
+    return Slopes(rows @ record.lateral_m, rows, (first, last), parity_rows @ record.lateral_m, parity_rows, ahead_row)
 
 
 def _parity_rows(leading_rad: float, trailing_rad: float, radius_m: float) -> FloatArray:

@@ -1,31 +1,33 @@
 """Estimator of the vertical load from the contact, for wheels without a stated load or for comparison with it.
 
 There are two methods. One is a power law of contact half angle and pressure, calibrated for the tire (`treadlink
-calibrate`); it follows every revolution. Wear makes the ring more flexible and so the contact longer under the same
-load: on the exact ring Q ~ EI^beta at a half angle and pressure. This is corrected for the wear that is estimated;
-where none is, the standard error includes the wear that a tire in use may have. The other uses the belt width, which
-wear does not change: all four numbers are proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
+calibrate`); it follows every revolution. Wear and warmth make the ring more flexible and so the contact longer under
+the same load: on the exact ring Q ~ EI^beta at a half angle and pressure. EI is that of the bending number, whatever
+has changed it; else that of the stated wear and the temperature; else the standard error includes the wear and the
+temperature that a tire in use may have. The other uses the belt width, which wear does not change: all four numbers are
+proportional to Q / (p0 R^2), so Q = Q0 Cw_new / Cw for any assumed load Q0.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.estimators.determination import DETERMINED
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
-from gateway.estimators.tire_data import LOAD_LAW_STD
+from gateway.estimators.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration
+from gateway.estimators.wear import bending_since_reference
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
 
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 
 _ASSUMED_LOAD_N: Final = 4000.0
-# Wear from which its correction is reported.
-_WORN_MM: Final = 0.5
+# Change of the logarithm of EI from which its correction is reported: half a millimetre of wear of a usual ring.
+_REPORTED_CHANGE: Final = 0.1
 # beta on random tires of the exact ring: mean, standard deviation, and change with ln Bs about the mean of ln Bs.
 _BETA: Final = 0.13
 _BETA_STD: Final = 0.07
@@ -131,39 +133,75 @@ def _by_angle(
         return Estimate.invalid(NAMES[1], Reason(Code.NEEDS_LOAD_CALIBRATION))
     if not half > 0.0:
         return Estimate.invalid(NAMES[1], Reason(Code.NO_CONTACT_EDGES))
-    wear_logarithm, wear_std, wear_notes = _wear_effect(conditions)
-    load = calibration.load_at(half, pressure) * math.exp(wear_logarithm)
+    bending = _bending_effect(conditions, calibration)
+    load = calibration.load_at(half, pressure) * math.exp(bending.logarithm)
     relative = math.hypot(
         max(calibration.relative_std, LOAD_LAW_STD),
         calibration.slope_at(half) * half_std / half,
         calibration.pressure_exponent * conditions.pressure_std_pa / pressure,
-        wear_std,
+        bending.std,
     )
     if not (math.isfinite(load) and math.isfinite(relative)):
         return Estimate.invalid(NAMES[1], Reason(Code.EDGE_ERRORS_UNKNOWN))
     doubts = (*revolution.faults, *calibration.outside(half, pressure))
     status = Status.PROVISIONAL if doubts else Status.VALID
-    return Estimate(NAMES[1], load, load * relative, status, (*doubts, *wear_notes))
+    return Estimate(NAMES[1], load, load * relative, status, (*doubts, *bending.notes))
 
 
-def _wear_effect(conditions: TireConditions) -> tuple[float, float, tuple[Reason, ...]]:
-    """Return the logarithm of the correction for wear since the calibration, its error, and notes."""
-    thickness = conditions.tire.ring_thickness_m or _USUAL_THICKNESS_M
-    new_bending = conditions.tire.reference.Bs
+class _BendingEffect(NamedTuple):
+    """Logarithm of the correction of a load for the ring's bending stiffness, its standard error, and notes."""
+
+    logarithm: float
+    std: float
+    notes: tuple[Reason, ...]
+
+
+def _bending_effect(conditions: TireConditions, calibration: LoadCalibration) -> _BendingEffect:
+    """Return the correction for what the bending stiffness is beside that of the calibration."""
+    reference = conditions.tire.reference
     beta, beta_std = _BETA, _BETA_STD
-    if new_bending is not None:
-        beta = max(0.0, beta + _BETA_PER_LN_BS * math.log(new_bending / _MEAN_BS))
+    if reference.Bs is not None:
+        beta = max(0.0, beta + _BETA_PER_LN_BS * math.log(reference.Bs / _MEAN_BS))
         beta_std = _BETA_STD_KNOWN_BS
-    wear = conditions.given.get("wear", {}).get("wear_mm")
-    if wear is None or wear.status is Status.INVALID:
-        std = 3.0 * math.hypot(beta, beta_std) * _UNKNOWN_WEAR_STD_M / thickness
-        return 0.0, std, (Reason(Code.WEAR_UNKNOWN, relative_error=std),)
-    left = max(1.0 - 1e-3 * wear.value / thickness, _LEAST_THICKNESS_SHARE)
+    change, std, notes = _bending_change(conditions, calibration)
+    # Neither the exponent nor the change is certain: the last term is the product of both errors.
+    return _BendingEffect(beta * change, math.hypot(beta * std, beta_std * change, beta_std * std), notes)
+
+
+def _bending_change(
+    conditions: TireConditions, calibration: LoadCalibration
+) -> tuple[float, float, tuple[Reason, ...]]:
+    """Return ln(EI / EI at the calibration), its standard error, and where it comes from."""
+    tire = conditions.tire
+    measured = bending_since_reference(conditions, prefer_ratio=True)
+    if measured.status is Status.VALID:
+        # The number has been measured at the present temperature; only calibration and reference may differ in it.
+        between = tire.reference.softening(calibration.temperature_degc, tire.reference.temperature_degc)
+        same = calibration.temperature_degc is None
+        std = measured.std if same else math.hypot(measured.std, between.std)
+        change = measured.value - (0.0 if same else between.logarithm)
+        noted = (
+            (Reason(Code.CORRECTED_FOR_BENDING, change=math.expm1(change)),) if abs(change) > _REPORTED_CHANGE else ()
+        )
+        return change, std, noted
+    thickness = tire.ring_thickness_m or _USUAL_THICKNESS_M
+    wear_m, wear_std_m = (tire.wear_m, tire.wear_std_m) if tire.wear_m is not None else (0.0, _UNKNOWN_WEAR_STD_M)
+    left = max(1.0 - wear_m / thickness, _LEAST_THICKNESS_SHARE)
+    softening = tire.reference.softening(conditions.temperature_degc, calibration.temperature_degc)
+    by_temperature = softening.logarithm if softening.is_known else 0.0
     # EI ~ thickness^3
-    stiffness = 3.0 * math.log(left)
-    std = math.hypot(3.0 * beta * 1e-3 * wear.std / (thickness * left), beta_std * stiffness)
-    worn = wear.value > _WORN_MM
-    return beta * stiffness, std, (Reason(Code.CORRECTED_FOR_WEAR, wear_m=1e-3 * wear.value),) if worn else ()
+    wear_std = 3.0 * wear_std_m / (thickness * left)
+    change = 3.0 * math.log(left) + by_temperature
+    notes = []
+    if tire.wear_m is None:
+        notes.append(Reason(Code.WEAR_UNKNOWN, relative_error=math.hypot(_BETA, _BETA_STD) * wear_std))
+    elif 3.0 * abs(math.log(left)) > _REPORTED_CHANGE:
+        notes.append(Reason(Code.CORRECTED_FOR_WEAR, wear_m=wear_m))
+    if not softening.is_known:
+        notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
+    elif abs(by_temperature) > _REPORTED_CHANGE:
+        notes.append(Reason(Code.CORRECTED_FOR_BENDING, change=math.expm1(by_temperature)))
+    return change, math.hypot(wear_std, softening.std), tuple(notes)
 
 
 def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.belt_laminate import BeltLaminate, coupling_law
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
@@ -33,6 +34,7 @@ from gateway.estimators.lateral_shape import (
 )
 from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differs, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.sensor_claims import SensorClaims
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import slope_row
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
@@ -42,8 +44,11 @@ NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS
 # Of a fixed part of the contact, so that it has its own sign.
 _OWN_SIGN: Final = frozenset({"ply_steer_first_half_rad"})
 LINE_NAME: Final = "ply_steer_contact_line_rad"
+AHEAD_NAME: Final = "ply_steer_ahead_rad"
 CONICITY_NAME: Final = "conicity_slope_rad"
 ROLL_NAME: Final = "sensor_roll_rad"
+OFFSET_NAME: Final = "lateral_offset_mps2"
+LAMINATE_NAMES: Final = ("ply_steer_laminate_rad", "laminate_b16_n", "laminate_a66_npm")
 
 # Memory of the average: ply steer changes only with load, pressure and temperature.
 HORIZON_REVOLUTIONS: Final = 100.0
@@ -53,6 +58,13 @@ _SIGNIFICANT: Final = 3.0
 # square of the half angle, and its standard deviation over belts and treads (docs/explanation/ply-steer.md).
 _ROLLING_DIFFERENCE: Final = 2.9
 _ROLLING_DIFFERENCE_STD: Final = 1.4
+PEAK_OVER_LAMINATE: Final = 0.91
+"""Steepest slope of a rolling belt over that of a belt bent flat, 2 phi_z, on the belts of tools/bench_lateral.py."""
+PEAK_OVER_LAMINATE_STD: Final = 0.06
+# A16 / A66 from which tension shears the belt noticeably: a tension strain of 0.1 % then turns it by 0.01 deg.
+_UNBALANCED: Final = 0.2
+# Share of the expected error of the lateral constant below which it counts as measured.
+_OFFSET_MEASURED: Final = 0.5
 # Least number of orders: with fewer the peak is wrong by more than 0.01 deg.
 ENOUGH_ORDERS: Final = 20
 # Standard errors by which a slope may follow the average until its place in the contact is renewed.
@@ -106,9 +118,11 @@ class PlySteerEstimator:
         """Start empty.
 
         Args:
-            offset_std_mps2: one standard error of the constant in the lateral mean (zero-g offset, camber).
+            offset_std_mps2: least standard error of the constant in the lateral mean (zero-g offset, camber); what is
+                stated about the sensor's zero may be larger.
             horizon_revolutions: memory of the average.
         """
+        self._offset_std_mps2 = offset_std_mps2
         self._average = LateralAverage(horizon_revolutions, RollCalibration(offset_std_mps2))
         self._followed: _Followed | None = None
         self._renewed: _Renewed | None = None
@@ -125,14 +139,17 @@ class PlySteerEstimator:
         self._followed = self._renewed = None
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return the estimates of NAMES, ply_steer_contact_line_rad, conicity_slope_rad and sensor_roll_rad.
+        """Return the estimates of NAMES, contact line, conicity, roll and the slope ahead of the contact.
 
-        All ply steer angles include the mean slip angle of the averaged revolutions; those of NAMES also include
-        conicity, and a reason says so. Peak and adhesion line take their sign from the contact line; they are invalid
-        where its sign is not significant. conicity_slope_rad is half the change of the slope from the first to the
-        second half of the contact, less what ply steer contributes to it in a rolling contact. The standard errors
-        cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but not the definition of the
-        slope, in which the angles differ. Never raises on values.
+        All ply steer angles include the mean slip angle of the averaged revolutions; those of NAMES and the slope ahead
+        also include conicity, and a reason says so. Peak, adhesion line and slope ahead take their sign from the
+        contact line; they are invalid where its sign is not significant. conicity_slope_rad is half the change of the
+        slope from the first to the second half of the contact, less what ply steer contributes to it in a rolling
+        contact. The standard errors cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but
+        not the definition of the slope, in which the angles differ. Never raises on values.
+
+        Where the plies are stated (`conditions.tire.laminate`), LAMINATE_NAMES follow, with errors from the stated
+        tolerances. The angle is provisional where the measured peak differs from it by more than three errors.
 
         The slopes are linear in the average, which they follow in every revolution. Their places in the contact and
         their standard errors are renewed at the pace of `gateway.estimators.pace`.
@@ -145,6 +162,9 @@ class PlySteerEstimator:
         unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
         taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
         count = self._average.count
+        if taken:
+            expected = block.conditions[taken[0]].claims.zero_g_std_mps2
+            self._average.roll.expect_offset(max(self._offset_std_mps2, expected))
         steps = self._average.update(block, taken) if taken else None
         found = []
         for index, has in enumerate(lateral):
@@ -163,6 +183,13 @@ class PlySteerEstimator:
         return found
 
     def _estimates(self, block: RevolutionBlock, index: int, unusable: Reason | None) -> tuple[Estimate, ...]:
+        conditions = block.conditions[index]
+        found = self._measured(block, index, unusable)
+        if conditions.tire.laminate is None:
+            return found
+        return (*found, *_of_laminate(conditions.tire.laminate, conditions, found[0]))
+
+    def _measured(self, block: RevolutionBlock, index: int, unusable: Reason | None) -> tuple[Estimate, ...]:
         edges = contact_edges(block.averages.edges_rad[index], block.conditions[index])
         if isinstance(edges, Reason):
             return _all_invalid(unusable or edges)
@@ -171,29 +198,32 @@ class PlySteerEstimator:
         renewed = self._renewed
         if renewed is None or renewed.is_outdated(self._followed, edges, block, index):
             renewed = self._renewed = _renew(self._followed, edges, block, index)
-        return self._followed_estimates(renewed, edges, unusable)
+        return self._followed_estimates(renewed, edges, unusable, block.conditions[index].claims)
 
     def _followed_estimates(
-        self, renewed: _Renewed, edges: tuple[float, float], unusable: Reason | None
+        self, renewed: _Renewed, edges: tuple[float, float], unusable: Reason | None, claims: SensorClaims
     ) -> tuple[Estimate, ...]:
         followed = self._followed
         assert followed is not None
-        *slopes_rad, line, difference = (renewed.rows[:-2] @ followed.lateral_m).tolist()
-        *stds, line_std, difference_std = renewed.stds_rad
+        *slopes_rad, line, difference, ahead = (renewed.rows[:-2] @ followed.lateral_m).tolist()
+        *stds, line_std, difference_std, ahead_std = renewed.stds_rad
         doubt = unusable or _doubt(followed)
         notes = renewed.notes
         estimates = [
-            _estimate(name, value, std, doubt, notes) for name, value, std in zip(NAMES, slopes_rad, stds, strict=True)
+            _estimate(name, value, std, doubt, notes)
+            for name, value, std in zip((*NAMES, AHEAD_NAME), (*slopes_rad, ahead), (*stds, ahead_std), strict=True)
         ]
         if not abs(line) > _SIGNIFICANT * line_std:
             chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
             estimates = [
                 e if name in _OWN_SIGN else Estimate.invalid(name, chance)
-                for name, e in zip(NAMES, estimates, strict=True)
+                for name, e in zip((*NAMES, AHEAD_NAME), estimates, strict=True)
             ]
+        *estimates, lean = estimates
         estimates.append(_estimate(LINE_NAME, line, line_std, doubt, notes[1:]))
         estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
-        return (*estimates, _roll_estimate(followed.roll))
+        roll = followed.roll
+        return (*estimates, _roll_estimate(roll, claims), lean, _offset_estimate(roll, claims, unusable))
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,9 +252,9 @@ class _Renewed:
     """Linear maps from the average to the slopes, and their errors, at the latest renewal.
 
     Attributes:
-        rows: (7, 2 k) maps to the slopes of NAMES, the contact line, the difference of the halves, and the slopes at
-            both ends of the adhesion line.
-        stds_rad: standard errors of the first five.
+        rows: (8, 2 k) maps to the slopes of NAMES, the contact line, the difference of the halves, the slope ahead, and
+            the slopes at both ends of the adhesion line.
+        stds_rad: standard errors of the first six.
         values_rad: what the maps gave then.
         limits_rad: how far the values may move until the maps are renewed: by a share of a standard error, and at an
             end of the adhesion line by the slope's, beyond which it ends elsewhere.
@@ -279,19 +309,19 @@ def _renew(followed: _Followed, edges: tuple[float, float], block: RevolutionBlo
     revolution, conditions, average = block.revolutions[index], block.conditions[index], block.averages.at(index)
     record = followed.record()
     found = slopes(record, edges, conditions.radius_m)
-    rows = np.concatenate([found.rows, found.parity_rows])
+    rows = np.concatenate([found.rows, found.parity_rows, found.ahead_row[np.newaxis]])
     ends = np.stack([slope_row(end, ORDERS, conditions.radius_m) for end in found.stretch_rad])
     ends_std = np.sqrt(np.maximum(np.sum((ends @ record.covariance) * ends, axis=1), 0.0))
     variance = np.sum((rows @ record.covariance) * rows, axis=1)
-    # The place of the peak is the largest of several places: their noise counts once more.
-    variance[0] *= 2.0
+    # Peak and slope ahead are the largest of several places: their noise counts once more.
+    variance[[0, -1]] *= 2.0
     variance += np.square(rows @ record.radial_m * followed.roll.std_rad)
     variance += np.square(rows @ _along(record, revolution, conditions) * MOUNTING_STD_RAD)
     # The slopes scale with the lateral axis's gain over the radius.
     scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m)
     variance += np.square(rows @ record.lateral_m * scale_std)
     edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
-    variance += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
+    variance[:-1] += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
     orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
     stds = np.sqrt(variance)
     # Where the line ends at an edge of the contact, the slope there does not matter.
@@ -366,11 +396,57 @@ def _conicity(
     return _estimate(CONICITY_NAME, value, std, doubt, ())
 
 
-def _roll_estimate(roll: Roll) -> Estimate:
+def _roll_estimate(roll: Roll, claims: SensorClaims) -> Estimate:
+    """Return the measured roll, against the stated one."""
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
-    return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)
+    stated = claims.roll_rad
+    if stated is None or abs(roll.rad - stated) <= _SIGNIFICANT * math.hypot(roll.std_rad, claims.roll_std_rad):
+        return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)
+    contradicted = Reason(Code.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
+    return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, contradicted))
+
+
+def _offset_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) -> Estimate:
+    """Return the constant in the mean of the lateral axis, zero-g offset and camber, against the stated zero."""
+    if not roll.count:
+        return Estimate.invalid(OFFSET_NAME, Reason(Code.AC_COUPLED))
+    value, std = roll.offset_mps2, roll.offset_std_mps2
+    expected = max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
+    if unusable is not None:
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (unusable,))
+    if std > _OFFSET_MEASURED * expected:
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(Code.LATERAL_ZERO_NOT_SEPARATED),))
+    if abs(value) > _SIGNIFICANT * math.hypot(std, expected):
+        reason = Reason(Code.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.zero_g_std_mps2)
+        return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (reason,))
+    return Estimate(OFFSET_NAME, value, std, Status.VALID)
 
 
 def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
-    return tuple(Estimate.invalid(name, reason) for name in (*NAMES, LINE_NAME, CONICITY_NAME, ROLL_NAME))
+    names = (*NAMES, LINE_NAME, CONICITY_NAME, ROLL_NAME, AHEAD_NAME, OFFSET_NAME)
+    return tuple(Estimate.invalid(name, reason) for name in names)
+
+
+def _of_laminate(belt: BeltLaminate, conditions: TireConditions, peak: Estimate) -> tuple[Estimate, ...]:
+    """Return the angle that the stated plies give, compared with the measured peak, and B16 and A66."""
+    law = coupling_law(belt)
+    angle = law.slope(conditions.radius_m, conditions.radius_std_m)
+    reasons = [Reason(Code.FROM_LAMINATE, length_m=law.length_m.value, length_std_m=law.length_m.std)]
+    status = Status.VALID
+    if abs(law.imbalance) > _UNBALANCED:
+        reasons.append(Reason(Code.LAMINATE_NOT_BALANCED, share=law.imbalance))
+        status = Status.PROVISIONAL
+    if peak.status is Status.VALID:
+        expected = PEAK_OVER_LAMINATE * angle.value
+        std = math.hypot(PEAK_OVER_LAMINATE * angle.std, PEAK_OVER_LAMINATE_STD * angle.value, peak.std)
+        errors = abs(peak.value - expected) / std
+        if errors > _SIGNIFICANT:
+            reasons.append(
+                Reason(Code.LAMINATE_DIFFERS, measured_rad=peak.value, measured_std_rad=peak.std, errors=errors)
+            )
+            status = Status.PROVISIONAL
+    values = (angle, law.b16_n, law.a66_npm)
+    first = Estimate(LAMINATE_NAMES[0], *values[0], status, tuple(reasons))
+    rest = (Estimate(name, *value, Status.VALID) for name, value in zip(LAMINATE_NAMES[1:], values[1:], strict=True))
+    return (first, *rest)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 # uses the estimates of others comes after them.
 ESTIMATORS: Final[dict[str, str]] = {
     "kinematic": "gateway.estimators.kinematic:KinematicEstimator",
+    "distance": "gateway.estimators.distance:DistanceEstimator",
     "self-calibration": "gateway.estimators.self_calibration:SelfCalibrationEstimator",
     "weak-form": "gateway.estimators.weak_form:WeakFormEstimator",
     "ring-modal": "gateway.estimators.ring_modal:RingModalEstimator",
@@ -24,12 +25,18 @@ ESTIMATORS: Final[dict[str, str]] = {
     "forward": "gateway.estimators.forward:ForwardEstimator",
     "wear": "gateway.estimators.wear:WearEstimator",
     "load": "gateway.estimators.load:LoadEstimator",
+    "longitudinal-force": "gateway.estimators.longitudinal_force:LongitudinalForceEstimator",
     "ply-steer": "gateway.estimators.ply_steer:PlySteerEstimator",
     "slip-angle": "gateway.estimators.slip_angle:SlipAngleEstimator",
+    "side-force": "gateway.estimators.side_force:SideForceEstimator",
+    "friction": "gateway.estimators.friction_use:FrictionUseEstimator",
     "asynchronous": "gateway.estimators.nonsynchronous:NonsynchronousEstimator",
+    "cavity": "gateway.estimators.cavity:CavityEstimator",
+    "road": "gateway.estimators.road_roughness:RoadRoughnessEstimator",
+    "water-wedge": "gateway.estimators.water_wedge:WaterWedgeEstimator",
 }
 
-DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "weak-form", "wear", "ply-steer")
+DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "distance", "weak-form", "wear", "ply-steer")
 
 
 def estimator_names() -> list[str]:

@@ -265,7 +265,8 @@ class SelfCalibrationEstimator:
         assert belt is not None
         first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
         rows = np.zeros((len(taken), _SUMS))
-        at = np.array(taken)
+        # Without a copy where all are taken, as nearly always.
+        at = slice(None) if len(taken) == len(block) else np.array(taken)
         spectra = block.arrays.in_plane_mps2[at]
         omega, omega_dot = block.arrays.omega_radps[at], block.arrays.omega_dot_radps2[at]
         along = np.isfinite(spectra[:, 0, 0].real)
@@ -317,7 +318,7 @@ class SelfCalibrationEstimator:
         """Set the two equations of each revolution; return the steady value that is expected of each, (k,)."""
         revolutions = [block.revolutions[index] for index in taken]
         orders = np.array([revolution.orders_mps2[:2] for revolution in revolutions])
-        at = np.array(taken)
+        at = slice(None) if len(taken) == len(block) else np.array(taken)
         omega = block.arrays.omega_radps[at]
         steady = block.conditions[taken[0]].radius_m * omega * omega
         expected: FloatArray = steady * (1.0 - self._ratio * belt.mean_square)

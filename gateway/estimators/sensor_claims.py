@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,6 +13,8 @@ ZERO_G_STD_MPS2: Final = 1.0
 RATE_STD: Final = 1e-4
 HAND_MOUNTED_STD_M: Final = 1e-3
 """Accuracy of an offset that is measured by hand."""
+HAND_MOUNTED_STD_RAD: Final = math.radians(1.0)
+"""Accuracy of an angle of mounting by hand."""
 UNKNOWN_OFFSET_STD_M: Final = 5e-3
 """A sensor on the inner liner is 0 to 10 mm below the neutral layer."""
 RADIUS_STD: Final = 0.01
@@ -28,6 +31,8 @@ class SensorClaims:
         gain_std: relative standard error of the scale that the hub states.
         zero_g_std_mps2: standard error of its zero.
         rate_std: relative standard error of its sampling rate.
+        roll_rad: rotation about the circumferential axis; None when it is not stated.
+        roll_std_rad: its standard error.
     """
 
     offset_m: float | None = None
@@ -35,3 +40,5 @@ class SensorClaims:
     gain_std: float = GAIN_STD
     zero_g_std_mps2: float = ZERO_G_STD_MPS2
     rate_std: float = RATE_STD
+    roll_rad: float | None = None
+    roll_std_rad: float = HAND_MOUNTED_STD_RAD

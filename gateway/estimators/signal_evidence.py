@@ -72,11 +72,17 @@ class Cause(StrEnum):
 # Exponents of an estimate in the ratios (true over stated) of belt radius, sampling rate and gain.
 _EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
     "speed_mps": {Cause.RADIUS: 1.0, Cause.RATE: 1.0},
+    "angular_speed_radps": {Cause.RATE: 1.0},
+    "rotation_rpm": {Cause.RATE: 1.0},
+    "distance_m": {Cause.RADIUS: 1.0},
     "contact_length_m": {Cause.RADIUS: 1.0},
     "pressure_number": {Cause.RADIUS: -2.0},
     "asynchronous_rms_mps2": {Cause.GAIN: -1.0},
     "asynchronous_line_rms_mps2": {Cause.GAIN: -1.0},
     "asynchronous_line_hz": {Cause.RATE: 1.0},
+    "cavity_hz": {Cause.RATE: 1.0},
+    "cavity_gas_ratio": {Cause.RATE: 2.0},
+    "road_roughness_m3": {Cause.RADIUS: 2.0},
     "sensor_offset_m": {Cause.GAIN: -1.0, Cause.RATE: -2.0},
     # Both are what a steady value of R Omega^2 leaves.
     "gain": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},

@@ -2,8 +2,9 @@
 
 The mean slope of the streamline in the first half of the contact, minus that of ply steer, is almost proportional to
 the slip angle. The factor is the belt's share (a fifth to two fifths on the tires modelled in
-docs/explanation/ply-steer.md; the tread takes the rest). So an apparent slip angle is measured; the true one needs the
-share, from driving at a known slip angle.
+docs/explanation/ply-steer.md; the tread takes the rest). So an apparent slip angle is measured. The true one needs the
+share and the slope at zero slip, `SlipCalibration`. Without it zero slip is the mean of the latest revolutions, which
+contains any constant slip.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from gateway.estimators.lateral_shape import (
     why_unusable,
 )
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import chord_row, lateral_waveform
 from gateway.signal.sensor_mounting import RollCalibration
@@ -31,6 +33,7 @@ from gateway.types import FloatArray
 
 NAMES: Final = ("slip_apparent_rad", "slip_direction", "lateral_asymmetry", "left_right_asymmetry")
 SLIP_NAME: Final = "slip_angle_rad"
+MEAN_NAME: Final = "slip_angle_mean_rad"
 
 # Memory of the learnt zero in revolutions: long compared with a bend, short compared with changes of temperature.
 REFERENCE_HORIZON: Final = 500.0
@@ -66,18 +69,10 @@ def lateral_asymmetry(waveform: FloatArray) -> float:
 
 
 class SlipAngleEstimator:
-    """Slip of each revolution, relative to a slope at zero slip that is given or learnt; needs a lateral axis."""
+    """Slip of each revolution, relative to a slope at zero slip that is calibrated or learnt; needs a lateral axis."""
 
-    def __init__(self, zero_slope_rad: float | None = None, belt_share: float | None = None) -> None:
-        """Start empty.
-
-        Args:
-            zero_slope_rad: first-half slope at zero slip (`ply_steer_first_half_rad`); None: the mean of the latest
-                revolutions, which assumes that the car runs straight on average.
-            belt_share: first-half slope per slip angle, of this tire; None: only the apparent slip angle is estimated.
-        """
-        self._given = zero_slope_rad
-        self._share = belt_share
+    def __init__(self) -> None:
+        """Start empty."""
         self._reference = LateralAverage(REFERENCE_HORIZON, RollCalibration())
         self.reset()
 
@@ -95,13 +90,16 @@ class SlipAngleEstimator:
         self._sides = {1.0: RunningMoments(1), -1.0: RunningMoments(1)}
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then slip_angle_rad.
+        """Return slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then the slip angles.
 
-        Positive slip pulls the tire to the left. Slip that is constant while the zero is learnt becomes part of the
-        zero, so the standard error includes a usual mean slip. slip_direction is 1, -1, or 0 when slip is within three
-        standard errors of zero; a reason says so. left_right_asymmetry is the sum of the mean lateral_asymmetry at left
-        and at right slip, 0 for a tire without ply steer and conicity. slip_angle_rad needs the belt's share. There are
-        no estimates without a lateral axis. Never raises on values.
+        Positive slip pulls the tire to the left. Without `conditions.tire.slip_calibration` the zero is learnt: slip
+        that is constant becomes part of it, so slip_apparent_rad and slip_direction stay provisional, and there are no
+        slip angles. With it, slip_angle_rad is that of the revolution and slip_angle_mean_rad that of the mean of the
+        latest ones. Outside the calibrated half angles, pressures and slip angles they are provisional.
+
+        slip_direction is 1, -1, or 0 when slip is within three standard errors of zero; a reason says so.
+        left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a tire without
+        ply steer and conicity. There are no estimates without a lateral axis. Never raises on values.
         """
         return self.update_block(one_revolution(revolution, average, conditions))[0]
 
@@ -115,7 +113,7 @@ class SlipAngleEstimator:
         for index, has in enumerate(lateral):
             why = unusable[index]
             if why is not None:
-                found.append(self._invalid(why))
+                found.append(_invalid(why, block.conditions[index]))
             elif has and steps is not None:
                 found.append(self._estimates(block, index, steps, taken.index(index)))
             else:
@@ -126,35 +124,47 @@ class SlipAngleEstimator:
         conditions = block.conditions[index]
         edges = contact_edges(block.averages.edges_rad[index], conditions)
         if isinstance(edges, Reason):
-            return self._invalid(edges)
+            return _invalid(edges, conditions)
         # The roll tilt is the same in both, so its error cancels in their difference.
         row = chord_row(edges[0], 0.5 * (edges[0] + edges[1]), ORDERS, conditions.radius_m)
         own_m = steps.own_m[place]
         slope = float(row @ own_m)
-        reference = self._given if self._given is not None else float(row @ steps.mean_m[place])
+        mean = float(row @ steps.mean_m[place])
         count = steps.effective_counts[place]
-        std = self._scatter(slope)
-        if self._given is None and count > 1.0:
-            std *= math.sqrt(1.0 + 1.0 / count)
-            std = math.hypot(std, _LEARNT_ZERO_STD_RAD)
-        apparent = slope - reference
+        scatter = self._scatter(slope)
+        law = conditions.tire.slip_calibration
+        if law is not None:
+            zero, std = law.zero_rad, math.hypot(scatter, law.zero_std_rad)
+        else:
+            zero, std = mean, math.hypot(scatter * math.sqrt(1.0 + 1.0 / count), _LEARNT_ZERO_STD_RAD)
+        apparent = slope - zero
         asymmetry = lateral_asymmetry(lateral_waveform(own_m, ORDERS, 512))
         if abs(apparent) > _SIDE_RAD:
             side = self._sides[math.copysign(1.0, apparent)]
             side.update(np.array([asymmetry]), max(1.0 / (side.count + 1), 1.0 / _HORIZON))
-        status, reason = self._status(std, count)
-        reasons = (reason,)
+        outside: tuple[Reason, ...] = ()
+        angles: tuple[Estimate, ...] = ()
+        if law is not None:
+            half = 0.5 * (edges[1] - edges[0])
+            outside = law.outside(half, conditions.pressure_pa, law.slip_at(slope, 0.0)[0])
+            outside_mean = law.outside(half, conditions.pressure_pa, law.slip_at(mean, 0.0)[0])
+            angles = (
+                _slip(SLIP_NAME, law, (slope, scatter), outside),
+                _slip(MEAN_NAME, law, (mean, scatter / math.sqrt(count)), outside_mean),
+            )
+        status, reasons = _status(scatter, count, law, outside)
         direction = math.copysign(1.0, apparent) if abs(apparent) > _SIGNIFICANT * std else 0.0
         unsigned = () if direction else (Reason(Code.SIGN_NOT_DETERMINED, errors=abs(apparent) / std if std else 0.0),)
-        estimates = [
+        # The asymmetry is a property of the waveform; which zero was learnt does not matter to it.
+        settled = law is not None or count >= REFERENCE_SETTLED
+        own, own_reasons = (Status.VALID, ()) if settled and math.isfinite(scatter) else (status, reasons)
+        return (
             Estimate(NAMES[0], apparent, std, status, reasons),
             Estimate(NAMES[1], direction, math.nan, status, (*reasons, *unsigned)),
-            Estimate(NAMES[2], asymmetry, math.nan, status, reasons),
+            Estimate(NAMES[2], asymmetry, math.nan, own, own_reasons),
             self._left_right(),
-        ]
-        if self._share is not None:
-            estimates.append(Estimate(SLIP_NAME, apparent / self._share, std / abs(self._share), status, reasons))
-        return tuple(estimates)
+            *angles,
+        )
 
     def _scatter(self, slope_rad: float) -> float:
         """Return the scatter of one revolution's slope from differences of neighbours, free of slow changes of slip."""
@@ -163,15 +173,6 @@ class SlipAngleEstimator:
             self._steps.update(np.array([0.5 * step * step]), max(1.0 / (self._steps.count + 1), 1.0 / _HORIZON))
         return math.sqrt(self._steps.mean[0]) if self._steps.count >= _LEAST_STEPS else math.nan
 
-    def _status(self, std: float, count: float) -> tuple[Status, Reason]:
-        if not math.isfinite(std):
-            return Status.PROVISIONAL, Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
-        if self._given is not None:
-            return Status.VALID, Reason(Code.ZERO_SLIP_GIVEN)
-        if count < REFERENCE_SETTLED:
-            return Status.PROVISIONAL, Reason(Code.ZERO_SLIP_NOT_SETTLED, revolutions=count, needed=REFERENCE_SETTLED)
-        return Status.VALID, Reason(Code.ZERO_SLIP_IS_MEAN)
-
     def _left_right(self) -> Estimate:
         left, right = self._sides[1.0], self._sides[-1.0]
         if min(left.count, right.count) < _LEAST_OF_SIDE:
@@ -179,6 +180,33 @@ class SlipAngleEstimator:
         variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left, right))
         return Estimate(NAMES[3], float(left.mean[0] + right.mean[0]), math.sqrt(variance), Status.VALID)
 
-    def _invalid(self, reason: Reason) -> tuple[Estimate, ...]:
-        names = NAMES if self._share is None else (*NAMES, SLIP_NAME)
-        return tuple(Estimate.invalid(name, reason) for name in names)
+
+def _status(
+    scatter_rad: float, count: float, law: SlipCalibration | None, outside: tuple[Reason, ...]
+) -> tuple[Status, tuple[Reason, ...]]:
+    """Return the status of what is relative to zero slip."""
+    if not math.isfinite(scatter_rad):
+        return Status.PROVISIONAL, (Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1),)
+    if law is not None:
+        return Status.PROVISIONAL if outside else Status.VALID, (Reason(Code.ZERO_SLIP_GIVEN), *outside)
+    if count < REFERENCE_SETTLED:
+        reason = Reason(Code.ZERO_SLIP_NOT_SETTLED, revolutions=count, needed=REFERENCE_SETTLED)
+        return Status.PROVISIONAL, (reason,)
+    return Status.PROVISIONAL, (Reason(Code.ZERO_SLIP_IS_MEAN),)
+
+
+def _slip(name: str, law: SlipCalibration, slope_rad: tuple[float, float], outside: tuple[Reason, ...]) -> Estimate:
+    """Return a slip angle from a slope and its standard error."""
+    value, std = law.slip_at(*slope_rad)
+    if not math.isfinite(value):
+        return Estimate.invalid(name, Reason(Code.SLIP_BEYOND_LAW))
+    if not math.isfinite(std):
+        unknown = Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
+        return Estimate(name, value, std, Status.PROVISIONAL, (unknown,))
+    status = Status.PROVISIONAL if outside else Status.VALID
+    return Estimate(name, value, std, status, (Reason(Code.ZERO_SLIP_GIVEN), *outside))
+
+
+def _invalid(reason: Reason, conditions: TireConditions) -> tuple[Estimate, ...]:
+    names = NAMES if conditions.tire.slip_calibration is None else (*NAMES, SLIP_NAME, MEAN_NAME)
+    return tuple(Estimate.invalid(name, reason) for name in names)

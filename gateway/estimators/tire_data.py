@@ -1,4 +1,4 @@
-"""Data of a tire that a configuration may give: thickness, reference numbers and load calibration."""
+"""Data of a tire that a configuration may give: thickness, reference numbers, calibrations and laminate."""
 
 from __future__ import annotations
 
@@ -6,12 +6,20 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
+from gateway.estimators.belt_laminate import BeltLaminate
+from gateway.estimators.side_force_calibration import SideForceCalibration
+from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
 
-# Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds: the rubber softens,
-# the cords do not (docs/reference/estimates.md).
+# Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds, of a tire for which
+# it is not measured: the rubber softens, the cords do not (docs/reference/estimates.md).
 SOFTENING_PER_K: Final = 0.006
 SOFTENING_STD_PER_K: Final = 0.003
+# Usual difference from a temperature that is not known, one standard deviation, and the temperature that is assumed.
+UNKNOWN_DIFFERENCE_K: Final = 15.0
+ASSUMED_DEGC: Final = 25.0
+# Error of the difference of two temperatures of the belt, which are measured at the inner liner.
+DIFFERENCE_STD_K: Final = 2.0
 # Relative error of the power law of the load at a point that it was not fitted to, on the exact ring.
 LOAD_LAW_STD: Final = 0.01
 
@@ -33,6 +41,8 @@ class ReferenceNumbers:
         temperature_degc: inner-liner temperature that they were measured at; None when not known.
         estimator: that they were measured with. Every estimator has its own bias, so only numbers of the same estimator
             may be compared.
+        softening_per_k: relative loss of the ring's bending stiffness per kelvin.
+        softening_std_per_k: one standard error.
     """
 
     Bs: float | None = None
@@ -46,6 +56,36 @@ class ReferenceNumbers:
     pressure_pa: float | None = None
     temperature_degc: float | None = None
     estimator: str = "weak-form"
+    softening_per_k: float = SOFTENING_PER_K
+    softening_std_per_k: float = SOFTENING_STD_PER_K
+
+    def softening(self, present_degc: float | None, then_degc: float | None) -> Softening:
+        """Return the change of bending stiffness from one temperature to the present one; None is not known."""
+        warmer_k = (ASSUMED_DEGC if present_degc is None else present_degc) - (
+            ASSUMED_DEGC if then_degc is None else then_degc
+        )
+        known = present_degc is not None and then_degc is not None
+        # Both errors of the difference: where it is measured, and where it is only assumed.
+        difference_std_k = DIFFERENCE_STD_K if known else UNKNOWN_DIFFERENCE_K
+        by_rate = self.softening_std_per_k * (warmer_k if known else math.hypot(warmer_k, UNKNOWN_DIFFERENCE_K))
+        return Softening(
+            -self.softening_per_k * warmer_k, math.hypot(by_rate, self.softening_per_k * difference_std_k), known
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Softening:
+    """Change of the ring's bending stiffness with temperature.
+
+    Attributes:
+        logarithm: natural logarithm of the present stiffness over that of the other temperature.
+        std: one standard error of it.
+        is_known: False where a temperature is not known and its usual difference is part of the error.
+    """
+
+    logarithm: float
+    std: float
+    is_known: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +104,7 @@ class LoadCalibration:
         relative_std: one standard error of a load it gives, relative.
         half_angle_range_rad: smallest and largest half angle it was fitted on.
         pressure_range_pa: likewise pressure.
+        temperature_degc: inner-liner temperature at which it was fitted; None when not known.
     """
 
     load_n: float
@@ -75,6 +116,7 @@ class LoadCalibration:
     relative_std: float
     half_angle_range_rad: tuple[float, float]
     pressure_range_pa: tuple[float, float]
+    temperature_degc: float | None = None
 
     def load_at(self, half_angle_rad: float, pressure_pa: float) -> float:
         """Return the load in N of a positive half angle and pressure."""
@@ -107,11 +149,25 @@ class TireData:
     Attributes:
         ring_thickness_m: belt and tread of the new tire, None when unknown.
         ring_thickness_std_m: its standard error.
+        wear_m: wear of the tread since the tire was new, as stated; None when it is not.
+        wear_std_m: one standard error of it.
+        cavity_length_m: mean circumference of the gas in the tire; None when not known.
+        cavity_length_std_m: one standard error of it.
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
+        slip_calibration: None when the tire is not calibrated at known slip angles.
+        side_force_calibration: None when the tire is not calibrated at known side forces.
+        laminate: plies of the belt, None when they are not stated.
     """
 
     ring_thickness_m: float | None = None
     ring_thickness_std_m: float = 0.0
+    wear_m: float | None = None
+    wear_std_m: float = 0.0
+    cavity_length_m: float | None = None
+    cavity_length_std_m: float = 0.0
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
+    slip_calibration: SlipCalibration | None = None
+    side_force_calibration: SideForceCalibration | None = None
+    laminate: BeltLaminate | None = None

@@ -2,7 +2,8 @@
 
 The load calibration is a power law of contact half angle and pressure with a slight curvature. On the exact ring the
 exponents are about 1.4 and 0.5 and the curvature about 0.1, over tires, wear and treads. These values are the prior:
-one recording gives the scale, two loads the exponent of the angle, two pressures that of the pressure.
+one recording gives the scale, two loads the exponent of the angle, two pressures that of the pressure. Recordings at
+several temperatures give the loss of bending stiffness with temperature.
 """
 
 from __future__ import annotations
@@ -16,7 +17,14 @@ import numpy as np
 
 from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.tire_data import LOAD_LAW_STD, SOFTENING_PER_K, LoadCalibration, ReferenceNumbers
+from gateway.estimators.tire_data import (
+    DIFFERENCE_STD_K,
+    LOAD_LAW_STD,
+    SOFTENING_PER_K,
+    SOFTENING_STD_PER_K,
+    LoadCalibration,
+    ReferenceNumbers,
+)
 from gateway.types import FloatArray
 
 # Exponent of the half angle, curvature and exponent of the pressure on the exact ring, and their variation.
@@ -110,7 +118,42 @@ def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
         relative_std=math.nan,
         half_angle_range_rad=(float(half.min()), float(half.max())),
         pressure_range_pa=(float(pressure.min()), float(pressure.max())),
+        temperature_degc=_median_degc(points),
     )
+
+
+def _median_degc(points: Sequence[TirePoint]) -> float | None:
+    """Return the median temperature of the points, None unless all are known."""
+    known = sorted(point.temperature_degc for point in points if point.temperature_degc is not None)
+    return known[len(points) // 2] if known and len(known) == len(points) else None
+
+
+def fit_softening(points: Sequence[TirePoint]) -> tuple[float, float]:
+    """Return the relative loss of bending stiffness per kelvin and its standard error, from points of one wear.
+
+    ln(Bs p) = constant - softening T by weighted least squares, with the usual range of tires as the prior: points at
+    one temperature return the prior. The errors include that of the temperatures, and the scatter of the points.
+    """
+    rows = [
+        (point.temperature_degc, found.value * point.pressure_pa, found.std / found.value)
+        for point in points
+        if point.temperature_degc is not None
+        and (found := point.numbers.get("Bs")) is not None
+        and found.status is Status.VALID
+    ]
+    if not rows:
+        return SOFTENING_PER_K, SOFTENING_STD_PER_K
+    degc, stiffness, relative = np.array(rows).T
+    weights = 1.0 / (np.square(relative) + (SOFTENING_PER_K * DIFFERENCE_STD_K) ** 2 / 2.0)
+    warmer = degc - weights @ degc / weights.sum()
+    logarithm = np.log(stiffness) - weights @ np.log(stiffness) / weights.sum()
+    prior = SOFTENING_STD_PER_K**-2
+    information = float(weights @ np.square(warmer))
+    slope = (prior * SOFTENING_PER_K - float(weights @ (warmer * logarithm))) / (prior + information)
+    scatter = 1.0
+    if len(rows) > 2:
+        scatter = max(1.0, float(weights @ np.square(logarithm + slope * warmer)) / (len(rows) - 2))
+    return slope, 1.0 / math.sqrt(prior + information / scatter)
 
 
 def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceNumbers:
@@ -121,9 +164,8 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
     the larger of the formal one of the mean and that from the scatter of the points.
     """
     pressure = sorted(point.pressure_pa for point in points)[len(points) // 2]
-    temperatures = [point.temperature_degc for point in points if point.temperature_degc is not None]
-    known = len(temperatures) == len(points)
-    temperature = sorted(temperatures)[len(points) // 2] if known else None
+    temperature = _median_degc(points)
+    softening, softening_std = fit_softening(points)
     values: dict[str, float | None] = {}
     stds: dict[str, float] = {}
     for name in RING_NUMBERS:
@@ -138,7 +180,7 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
                 warmer_k = 0.0
                 if temperature is not None and point.temperature_degc is not None:
                     warmer_k = point.temperature_degc - temperature
-                factor = point.pressure_pa / pressure * math.exp(SOFTENING_PER_K * warmer_k)
+                factor = point.pressure_pa / pressure * math.exp(softening * warmer_k)
             found.append((estimate.value * factor, estimate.std * factor))
         values[name], stds[name] = _mean(np.array(found)) if found else (None, 0.0)
     return ReferenceNumbers(
@@ -147,6 +189,8 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
         pressure_pa=pressure,
         temperature_degc=temperature,
         estimator=estimator,
+        softening_per_k=softening,
+        softening_std_per_k=softening_std,
     )  # fmt: skip
 
 

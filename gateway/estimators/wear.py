@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
+from gateway.estimators.determination import DETERMINED
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.revolution_block import RevolutionBlock
-from gateway.estimators.tire_data import SOFTENING_PER_K, SOFTENING_STD_PER_K
+from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 
@@ -23,13 +24,8 @@ NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
 
 # Revolutions after which a value of the running average is independent of an earlier one.
 _SPACING_REVOLUTIONS: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
-# Usual difference from a temperature or a pressure that is not known (one standard deviation), and the temperature that
-# is assumed.
-_UNKNOWN_DIFFERENCE_K: Final = 15.0
-_ASSUMED_DEGC: Final = 25.0
+# Usual difference from a pressure that is not known (one standard deviation).
 _UNKNOWN_PRESSURE_SHARE: Final = 0.1
-# Error of the difference of two temperatures of the belt, which are measured at the inner liner.
-_DIFFERENCE_STD_K: Final = 2.0
 # Least number of values for a drift.
 _LEAST_VALUES: Final = 4
 
@@ -51,7 +47,7 @@ class WearEstimator:
         self._values = RunningMoments(2, covariance=True)
         self._first = self._latest = 0.0
         self._due: int | None = None
-        self._temperatures: list[float] = []
+        self._temperatures: list[float | None] = []
 
     def update(
         self,
@@ -89,7 +85,7 @@ class WearEstimator:
             self._due = revolution.index + _SPACING_REVOLUTIONS
             self._latest = float(revolution.index)
             self._values.update(np.array([self._latest, wear.value]), 1.0 / (self._values.count + 1))
-            self._temperatures = [*self._temperatures[:1], math.nan if temperature is None else temperature]
+            self._temperatures = [*self._temperatures[:1], temperature]
         count = self._values.count
         if count < _LEAST_VALUES:
             needed = (_LEAST_VALUES - 1) * _SPACING_REVOLUTIONS
@@ -100,39 +96,64 @@ class WearEstimator:
         span = self._latest - self._first
         left = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
         scatter = math.sqrt(left / (xx * (count - 1))) * span
-        change_k = self._temperatures[-1] - self._temperatures[0]
-        known = math.isfinite(change_k)
-        softening = _softening_std(change_k if known else None)
+        first_degc, last_degc = self._temperatures[0], self._temperatures[-1]
+        softening = conditions.tire.reference.softening(last_degc, first_degc)
         thickness_mm = 1e3 * (conditions.tire.ring_thickness_m or 0.0)
         reasons = [Reason(Code.OVER_REVOLUTIONS, revolutions=span)]
-        if not known:
-            reasons.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=_UNKNOWN_DIFFERENCE_K))
-        std = math.hypot(scatter, thickness_mm / 3.0 * softening)
+        if not softening.is_known:
+            reasons.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
+        std = math.hypot(scatter, thickness_mm / 3.0 * softening.std)
         return Estimate(NAMES[2], float(xy / xx) * span, std, Status.VALID, tuple(reasons))
 
 
 def _wear(conditions: TireConditions) -> Estimate:
     """Return the wear from the numbers of the reference's estimator."""
     tire = conditions.tire
-    reference, thickness = tire.reference, tire.ring_thickness_m
+    thickness = tire.ring_thickness_m
     if thickness is None:
         return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_RING_THICKNESS))
+    found = bending_since_reference(conditions)
+    if found.status is Status.INVALID:
+        return Estimate.invalid(NAMES[0], *found.reasons)
+    softening = tire.reference.softening(conditions.temperature_degc, tire.reference.temperature_degc)
+    left = math.exp((found.value - softening.logarithm) / 3.0)
+    notes = list(found.reasons)
+    if not softening.is_known:
+        notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
+    error = thickness * left / 3.0 * math.hypot(found.std, softening.std)
+    std = math.hypot(error, (1.0 - left) * tire.ring_thickness_std_m)
+    value, status = thickness * (1.0 - left), found.status
+    if tire.wear_m is not None and abs(value - tire.wear_m) > DETERMINED * math.hypot(std, tire.wear_std_m):
+        status = Status.PROVISIONAL
+        notes.insert(0, Reason(Code.WEAR_CONTRADICTED, stated_m=tire.wear_m, stated_std_m=tire.wear_std_m))
+    return Estimate(NAMES[0], 1e3 * value, 1e3 * std, status, tuple(notes))
+
+
+def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = False) -> Estimate:
+    """Return ln(EI / EI of the reference), neither at the same temperature, from the numbers of its estimator.
+
+    Args:
+        conditions: with the numbers of the estimator.
+        prefer_ratio: use Bs/Cw, on which the stated load has no influence, even where a load is stated.
+    """
+    name = "bending"
+    reference = conditions.tire.reference
     if reference.Bs is None:
-        return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_REFERENCE_NUMBER, number="Bs"))
+        return Estimate.invalid(name, Reason(Code.NEEDS_REFERENCE_NUMBER, number="Bs"))
     numbers = conditions.given.get(reference.estimator)
     if numbers is None:
-        return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_ESTIMATOR, estimator=reference.estimator))
+        return Estimate.invalid(name, Reason(Code.NEEDS_ESTIMATOR, estimator=reference.estimator))
     absent = Estimate.invalid("Bs", Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Bs"))
     bending, new, new_relative = numbers.get("Bs", absent), reference.Bs, reference.Bs_std / reference.Bs
     notes: list[Reason] = []
-    if bending.status is Status.INVALID and reference.Cw is not None:
+    if (bending.status is Status.INVALID or prefer_ratio) and reference.Cw is not None:
         ratio = numbers.get("Bs/Cw", absent)
         if ratio.status is not Status.INVALID:
             bending, new = ratio, reference.Bs / reference.Cw
             new_relative = math.hypot(new_relative, reference.Cw_std / reference.Cw)
             notes.append(Reason(Code.FROM_RATIO, ratio="Bs/Cw"))
     if bending.status is Status.INVALID:
-        return Estimate.invalid(NAMES[0], *bending.reasons)
+        return Estimate.invalid(name, *bending.reasons)
     stiffness = bending.value / new
     errors = [bending.std / bending.value, new_relative]
     status = bending.status
@@ -142,26 +163,8 @@ def _wear(conditions: TireConditions) -> Estimate:
         notes.append(Reason(Code.PRESSURE_NOT_COMPENSATED))
         errors.append(_UNKNOWN_PRESSURE_SHARE)
         status = Status.PROVISIONAL
-    present, then = conditions.temperature_degc, reference.temperature_degc
-    warmer_k = (_ASSUMED_DEGC if present is None else present) - (_ASSUMED_DEGC if then is None else then)
-    stiffness *= math.exp(SOFTENING_PER_K * warmer_k)
-    known = present is not None and then is not None
-    errors.append(_softening_std(warmer_k if known else None))
-    if not known:
-        errors.append(SOFTENING_STD_PER_K * warmer_k)
-        notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=_UNKNOWN_DIFFERENCE_K))
     if not (stiffness > 0.0 and math.isfinite(stiffness)):
-        return Estimate.invalid(NAMES[0], Reason(Code.BENDING_NOT_POSITIVE))
-    left = stiffness ** (1.0 / 3.0)
-    error = thickness * left / 3.0 * math.hypot(*errors)
-    std = math.hypot(error, (1.0 - left) * tire.ring_thickness_std_m)
+        return Estimate.invalid(name, Reason(Code.BENDING_NOT_POSITIVE))
     if bending.status is Status.PROVISIONAL:
         notes[:0] = bending.reasons
-    return Estimate(NAMES[0], 1e3 * thickness * (1.0 - left), 1e3 * std, status, tuple(notes))
-
-
-def _softening_std(warmer_k: float | None) -> float:
-    """Return the relative error of the bending stiffness by a difference of temperature, None if it is not known."""
-    if warmer_k is None:
-        return math.hypot(SOFTENING_PER_K, SOFTENING_STD_PER_K) * _UNKNOWN_DIFFERENCE_K
-    return math.hypot(SOFTENING_STD_PER_K * warmer_k, SOFTENING_PER_K * _DIFFERENCE_STD_K)
+    return Estimate(name, math.log(stiffness), math.hypot(*errors), status, tuple(notes))

@@ -12,7 +12,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Modules with a function `figures()` that returns name -> function; the function draws and returns its caption.
-MODULES: Final = ("gateway.papers.ring_figures", "gateway.papers.ply_steer_figures")
+MODULES: Final = (
+    "gateway.papers.mode_figures",
+    "gateway.papers.damping_figure",
+    "gateway.papers.ring_figures",
+    "gateway.papers.ply_steer_figures",
+)
 
 
 def all_figures() -> dict[str, Callable[[Figure], str]]:

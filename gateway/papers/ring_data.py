@@ -14,11 +14,12 @@ import numpy as np
 from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.estimators.registry import make_estimator
-from gateway.physics.reference_tire import TABLE_3_NUMBERS
+from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
+from gateway.physics.ring_series import signal_orders
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.signal.angle_resampling import GRID_SIZE
 from gateway.signal.contact_edges import find_contact_edges
-from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std
+from gateway.signal.order_spectrum import ORDER_COUNT, coefficient_std, highest_order, order_coefficients, sample_std
 from gateway.signal.synchronous_average import RunningAverage
 from gateway.types import FloatArray
 
@@ -66,17 +67,21 @@ class Condition:
         return np.array(self.ring.numbers)
 
 
-@lru_cache(maxsize=64)
-def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
-    """Return one condition: EI is proportional to the thickness cubed, half of the sidewall stiffness to pressure."""
+def paper_ring(wear_mm: float, pressure_pa: float) -> RingParameters:
+    """Return the tire: EI is proportional to the thickness cubed, half of the sidewall stiffness to pressure."""
     sidewall = 0.5 + 0.5 * pressure_pa / 2.1e5
-    ring = replace(
+    return replace(
         _BASE,
         bending_stiffness_nm2=_BASE.bending_stiffness_nm2 * (1.0 - wear_mm / RING_THICKNESS_MM) ** 3,
         radial_stiffness_npm2=_BASE.radial_stiffness_npm2 * sidewall,
         tangential_stiffness_npm2=_BASE.tangential_stiffness_npm2 * sidewall,
     )
-    solved = solve_rolling_ring(ring, load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
+
+
+@lru_cache(maxsize=64)
+def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
+    """Return one condition of `paper_ring`."""
+    solved = solve_rolling_ring(paper_ring(wear_mm, pressure_pa), load_n, pressure_pa, OMEGA_RADPS, nodes=1440)
     seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
     revolution, average = _averaged(solved, seed)
     stated = TireConditions(RADIUS_M, load_n, pressure_pa)
@@ -92,26 +97,69 @@ def table_1() -> list[Condition]:
     return [condition(*place) for place in itertools.product(WEAR_MM, PRESSURES_PA, LOADS_N)]
 
 
+def new_tire() -> Condition:
+    """Return the tire of Table 3: new, 5000 N, 2.1 bar."""
+    return condition(0.0, TABLE_3_PRESSURE_PA, TABLE_3_LOAD_N)
+
+
+def measured_orders(tire: Condition) -> FloatArray:
+    """Return the cosine coefficients of s / Omega^2 about the contact centre, orders 1 to 60, m."""
+    centre = 0.5 * (tire.average.trailing_edge_rad + tire.average.leading_edge_rad)
+    turned = tire.average.orders_mps2[1:] * np.exp(1j * np.arange(1, ORDER_COUNT) * centre)
+    result: FloatArray = turned.real / OMEGA_RADPS**2
+    return result
+
+
+def fitted_orders(tire: Condition) -> FloatArray:
+    """Return the same coefficients by Eq. 27 with the numbers of Eq. 28, m."""
+    return signal_orders(
+        np.arange(1, ORDER_COUNT),
+        tire.found["ring-paper"].tolist(),
+        load_n=tire.ring.load_n,
+        pressure_pa=tire.ring.pressure_pa,
+        radius_m=RADIUS_M,
+        half_angle_rad=tire.half_angle_rad,
+    )
+
+
 def _averaged(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
     """Return the last revolution and the average of REVOLUTIONS noisy ones."""
-    spectrum = np.fft.rfft(ring.sensor.radial_m)[: GRID_SIZE // 2 + 1]
-    spectrum[-1] = 0.0
-    clean = OMEGA_RADPS**2 * np.fft.irfft(spectrum, n=GRID_SIZE) * (GRID_SIZE / len(ring.theta_rad))
+    clean = clean_wave(ring)
     # The grid is about as fine as the sampling, so its noise is that of the samples.
     noise = NOISE_MG_PER_RTHZ * 1e-3 * STANDARD_GRAVITY_MPS2 * math.sqrt(0.5 * RATE_HZ * GRID_SIZE / _SAMPLES)
     rng = np.random.default_rng(seed)
     running = RunningAverage(horizon_revolutions=REVOLUTIONS)
     for index in range(REVOLUTIONS):
         revolution = _revolution(index, clean + noise * rng.standard_normal(GRID_SIZE))
-        average = running.update(
-            revolution.radial_mps2,
-            revolution.orders_mps2,
-            OMEGA_RADPS,
-            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-            noise_mps2=revolution.noise_mps2,
-        )
+        average = _update(running, revolution)
     return revolution, average
+
+
+def clean_wave(ring: RingSolution) -> FloatArray:
+    """Return the radial axis on the angle grid without gravity and noise, m/s^2."""
+    count = min(GRID_SIZE // 2 + 1, len(ring.theta_rad) // 2)
+    spectrum = np.zeros(GRID_SIZE // 2 + 1, np.complex128)
+    spectrum[:count] = np.fft.rfft(ring.sensor.radial_m)[:count]
+    spectrum[-1] = 0.0
+    wave: FloatArray = OMEGA_RADPS**2 * np.fft.irfft(spectrum, n=GRID_SIZE) * (GRID_SIZE / len(ring.theta_rad))
+    return wave
+
+
+def quiet_average(ring: RingSolution) -> tuple[Revolution, AngleAverage]:
+    """Return one revolution without noise and the average of it alone."""
+    revolution = _revolution(0, clean_wave(ring))
+    return revolution, _update(RunningAverage(), revolution)
+
+
+def _update(running: RunningAverage, revolution: Revolution) -> AngleAverage:
+    return running.update(
+        revolution.radial_mps2,
+        revolution.orders_mps2,
+        OMEGA_RADPS,
+        edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+        edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
+        noise_mps2=revolution.noise_mps2,
+    )
 
 
 def _revolution(index: int, wave_mps2: FloatArray) -> Revolution:

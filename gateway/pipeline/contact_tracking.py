@@ -152,6 +152,8 @@ def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Co
     """
     half = 0.5 * contact.duration
     reach = max(2.0, 0.1 * expected)
+    if not missing(math.floor(contact.centre - half - reach), math.ceil(contact.centre + half + reach) + 1):
+        return contact
     lost = [
         missing(math.floor(edge - reach), math.ceil(edge + reach) + 1) > 0
         for edge in (contact.centre - half, contact.centre + half)

@@ -26,7 +26,7 @@ from gateway.signal.angle_resampling import (
 )
 from gateway.signal.clipping import is_clipped
 from gateway.signal.contact_edges import find_contact_edges
-from gateway.signal.order_spectrum import ORDER_COUNT, band_noise, highest_order, sample_std, spectrum_coefficients
+from gateway.signal.order_spectrum import ORDER_COUNT, band_noises, highest_order, sample_std, spectrum_coefficients
 from gateway.signal.speed_normalisation import normalise_revolutions
 from gateway.types import ComplexArray, FloatArray
 
@@ -176,9 +176,9 @@ def _in_angle(
     ).radial_mps2
     spectra = np.fft.rfft(radial, axis=1)
     orders[:] = spectrum_coefficients(spectra)
-    for place, (revolution, phase) in enumerate(zip(revolutions, phases, strict=True)):
+    noises = band_noises(spectra, [phase.samples for phase in phases])
+    for place, (revolution, phase, noise_coefficient) in enumerate(zip(revolutions, phases, noises, strict=True)):
         period = phase.samples
-        noise_coefficient = band_noise(spectra[place], period)
         order_max = highest_order(period)
         orders[place, order_max + 1 :] = complex(math.nan, math.nan)
         timed = revolution.timed

@@ -67,7 +67,8 @@ class SampleBuffer:
         self._filled += n
         if self._filled > self.capacity:
             drop = self._filled - self.capacity
-            self._count_overwritten(self.tail + drop, unread_from)
+            if unread_from is not None:
+                self._count_overwritten(self.tail + drop, unread_from)
             self._start += drop
             self._filled = self.capacity
             if self._gaps and self._gaps[0][1] <= self.tail:
@@ -112,7 +113,7 @@ class SampleBuffer:
 
     def missing_between(self, first: int, end: int) -> int:
         """Count the samples in `first` to `end` (exclusive) that were lost and filled."""
-        return sum(max(0, min(end, hi) - max(first, lo)) for lo, hi in self._gaps)
+        return sum(max(0, min(end, hi) - max(first, lo)) for lo, hi in self._gaps) if self._gaps else 0
 
     def _count_overwritten(self, new_tail: int, unread_from: int | None) -> None:
         if unread_from is not None and new_tail > unread_from:

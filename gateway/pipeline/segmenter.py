@@ -48,6 +48,7 @@ class Segmenter:
         self._until_check = _FIRST_CHECK_CONTACTS
         self._check_interval = _CHECK_INTERVAL_CONTACTS[0]
         self._known: Known | None = None
+        self._oldest_needed = self._find_oldest_needed()
 
     @property
     def next_index(self) -> int:
@@ -57,6 +58,9 @@ class Segmenter:
     @property
     def oldest_needed(self) -> int:
         """Number of the oldest sample that may still be read."""
+        return self._oldest_needed
+
+    def _find_oldest_needed(self) -> int:
         window = round(SEARCH_WINDOW_S * self._rate_hz)
         if self._track is None:
             return max(self._origin, self._search_at - window)
@@ -69,6 +73,7 @@ class Segmenter:
         pairs: list[ContactPair] = []
         while self.next_index <= head:
             pairs += self._decide(read, missing)
+            self._oldest_needed = self._find_oldest_needed()
         return pairs
 
     def finish(self, read: Read, missing: Missing, head: int) -> list[ContactPair]:
@@ -82,6 +87,7 @@ class Segmenter:
             else:
                 self._search_at = head
             pairs += self._decide(read, missing)
+            self._oldest_needed = self._find_oldest_needed()
             pairs += self.advance(read, missing, head)
         return pairs
 

@@ -40,7 +40,6 @@ _RINGING_SHARE: Final = 0.025
 _RINGING_RATIO: Final = 30.0
 
 _BINS: Final = np.arange(_FFT_SIZE // 2 + 1.0)
-_ROWS_AT_ONCE: Final = 256
 
 _FROZEN_READINGS: Final = 10
 _FROZEN_PA: Final = 5_000.0
@@ -164,11 +163,12 @@ class SensorHealth:
         self._readings = 0
         self._pressure_error_pa = 0.0
 
-    def samples(self, counts: NDArray[np.int16]) -> None:
-        """Add (n, channels) raw samples that follow those of the last call."""
+    def samples(self, counts: NDArray[np.int16]) -> tuple[int, int]:
+        """Add (n, channels) raw samples that follow those of the last call; return the least and the greatest."""
         if not len(counts):
-            return
+            return 0, 0
         low, high, total = _extremes_and_sum(counts)
+        extremes = int(low.min()), int(high.max())
         if self._lowest is None or self._highest is None:
             self._lowest, self._highest, self._count = low, high, 0
             self._sum[:] = 0.0
@@ -176,12 +176,13 @@ class SensorHealth:
         self._sum += total
         self._count += len(counts)
         if self._count < self._window:
-            return
+            return extremes
         still = np.flatnonzero(self._lowest == self._highest).tolist()
         self._still = tuple((self._columns[at], int(self._lowest[at])) for at in still)
         self._mean = np.full(len(Axis), math.nan)
         self._mean[list(self._columns)] = (self._sum / self._count - self._offset) * self._scale
         self._lowest = self._highest = None
+        return extremes
 
     def revolutions(self, revolutions: Sequence[Revolution]) -> list[Reason | None]:
         """Add revolutions; return the fault, after each, that makes every shape doubtful, None without one.
@@ -280,14 +281,6 @@ def _averaged(average: FloatArray, fresh: FloatArray) -> FloatArray:
 
 def _extremes_and_sum(counts: NDArray[np.int16]) -> tuple[NDArray[np.int16], NDArray[np.int16], FloatArray]:
     """Return the least, the greatest and the sum of each channel of (n, channels) samples."""
-    channels = counts.shape[1]
-    rows = len(counts) // _ROWS_AT_ONCE
-    if not rows:
-        return counts.min(axis=0), counts.max(axis=0), counts.sum(axis=0, dtype=np.float64)
     # Long rows are reduced many times faster than those of three values.
-    whole = counts[: rows * _ROWS_AT_ONCE].reshape(rows, -1)
-    rest = counts[rows * _ROWS_AT_ONCE :]
-    low = np.concatenate((whole.min(axis=0).reshape(-1, channels), rest)).min(axis=0)
-    high = np.concatenate((whole.max(axis=0).reshape(-1, channels), rest)).max(axis=0)
-    total = whole.sum(axis=0, dtype=np.int64).reshape(-1, channels).sum(axis=0) + rest.sum(axis=0, dtype=np.int64)
-    return low, high, total.astype(np.float64)
+    columns = np.ascontiguousarray(counts.T)
+    return columns.min(axis=1), columns.max(axis=1), columns.sum(axis=1, dtype=np.int64).astype(np.float64)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Final
+from typing import Final, cast
 
 import numpy as np
 
@@ -28,23 +28,25 @@ _ENVIRONMENT_DEPTH: Final = 64
 # Revolutions worked on together, which bounds the memory.
 _LONGEST_BLOCK: Final = 64
 # Estimators that known effects, which are locked to the wheel's angle, do not change.
-_UNAFFECTED: Final = frozenset({"kinematic", "asynchronous"})
-# Estimate that rests on the times of contacts alone.
-_SPEED: Final = "speed_mps"
+_UNAFFECTED: Final = frozenset({"kinematic", "distance", "asynchronous", "cavity", "road", "water-wedge"})
+# Estimators whose memory is of times, not of waveforms: one for all revolutions.
+_COMMON: Final = frozenset({"distance"})
+# Estimates that rest on the times of contacts alone.
+_OF_TIMES: Final = frozenset({"speed_mps", "angular_speed_radps", "rotation_rpm", "distance_m"})
 
 
 class Given(Mapping[str, "Named"]):
     """Estimates of one revolution so far, by estimator."""
 
     def __init__(self) -> None:
-        self._named: dict[str, Named] = {}
+        self._named: dict[str, Sequence[Estimate]] = {}
 
     def add(self, estimator: str, estimates: Sequence[Estimate]) -> None:
         """Add the estimates of an estimator."""
-        self._named[estimator] = Named(estimates)
+        self._named[estimator] = estimates
 
     def __getitem__(self, estimator: str) -> Named:
-        return self._named[estimator]
+        return Named(self._named[estimator])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._named)
@@ -146,13 +148,18 @@ def _average(average: RunningAverage, revolutions: Sequence[Revolution]) -> Aver
 class _Series:
     """Average, self-calibration and estimators of revolutions that may be averaged together."""
 
-    def __init__(self, estimators: Sequence[str]) -> None:
+    def __init__(self, estimators: Sequence[str], other: _Series | None = None) -> None:
         self.average = RunningAverage()
         # Always on, because what it measures decides how far the other estimates hold.
         self.calibration = SelfCalibrationEstimator()
-        self.estimators: list[Estimator] = [
-            self.calibration if name == self.calibration.name else make_estimator(name) for name in in_order(estimators)
-        ]
+        own = {self.calibration.name: self.calibration}
+        common = {made.name: made for made in (other.estimators if other else ()) if made.name in _COMMON}
+        known: dict[str, Estimator] = {**own, **common}
+        self.estimators: list[Estimator] = [known.get(name) or make_estimator(name) for name in in_order(estimators)]
+        # Asked once: the test of a protocol takes as long as an estimator's update.
+        self.of_blocks = frozenset(
+            estimator.name for estimator in self.estimators if isinstance(estimator, BlockEstimator)
+        )
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
@@ -241,7 +248,7 @@ class TireEstimates:
         """Estimate revolutions of one series: all with known effects subtracted, or none."""
         uncorrected = revolutions[0].uncorrected is not None
         if uncorrected not in self._series:
-            self._series[uncorrected] = _Series(self._names)
+            self._series[uncorrected] = _Series(self._names, self._current)
         self._current = series = self._series[uncorrected]
         averages = self._take_in(revolutions)
         arrays = RevolutionArrays(revolutions)
@@ -259,30 +266,27 @@ class TireEstimates:
         block = RevolutionBlock(revolutions, arrays, averages, conditions)
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
+        is_doubtful = any(evidence.says_anything for evidence in evidences) or any(doubts)
         for estimator in series.estimators:
             if estimator is series.calibration:
                 made = series.calibration.estimates(stated_block)
-            elif isinstance(estimator, BlockEstimator):
-                made = estimator.update_block(block)
+            elif estimator.name in series.of_blocks:
+                made = cast("BlockEstimator", estimator).update_block(block)
             else:
                 made = [
                     estimator.update(revolution, averages.at(index), conditions[index])
                     for index, revolution in enumerate(revolutions)
                 ]
-            is_affected = uncorrected and estimator.name not in _UNAFFECTED
+            name = estimator.name
+            is_affected = uncorrected and name not in _UNAFFECTED
             for index, found in enumerate(made):
-                evidence, doubt = evidences[index], doubts[index]
                 if is_affected:
                     why = revolutions[index].uncorrected
                     assert why is not None
                     found = tuple(_doubted(estimate, why) for estimate in found)
-                if evidence.says_anything:
-                    found = tuple(evidence.qualified(estimate) for estimate in found)
-                if doubt is not None:
-                    found = tuple(
-                        estimate if estimate.name == _SPEED else _provisional(estimate, doubt) for estimate in found
-                    )
-                given[index].add(estimator.name, found)
+                if is_doubtful:
+                    found = _qualified(found, evidences[index], doubts[index])
+                given[index].add(name, found)
                 estimates[index] += found
         results = []
         for index, revolution in enumerate(revolutions):
@@ -359,6 +363,11 @@ class TireEstimates:
         """The running average, None before the first revolution without a fault."""
         return self._current.average.latest
 
+    @property
+    def average_mps2(self) -> FloatArray | None:
+        """Waveform of the running average, (n,), None before the first revolution without a fault."""
+        return self._current.average.waveform_mps2
+
     def average_as_measured(self, *, ac_coupled: bool) -> AngleAverage | None:
         """Return the running average including known effects, as in the samples in which contacts are searched."""
         average, table = self.average, self._setup.correction
@@ -386,6 +395,17 @@ class TireEstimates:
         """Return the latest estimate of a name, None where it is invalid or no estimator gives it."""
         estimates = self.last.estimates if self.last is not None else ()
         return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
+
+
+def _qualified(estimates: tuple[Estimate, ...], evidence: Evidence, doubt: Reason | None) -> tuple[Estimate, ...]:
+    """Return estimates with what the evidence and a doubt about the sensor say against them."""
+    if evidence.says_anything:
+        estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
+    if doubt is not None:
+        estimates = tuple(
+            estimate if estimate.name in _OF_TIMES else _provisional(estimate, doubt) for estimate in estimates
+        )
+    return estimates
 
 
 def _doubted(estimate: Estimate, why: Reason) -> Estimate:

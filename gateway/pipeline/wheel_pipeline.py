@@ -62,9 +62,16 @@ class WheelPipeline:
     samples or what holds for them would be lost. The results do not depend on the size of the blocks.
     """
 
-    def __init__(self, setup: WheelSetup, estimators: Sequence[str]) -> None:
-        """Make the wheel's estimators; buffers are allocated at the first hello."""
+    def __init__(self, setup: WheelSetup, estimators: Sequence[str], hold_s: float = 0.0) -> None:
+        """Make the wheel's estimators; buffers are allocated at the first hello.
+
+        Args:
+            setup: of the wheel.
+            estimators: names from the registry.
+            hold_s: time for which a revolution may wait for the next ones.
+        """
         self.setup = setup
+        self._hold_s = hold_s
         self._tire = TireEstimates(setup, estimators)
         self._timer = ContactTimer()
         self._missing = MissingRevolutions(setup.radius_m)
@@ -74,6 +81,8 @@ class WheelPipeline:
         self._clock: SampleClock | None = None
         self._host: HostClock | None = None
         self._decided: list[_Decided] = []
+        # Number of samples, and hub time, until which the first of them may wait for the next ones.
+        self._due_at = self._due_us = 0.0
         self._results: list[RevolutionResult] = []
         self._environments_waiting = 0
         self._samples = self._lost = self._saturated = self._revolutions = 0
@@ -130,6 +139,18 @@ class WheelPipeline:
         """Add consecutive samples and return the revolutions they complete; see `add`."""
         self.add(first_sample, ticks_us, axes, counts, host)
         return self.complete()
+
+    def overdue_s(self, now_us: int | None) -> float:
+        """Return for how long results have been due at a hub time; negative before, or when there are none."""
+        if self._results:
+            return math.inf
+        if not self._decided:
+            return -math.inf
+        assert self._buffer is not None
+        assert self._clock is not None
+        # By samples too: the hub's time may stand still. By time too: the wheel may send no more samples.
+        by_samples = (self._buffer.head - self._due_at) / self._clock.nominal_rate_hz
+        return by_samples if now_us is None else max(by_samples, (now_us - self._due_us) * 1e-6)
 
     def complete(self) -> list[RevolutionResult]:
         """Return the revolutions that were completed since the last call."""
@@ -213,6 +234,11 @@ class WheelPipeline:
     def _take(self, pairs: Sequence[ContactPair]) -> None:
         """Keep revolutions that the segmenter has found."""
         assert self._segmenter is not None
+        if pairs and not self._decided:
+            assert self._clock is not None
+            end, hold_s = pairs[0].end.centre, self._hold_s
+            self._due_at = end + hold_s * self._clock.nominal_rate_hz
+            self._due_us = self._clock.hub_us(end) + hold_s * 1e6
         for pair in pairs:
             self._decided.append(_Decided(pair, self._segmenter.sign))
             self._missing.came(pair.end.centre)
@@ -238,9 +264,9 @@ class WheelPipeline:
         assert sensor is not None
         fresh = buffer.view(max(self._looked_at, buffer.tail), buffer.head)
         self._looked_at = buffer.head
-        sensor.health.samples(fresh)
+        least, greatest = sensor.health.samples(fresh)
         limit = sensor.reading.saturation_counts
-        if len(fresh) and sensor.reading.is_saturated(fresh):
+        if greatest >= limit or least <= -limit:
             self._saturated += int(((fresh >= limit) | (fresh <= -limit)).any(axis=1).sum())
 
     def _begin_at(self, head: int) -> None:
@@ -335,8 +361,7 @@ class WheelPipeline:
     @property
     def average_mps2(self) -> FloatArray | None:
         """Running average of the radial axis, (n,), None before the first revolution."""
-        average = self._tire.average
-        return average.radial_mps2 if average is not None else None
+        return self._tire.average_mps2
 
     def _missing_reason(self, flags: tuple[SensorFlag, ...]) -> Reason | None:
         """Return why not a single revolution has come, None when one has, or it is too early to say."""

@@ -4,11 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from gateway.estimators.sensor_claims import GAIN_STD as GAIN_STD  # for gateway.config, as the next ones
+from gateway.estimators.belt_laminate import BeltLaminate as BeltLaminate  # for gateway.config, as the next ones
+from gateway.estimators.belt_laminate import StatedPly as StatedPly
+from gateway.estimators.sensor_claims import GAIN_STD as GAIN_STD
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M as HAND_MOUNTED_STD_M
+from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_RAD as HAND_MOUNTED_STD_RAD
 from gateway.estimators.sensor_claims import RADIUS_STD as RADIUS_STD
 from gateway.estimators.sensor_claims import ZERO_G_STD_MPS2 as ZERO_G_STD_MPS2
 from gateway.estimators.sensor_claims import SensorClaims as SensorClaims
+from gateway.estimators.side_force_calibration import LinearLaw as LinearLaw
+from gateway.estimators.side_force_calibration import SideForceCalibration as SideForceCalibration
+from gateway.estimators.slip_calibration import SlipCalibration as SlipCalibration
+from gateway.estimators.tire_data import SOFTENING_PER_K as SOFTENING_PER_K
+from gateway.estimators.tire_data import SOFTENING_STD_PER_K as SOFTENING_STD_PER_K
 from gateway.estimators.tire_data import LoadCalibration as LoadCalibration
 from gateway.estimators.tire_data import ReferenceNumbers as ReferenceNumbers
 from gateway.estimators.tire_data import TireData as TireData
@@ -33,7 +41,7 @@ class WheelSetup:
         pressure_std_pa: its standard error.
         temperature_degc: stated temperature, used until the sensor reports one.
         sensor: what is stated about the sensor.
-        tire: the new tire's reference numbers, thickness and load calibration.
+        tire: the new tire's reference numbers, thickness, calibrations and laminate.
         correction: known effects to subtract from the axes; None for none.
     """
 

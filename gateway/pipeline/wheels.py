@@ -57,6 +57,7 @@ class Pipeline:
         setups: Sequence[WheelSetup],
         unknown: WheelSetup,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+        hold_s: float = 0.0,
     ) -> None:
         """Make a wheel for every setup; other wheels are added with their first frame.
 
@@ -64,14 +65,18 @@ class Pipeline:
             setups: configured wheels.
             unknown: template for wheels that are not configured; position, hub and wheel number are filled in.
             estimators: names from the registry, in the order of their output.
+            hold_s: time by which `frames` may return a revolution later, together with the next ones: work on
+                several at once takes less than on one at a time. By the hub's samples and clock, so that the results
+                do not depend on when frames arrive.
 
         Raises:
             ConfigError: unknown estimator.
         """
         self._estimators = tuple(estimators)
+        self._hold_s = hold_s
         self._unknown = unknown
         self._setups = {(setup.hub, setup.wheel): setup for setup in setups}
-        self._order = [WheelPipeline(setup, self._estimators) for setup in setups]
+        self._order = [WheelPipeline(setup, self._estimators, hold_s) for setup in setups]
         self._configured = {(w.setup.hub, w.setup.wheel): w for w in self._order}
         self._claimed: dict[tuple[int, int], str] = {}
         self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
@@ -79,7 +84,7 @@ class Pipeline:
         self.limit = WheelLimit(self._setups)
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
-        """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions they complete."""
+        """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
         newest: tuple[_Hub, int] | None = None
         for frame in frames:
             stamped = self._stamped(link, frame, host_ns)
@@ -96,7 +101,29 @@ class Pipeline:
                 self._slow(link, frame, tick_us)
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
-        return self._completed()
+        return [result for wheel in self._due() for result in wheel.complete()]
+
+    def _due(self) -> list[WheelPipeline]:
+        """Return the wheel whose results have been due for longest, and all that have been for another `hold_s`.
+
+        One wheel at a time keeps the work on a chunk short.
+        """
+        overdue = [
+            (wheel, late_s)
+            for (link, hub, _), wheel in self._wheels.items()
+            if (late_s := wheel.overdue_s(self._hubs[link, hub].last_us)) >= 0.0
+        ]
+        if not overdue:
+            return []
+        latest_s = max(late_s for _, late_s in overdue)
+        first = next(wheel for wheel, late_s in overdue if late_s == latest_s)
+        return [wheel for wheel, late_s in overdue if wheel is first or late_s >= self._hold_s]
+
+    def complete(self, link: str) -> list[RevolutionResult]:
+        """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
+        return [
+            result for (of_link, _, _), wheel in self._wheels.items() if of_link == link for result in wheel.complete()
+        ]
 
     def _slow_frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame without samples."""
@@ -220,7 +247,7 @@ class Pipeline:
             if configured is None:
                 name = f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
                 configured = WheelPipeline(
-                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators
+                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators, self._hold_s
                 )
                 self._order.append(configured)
             wheel = self._wheels[key] = configured

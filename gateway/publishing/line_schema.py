@@ -100,7 +100,10 @@ def _alarm() -> dict[str, Any]:
 
 def _wheel() -> dict[str, Any]:
     counts = ("revolutions", "revolutions_rejected", "samples", "samples_lost", "samples_saturated")
-    numbers = ("rate_hz", "speed_mps", "pressure_pa", "temperature_degc", "load_n", "wear_mm", "silent_s")
+    numbers = (
+        "rate_hz", "speed_mps", "rotation_rpm", "distance_m", "pressure_pa", "temperature_degc", "load_n", "wear_mm",
+        "silent_s",
+    )  # fmt: skip
     return _object(
         "wheel",
         {

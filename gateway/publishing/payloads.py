@@ -64,6 +64,8 @@ def wheel(item: PublishedState, one: WheelSnapshot) -> JsonObject:
     numbers = {
         "rate_hz": one.rate_hz or None,
         "speed_mps": _last_estimate(one, "speed_mps"),
+        "rotation_rpm": _last_estimate(one, "rotation_rpm"),
+        "distance_m": _last_estimate(one, "distance_m"),
         "pressure_pa": None if is_old else one.pressure_pa,
         "temperature_degc": None if is_old else one.temperature_degc,
         "load_n": one.load_n if silence is None else None,

@@ -217,6 +217,11 @@ def _wheel_limits(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[_Limit]:
     )
 
 
+def has_wheel_limits(limits: Thresholds) -> bool:
+    """Return whether any limit of wheels is stated; without one no threshold alarm of a wheel can be raised."""
+    return any(limit.limit is not None for limit in _wheel_limits(WheelSnapshot(""), limits))
+
+
 def _link_limits(link: LinkSnapshot, limits: Thresholds) -> Iterator[_Limit]:
     """Yield the thresholds of a link with its present values."""
     total = link.frames + link.frames_lost

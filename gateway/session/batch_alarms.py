@@ -22,6 +22,7 @@ from gateway.session.alarms import (
     SILENCES,
     THRESHOLDS,
     AlarmName,
+    has_wheel_limits,
     hub_alarms,
     present_values,
     silence_alarms,
@@ -39,6 +40,7 @@ class BatchAlarms:
     def __init__(self, vehicle: VehicleConfig | None) -> None:
         """Take thresholds and positions of the configuration; `begin` follows."""
         self._thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
+        self._has_limits = has_wheel_limits(self._thresholds)
         self._configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
         self._events: dict[str, deque[LinkEvent]] = {}
         self._log = AlarmLog()
@@ -60,22 +62,26 @@ class BatchAlarms:
             self._take_events(link, host_ns)
             self._advance(link, host_ns)
             if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
-                self._silence.frame(link, frame, host_ns)
+                self._silence.heard(link, frame, host_ns)
         self._review()
 
     def result(self, result: RevolutionResult) -> RevolutionResult:
         """Take a result; return it with the alarms that stand at its wheel and the silence before it."""
         position = result.position
-        wheel = _as_snapshot(result)
         at_s = self._silence.since_begin_s(result.host_ns)
-        self._log.update(
-            threshold_alarms(wheel, self._thresholds, self._log.standing()),
-            at_s,
-            values=lambda: present_values([wheel], [], self._thresholds),
-            covers=lambda key: key[0] == position and key[1] in THRESHOLDS,
-        )
+        if self._has_limits:
+            wheel = _as_snapshot(result)
+            self._log.update(
+                threshold_alarms(wheel, self._thresholds, self._log.standing()),
+                at_s,
+                values=lambda: present_values([wheel], [], self._thresholds),
+                covers=lambda key: key[0] == position and key[1] in THRESHOLDS,
+            )
         silent_s = self._silence.ended_before_s(position, result.host_ns)
-        return replace(result, alarms=self._log.standing_at(position, at_s), silent_before_s=silent_s)
+        standing = self._log.standing_at(position, at_s)
+        if standing == result.alarms and silent_s == result.silent_before_s:
+            return result
+        return replace(result, alarms=standing, silent_before_s=silent_s)
 
     def end_of_block(self) -> None:
         """Take the faults of sensors after the results of a block."""

@@ -54,7 +54,12 @@ _logger = logging.getLogger(__name__)
 _SHOWN_NOTICES: Final = 20
 # Notices waiting for `take_notices`; the oldest are dropped.
 _WAITING_NOTICES: Final = 8192
+# Time by which a result comes later than its revolution, so that fast wheels have several worked on at once. Views are
+# drawn ten times a second, and a revolution at 130 km/h takes 57 ms.
+_HOLD_S: Final = 0.2
 _WAVEFORM_INTERVAL_NS: Final = 1_000_000_000
+# A link that is silent for this long brings no samples for which its last revolutions could wait.
+_SILENT_NS: Final = round(2.0 * _HOLD_S * 1e9)
 
 _BEHIND: Final[Mapping[Stage, Code]] = {
     Stage.RECORDING: Code.RECORDING_BEHIND,
@@ -127,7 +132,7 @@ class SessionCore:
         self._waveform_due_ns: dict[str, int] = {}
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
-        self._pipeline = Pipeline(setups, unknown, estimators)
+        self._pipeline = Pipeline(setups, unknown, estimators, _HOLD_S)
         self._signals = signals
         self._join = VehicleJoin(signals.history) if signals is not None else None
         self._vehicle = vehicle
@@ -296,18 +301,20 @@ class SessionCore:
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         if self._join is not None:
             results = [self._join.joined(result) for result in results]
+        latest = {result.position: result for result in results}
         for result in results:
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
                 self.notify(Notice(result.position, unconfigured_wheel(self._vehicle), Level.WARNING))
             if self.recorder is not None:
-                self._record_result(result, host_ns)
+                self._record_result(result, host_ns, is_latest=latest[result.position] is result)
         return results
 
-    def _record_result(self, result: RevolutionResult, host_ns: int) -> None:
+    def _record_result(self, result: RevolutionResult, host_ns: int, *, is_latest: bool) -> None:
         base = f"/wheel/{result.position}"
         self._record(lambda recorder: recorder.write_topic(f"{base}/revolution", host_ns, revolution_payload(result)))
-        if host_ns >= self._waveform_due_ns.get(base, 0):
+        # The average is that after the latest revolution, at its speed.
+        if is_latest and host_ns >= self._waveform_due_ns.get(base, 0):
             self._waveform_due_ns[base] = host_ns + _WAVEFORM_INTERVAL_NS
             average = self._pipeline.average_mps2(result.position)
             if average is not None:
@@ -333,8 +340,8 @@ class SessionCore:
             Notice("", Reason(Code.RECORDING_STOPPED, error=str(error), remedy=error.remedy), Level.ERROR),
         )
 
-    def tick(self, now_ns: int, link_times_ns: Mapping[str, int] | None = None) -> None:
-        """Flush the recording, and report silence, even when no item arrives.
+    def tick(self, now_ns: int, link_times_ns: Mapping[str, int] | None = None) -> list[RevolutionResult]:
+        """Flush the recording, and report silence, even when no item arrives; return revolutions of silent links.
 
         Args:
             now_ns: of the clock.
@@ -343,12 +350,15 @@ class SessionCore:
         """
         self._record(lambda recorder: recorder.tick(now_ns))
         self._report("", self._watch.tick(now_ns), now_ns)
+        results: list[RevolutionResult] = []
         for name, link in self._links.items():
             link_ns = link_times_ns.get(name) if link_times_ns is not None else now_ns
             if link_ns is None:
                 continue
             # An item may carry a later time than the tick that follows it.
             link_ns = max(link_ns, link.newest_ns)
+            if link_ns - link.newest_ns > _SILENT_NS:
+                results += self._deliver(self._pipeline.complete(name), link.newest_ns)
             self._report(name, self._alarms.advance(name, link_ns), now_ns)
             if link.connected and link.bus_frames is None:
                 self._report(name, link.health.tick(link_ns), now_ns)
@@ -356,6 +366,7 @@ class SessionCore:
             self._report(name, link.hub_log.tick(link_ns), now_ns)
         self._report("", self._statements.new(), now_ns)
         self._report_missing(now_ns)
+        return results
 
     def _report_missing(self, now_ns: int) -> None:
         """Report once per wheel and reason why no revolution comes at all; a faulty sensor has an alarm instead."""

@@ -295,7 +295,7 @@ class LiveSession:
             now_ns = self._clock.now_ns()
             if now_ns >= due_ns:
                 due_ns = now_ns + _SNAPSHOT_INTERVAL_NS
-                self.core.tick(now_ns, self._link_times_ns(now_ns))
+                self._take_results(self.core.tick(now_ns, self._link_times_ns(now_ns)))
                 self._publish(now_ns, ended=False)
         self._take_results(self.core.finish())
         self._check_recording()

@@ -273,6 +273,16 @@ class SilentHub:
     positions: tuple[str, ...]
 
 
+class Heard(NamedTuple):
+    """What matters of a frame: its source, its type, its message unless it has samples, and their axis mask."""
+
+    hub: int
+    wheel: int
+    type: int
+    message: Message | None
+    axes: int
+
+
 class SilenceWatch:
     """Watches every link, hub and sensor of a session or recording."""
 
@@ -307,11 +317,11 @@ class SilenceWatch:
         """Take a frame."""
         message = frame.message
         axes = message.axes if isinstance(message, SampleBlock) else 0
-        self._take(link, frame.hub, frame.wheel, frame.type, message, axes, host_ns)
+        self.heard(link, Heard(frame.hub, frame.wheel, frame.type, message, axes), host_ns)
 
     @staticmethod
-    def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Frame]]:
-        """Yield arrival time and frame of those frames of a block that matter: all but most of the samples."""
+    def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Heard]]:
+        """Yield arrival time and what matters of those frames of a block that matter: all but most of the samples."""
         is_samples = np.asarray(batch.type) == MessageType.SAMPLES
         wanted = ~is_samples
         for _, _, frames in batch.by_source():
@@ -323,9 +333,10 @@ class SilenceWatch:
             wanted[own[steps]] = wanted[own[steps - 1]] = True
             wanted[own[[0, -1]]] = True
         for at in np.flatnonzero(wanted).tolist():
-            type_, hub, wheel = int(batch.type[at]), int(batch.hub[at]), int(batch.wheel[at])
-            frame = Frame(type_, hub, wheel, int(batch.seq[at]), int(batch.tick_us[at]), batch.message(at))
-            yield int(arrivals_ns[at]), frame
+            type_ = int(batch.type[at])
+            of_samples = type_ == MessageType.SAMPLES
+            message, axes = (None, batch.axes(at)) if of_samples else (batch.message(at), 0)
+            yield int(arrivals_ns[at]), Heard(int(batch.hub[at]), int(batch.wheel[at]), type_, message, axes)
 
     def changes(self, link: str, now_ns: int) -> Iterator[None]:
         """Move the time of a link forward; yield at each time on the way at which its state may have changed."""
@@ -431,7 +442,9 @@ class SilenceWatch:
             link = self._links[name] = _Link(host_ns, host_ns)
         return link
 
-    def _take(self, name: str, number: int, wheel: int, type_: int, message: Message, axes: int, host_ns: int) -> None:
+    def heard(self, name: str, frame: Heard, host_ns: int) -> None:
+        """Take what matters of a frame."""
+        number, wheel, type_, message, axes = frame
         link = self._link(name, host_ns)
         if host_ns < link.now_ns - _SET_BACK_NS:
             # Recordings that follow each other may have times that do not.

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -42,6 +43,9 @@ _MAX_DENSITY: Final = 1.5
 # enough behind the last that rows of different lengths get their own coefficients to the last bit.
 LEFT_PAD: Final = 3
 _RIGHT_PAD: Final = {3: 28, 5: 44}
+
+# Rows of samples have lengths of multiples of this, so that the matrices that read them have few shapes.
+_LENGTH_STEP: Final = 32
 
 # Revolutions interpolated at once; more no longer fit into the processor's cache.
 _TOGETHER: Final = 8
@@ -261,7 +265,8 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
         scale: converts the samples to accelerations, None when they are.
     """
     longest = max(map(len, parts))
-    rows = np.empty((len(parts), LEFT_PAD + longest + _RIGHT_PAD[order], parts[0].shape[1]))
+    length = -(-(LEFT_PAD + longest + _RIGHT_PAD[order]) // _LENGTH_STEP) * _LENGTH_STEP
+    rows = np.empty((len(parts), length, parts[0].shape[1]))
     for row, part in zip(rows, parts, strict=True):
         end = LEFT_PAD + len(part)
         row[LEFT_PAD:end] = part
@@ -298,16 +303,26 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
     at = base.astype(np.int32).reshape(count, -1)
     at += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
     # One sparse matrix reads all axes of all parts.
-    matrix = csr_array(
-        (
-            (powers.T @ _BASIS[order]).reshape(-1),
-            np.add.outer(at.reshape(-1), np.arange(taps, dtype=np.int32)).reshape(-1),
-            np.arange(0, taps * len(flat) + 1, taps, dtype=np.int32),
-        ),
-        shape=(len(flat), count * length),
-    )
+    matrix = copy(_empty_matrix(len(flat), count * length))
+    matrix.data = (powers.T @ _BASIS[order]).reshape(-1)
+    matrix.indices = np.add.outer(at.reshape(-1), _TAPS[:taps]).reshape(-1)
+    matrix.indptr = _row_starts(len(flat), taps)
     values: FloatArray = matrix @ coefficients.reshape(count * length, axes)
     return values.reshape(count, -1, axes)
+
+
+@lru_cache(maxsize=128)
+def _empty_matrix(rows: int, columns: int) -> csr_array:
+    """Return a matrix to copy and fill: to make one takes longer than to read a revolution with it."""
+    return csr_array((rows, columns))
+
+
+@lru_cache(maxsize=32)
+def _row_starts(rows: int, taps: int) -> NDArray[np.int32]:
+    """Return the places at which the rows of a matrix of `taps` values a row begin, and the end, read-only."""
+    starts = np.arange(0, taps * rows + 1, taps, dtype=np.int32)
+    starts.setflags(write=False)
+    return starts
 
 
 def _basis(order: int) -> FloatArray:
@@ -326,4 +341,5 @@ def _basis(order: int) -> FloatArray:
     return rows
 
 
+_TAPS: Final = np.arange(6, dtype=np.int32)
 _BASIS: Final = {order: _basis(order) for order in (3, 5)}

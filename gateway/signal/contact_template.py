@@ -206,10 +206,15 @@ class ContactSamples:
         self._template = template
         self._coefficients = spline_coefficients([samples[:, np.newaxis] for samples in samples_mps2], 5)
         self._last = np.array([len(samples) - 1.0 for samples in samples_mps2])[:, np.newaxis]
-        where = _places(template.whole.angles_rad, *_arrays(passages))
-        begins = (where < _END_SAMPLES).sum(axis=1).tolist()
-        ends = (where < self._last - _END_SAMPLES).sum(axis=1).tolist()
-        edges, angles = template.edges, template.whole.angles_rad
+        edges, angles, arrays = template.edges, template.whole.angles_rad, _arrays(passages)
+        # Positions grow with the angle.
+        ends_at = _places(angles[[0, -1]], *arrays)
+        if (ends_at[:, 0] >= _END_SAMPLES).all() and (ends_at[:, 1] < self._last[:, 0] - _END_SAMPLES).all():
+            begins, ends = [0] * len(passages), [len(angles)] * len(passages)
+        else:
+            where = _places(angles, *arrays)
+            begins = (where < _END_SAMPLES).sum(axis=1).tolist()
+            ends = (where < self._last - _END_SAMPLES).sum(axis=1).tolist()
         low, high = edges.leading_rad - _MIN_BEYOND_RAD, edges.trailing_rad + _MIN_BEYOND_RAD
         # Contacts by the points of the template that their samples cover; nearly always all of them.
         covered: dict[tuple[int, int], list[int]] = {}
@@ -234,7 +239,8 @@ class ContactSamples:
             of_group = slice(None) if len(places) == count else places
             start, rate, acceleration = (values[of_group] for values in arrays)
             angles = region.angles_rad
-            where = np.clip(_places(angles, start, rate, acceleration), 0.0, self._last[of_group])
+            where = _places(angles, start, rate, acceleration)
+            np.minimum(np.maximum(where, 0.0, out=where), self._last[of_group], out=where)
             read = read_spline(self._coefficients[of_group], where, 5)[:, :, 0]
             factor = 1.0 / (np.square(rates[of_group]) * (rate * rate + (2.0 * acceleration) * angles))
             change = (read - region.gravity_mps2) * factor - region.values

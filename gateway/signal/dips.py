@@ -64,13 +64,12 @@ def _boxes(prefix: FloatArray, width: float) -> tuple[FloatArray, FloatArray, Fl
     if count <= 0:
         return np.empty(0), np.empty(0), np.empty(0), outer
 
-    def box(first: int, end: int) -> FloatArray:
-        first, end = first + outer, end + outer
-        mean: FloatArray = prefix[end : end + count] - prefix[first : first + count]
-        mean *= 1.0 / (end - first)
-        return mean
-
-    return box(-centre, centre + 1), box(-outer, -inner + 1), box(inner, outer + 1), outer
+    # Means over the samples from `first` to `end` (exclusive) from the first one that has all flanks.
+    middle: FloatArray = prefix[outer + centre + 1 :][:count] - prefix[outer - centre :][:count]
+    middle *= 1.0 / (2 * centre + 1)
+    flanks: FloatArray = prefix[outer - inner + 1 :] - prefix[: inner - outer - 1]
+    flanks *= 1.0 / (outer - inner + 1)
+    return middle, flanks[:count], flanks[inner + outer :], outer
 
 
 def dip_score(prefix: FloatArray, width: float) -> tuple[FloatArray, int]:

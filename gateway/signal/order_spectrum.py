@@ -7,11 +7,12 @@ complex number c_n - i s_n; order 0 is the mean.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from gateway.signal.short_medians import median
+from gateway.signal.short_medians import medians
 from gateway.types import ComplexArray, FloatArray
 
 ORDER_COUNT: Final = 61
@@ -65,21 +66,31 @@ def coefficient_std(waveform: FloatArray, samples_per_revolution: float) -> floa
     Returns:
         Standard deviation of a cosine or sine coefficient, in the unit of the waveform; NaN when the waveform is.
     """
-    return band_noise(np.fft.rfft(waveform), samples_per_revolution)
+    return band_noises(np.fft.rfft(waveform)[np.newaxis], [samples_per_revolution])[0]
 
 
-def band_noise(spectrum: ComplexArray, samples_per_revolution: float) -> float:
-    """Return what `coefficient_std` does, from the (n / 2 + 1,) discrete Fourier transform of the waveform."""
-    n = 2 * (spectrum.shape[0] - 1)
+def band_noises(spectra: ComplexArray, samples_per_revolution: Sequence[float]) -> list[float]:
+    """Return what `coefficient_std` does, from (k, n / 2 + 1) discrete Fourier transforms of waveforms."""
+    n = 2 * (spectra.shape[1] - 1)
+    bands = [_noise_band(n, samples) for samples in samples_per_revolution]
+    noises = [math.nan] * len(bands)
+    for band in set(bands):
+        places = [place for place, own in enumerate(bands) if own == band]
+        part = spectra[:, slice(*band)] if len(places) == len(bands) else spectra[places, slice(*band)]
+        power = part.real**2
+        power += part.imag**2
+        for place, middle in zip(places, medians(power), strict=True):
+            # |C|^2 = 2 sigma^2 * (chi-square of two degrees / 2), whose median is ln 2.
+            noises[place] = math.sqrt(middle / (2.0 * math.log(2.0))) * 2.0 / n
+    return noises
+
+
+def _noise_band(n: int, samples_per_revolution: float) -> tuple[int, int]:
+    """Return first and last (exclusive) order of the band above the tire's own content."""
     nyquist = min(n, samples_per_revolution) / 2.0
     # Above 0.7 of the band, the roll-off of the interpolation attenuates the noise.
     high = max(3, min(n // 2, math.floor(0.7 * nyquist)))
-    low = min(150, max(1, math.floor(0.45 * nyquist)))
-    band = spectrum[low:high]
-    power = band.real**2 + band.imag**2
-    # |C|^2 = 2 sigma^2 * (chi-square of two degrees / 2), whose median is ln 2.
-    coefficient: float = math.sqrt(median(power) / (2.0 * math.log(2.0))) * 2.0 / n
-    return coefficient
+    return min(150, max(1, math.floor(0.45 * nyquist))), high
 
 
 def sample_std(coefficient_std_mps2: float, samples_per_revolution: float, n: int) -> float:

@@ -111,7 +111,7 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     # More noise needs more smoothing, or the first noisy sample beyond the level is mistaken for the edge.
     noise = noise_std_mps2(segment)
     smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
-    smoothed = np.convolve(segment, np.full(smooth, 1.0 / smooth), mode="valid") if smooth > 1 else segment
+    smoothed = _smoothed(segment, smooth) if smooth > 1 else segment
     shift = 0.5 * (smooth - 1)
     level = low + 0.5 * depth
     start = min(max(round(at - shift), 0), len(smoothed) - 1)
@@ -126,6 +126,15 @@ def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Conta
     centre_std = 0.5 * noise / smooth**0.5 * math.hypot(*(1.0 / slope for slope in slopes))
     centre_std = math.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width))
     return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
+
+
+def _smoothed(values: FloatArray, count: int) -> FloatArray:
+    """Return the means of `count` neighbouring values, (n - count + 1,)."""
+    total = np.add.accumulate(values)
+    means = total[count - 1 :].copy()
+    means[1:] -= total[:-count]
+    means *= 1.0 / count
+    return means
 
 
 def _dip_levels(segment: FloatArray, at: int, width: float) -> tuple[float, float] | None:

@@ -35,6 +35,10 @@ OFFSET_STD_MPS2: Final = 1.0
 REVOLUTION_STD_MPS2: Final = 0.5
 # Accuracy of mounting by hand. It stays the standard error when the means are lost (AC coupling).
 MOUNTING_STD_RAD: Final = math.radians(1.0)
+# Standard errors beyond which a measured constant contradicts its prior.
+_CONTRADICTION: Final = 3.0
+# Least relative variance of the radial mean, which is a spread of the speed of 0.5 %.
+_LEAST_SPREAD: Final = 1e-4
 # Wide prior of the roll tilt; keeps the estimate finite in the first revolutions.
 _ROLL_PRIOR_STD_RAD: Final = math.radians(10.0)
 
@@ -232,7 +236,8 @@ class RollCalibration:
             offset_std_mps2: prior standard error of the constant in the lateral mean.
             horizon_revolutions: length of the memory in revolutions.
         """
-        self._prior = math.tan(_ROLL_PRIOR_STD_RAD) ** -2, offset_std_mps2**-2
+        self._roll_weight = math.tan(_ROLL_PRIOR_STD_RAD) ** -2
+        self._offset_std_mps2 = offset_std_mps2
         self._keep = 1.0 - 1.0 / horizon_revolutions
         self.reset()
 
@@ -242,6 +247,11 @@ class RollCalibration:
         self._sums = (0.0, 0.0, 0.0, 0.0, 0.0)
         self.count = 0
         self._roll_rad, self._roll_std_rad, self._offset_mps2 = 0.0, MOUNTING_STD_RAD, 0.0
+        self._found_std_mps2 = self._offset_std_mps2
+
+    def expect_offset(self, std_mps2: float) -> None:
+        """Change the prior standard error of the constant, from the next revolution on."""
+        self._offset_std_mps2 = std_mps2
 
     def update(self, mean_lateral_mps2: float, mean_radial_mps2: float) -> None:
         """Add the means of one revolution as measured; ignored if the radial mean is not positive (AC coupling)."""
@@ -256,12 +266,21 @@ class RollCalibration:
         b = keep * b + weight * mean_lateral_mps2
         self._sums = aa, ab, bb, a, b
         self.count += 1
-        aa += self._prior[0]
-        bb += self._prior[1]
+        std = self._offset_std_mps2
+        # Revolutions at different speeds give the constant without a prior. Where it contradicts the prior, its own
+        # size takes the prior's place.
+        free = aa * bb - ab * ab
+        if free > _LEAST_SPREAD * aa * bb:
+            alone = (aa * b - ab * a) / free
+            if abs(alone) > _CONTRADICTION * math.hypot(math.sqrt(aa / free), std):
+                std = abs(alone)
+        aa += self._roll_weight
+        bb += std**-2
         determinant = aa * bb - ab * ab
         self._roll_rad = math.atan((bb * a - ab * b) / determinant)
         self._roll_std_rad = math.sqrt(bb / determinant)
         self._offset_mps2 = (aa * b - ab * a) / determinant
+        self._found_std_mps2 = math.sqrt(aa / determinant)
 
     @property
     def roll_rad(self) -> float:
@@ -277,3 +296,8 @@ class RollCalibration:
     def offset_mps2(self) -> float:
         """Best estimate of the constant in the lateral mean."""
         return self._offset_mps2
+
+    @property
+    def offset_std_mps2(self) -> float:
+        """Standard error of the constant; that of the prior at a single speed."""
+        return self._found_std_mps2

@@ -120,7 +120,7 @@ def normalise_revolutions(
         interiors = [contact_interior(row, phase.samples) for row, phase in zip(shape, phases, strict=True)]
         given = np.array([interior is not None for interior in interiors])
         closed &= given
-    angle = np.tile(theta, (count, 1))
+    angle, corrected = np.empty((2, count, n))
     for _ in range(_ITERATIONS if gravity_mps2 else 1):
         if interiors is not None:
             for place, interior in enumerate(interiors):
@@ -129,26 +129,28 @@ def normalise_revolutions(
         elif ac_coupled and steady_mps2 is not None:
             restored = (steady_mps2 - (shape * gain).mean(axis=1)) / gain.mean(axis=1)
             constant[closed, 0] = restored[closed]
-        corrected = (shape + constant) * gain if ac_coupled else shape * gain
-        mean = corrected.mean(axis=1)
+        corrected = (shape + constant) * gain if ac_coupled else np.multiply(shape, gain, out=corrected)
+        np.add.accumulate(corrected, axis=1, out=angle)
+        mean = angle[:, -1] / n
         # The mean cannot be R Omega^2 when it is not positive, or peaks exceed it by far.
-        closed &= (mean > 0.0) & (np.maximum(corrected.max(axis=1), -corrected.min(axis=1)) < _MAX_PEAK_RATIO * mean)
+        highest = np.maximum(np.maximum.reduce(corrected, axis=1), -np.minimum.reduce(corrected, axis=1))
+        closed &= (mean > 0.0) & (highest < _MAX_PEAK_RATIO * mean)
         # Integral of kappa R from theta = 0, where the belt lies on the road: the trapezoidal rule from -pi on.
-        angle = np.cumsum(corrected, axis=1)
         corrected *= 0.5
         angle -= corrected
         angle -= angle[:, n // 2, np.newaxis].copy()
-        angle *= ((2.0 * math.pi / n) / np.where(closed, mean, 1.0))[:, np.newaxis]
-        if not closed.all():
+        all_closed = bool(closed.all())
+        angle *= ((2.0 * math.pi / n) / (mean if all_closed else np.where(closed, mean, 1.0)))[:, np.newaxis]
+        if not all_closed:
             angle[~closed] = theta
         if gravity_mps2:
-            shape = np.cos(angle)
+            np.cos(angle, out=shape)
             shape *= -gravity_mps2
             shape += radial_mps2
     if ac_coupled:
         shape += constant
         shape[~given] -= constant[~given]
-    gain[~given] = 1.0
+        gain[~given] = 1.0
     shape *= gain
     return NormalisedRevolutions(shape, constant[:, 0], angle, closed)
 

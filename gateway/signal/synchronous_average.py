@@ -272,6 +272,11 @@ class _State:
     omega_radps: float = math.nan
     edges: _Edges = field(default_factory=_Edges)
 
+    @property
+    def waveform_mps2(self) -> FloatArray:
+        result: FloatArray = self.wave.mean * self.omega_radps**2
+        return result
+
     def average(self) -> AngleAverage:
         square = self.omega_radps**2
         seen = self.order_counts > 0.0
@@ -289,7 +294,7 @@ class _State:
             count=self.count,
             effective_count=1.0 / self.weight_square,
             omega_radps=self.omega_radps,
-            radial_mps2=self.wave.mean * square,
+            radial_mps2=self.waveform_mps2,
             scatter_mps2=np.sqrt(self.wave.variance()) * square,
             orders_mps2=orders,
             orders_std_mps2=orders_std,
@@ -337,9 +342,11 @@ class _Steps:
     def spectra(self) -> ComplexArray:
         """(k, 61) coefficients of the averaged waveform."""
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
-        own = order_coefficients(np.concatenate([self._before.wave.mean[np.newaxis], self._radial]))
-        result: ComplexArray = shares.prior[:, np.newaxis] * own[0] + shares.values @ own[1:]
-        change = (own[1:] - np.concatenate([own[:1], result[:-1]])) * self._carried
+        before = order_coefficients(self._before.wave.mean[np.newaxis])
+        # The revolutions' own coefficients are those of their waveforms, as far as the sampling carries them.
+        own = self._orders if self._carried.all() else order_coefficients(self._radial)
+        result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ own
+        change = (own - np.concatenate([before, result[:-1]])) * self._carried
         self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
         return result
 
@@ -426,6 +433,7 @@ class RunningAverage:
         orders = _Moments.empty(ORDER_COUNT)
         self._state = _State(_Moments.empty(self._n), orders, orders, np.zeros(ORDER_COUNT))
         self._latest: AngleAverage | None = None
+        self._waveform: FloatArray | None = None
         self._steps: AverageSteps | None = None
 
     @property
@@ -439,6 +447,13 @@ class RunningAverage:
         if self._latest is None and self._state.count:
             self._latest = self._state.average()
         return self._latest
+
+    @property
+    def waveform_mps2(self) -> FloatArray | None:
+        """`AngleAverage.radial_mps2` of the latest average alone, (n,); None before the first update."""
+        if self._waveform is None and self._state.count:
+            self._waveform = self._state.waveform_mps2
+        return self._waveform
 
     def update(
         self,
@@ -508,5 +523,5 @@ class RunningAverage:
             scalars.append((count, weight_square, weight, order_noise, edges))
         steps = _Steps(state, radial_mps2, orders_mps2, omega_radps, scalars, floor)
         self._state, self._steps = steps.state(len(scalars) - 1), steps
-        self._latest = None
+        self._latest = self._waveform = None
         return steps

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from gateway.simulator.filters import band_noise_gain, lowpass, lowpass_noise_gain, resonator
 from gateway.simulator.motion import Turning, WheelRotation
 from gateway.simulator.scenario_tables import Impact, Road, Vibration
+from gateway.simulator.time_series import Series, constant
 from gateway.types import FloatArray
 
+NO_SHIFT: Final = constant(0.0)
 # The shift of an edge fades out over this angle to either side.
 _REACH_RAD = 0.5
 
@@ -18,21 +21,30 @@ _REACH_RAD = 0.5
 class EdgeJitter:
     """Contact-edge jitter: the shape about each edge is shifted by a normal angle drawn for each revolution."""
 
-    def __init__(self, leading_rad: float, trailing_rad: float, rng: np.random.Generator) -> None:
-        """Take the standard deviation of each edge."""
+    def __init__(
+        self,
+        leading_rad: float,
+        trailing_rad: float,
+        rng: np.random.Generator,
+        leading_shift_rad: Series = NO_SHIFT,
+    ) -> None:
+        """Take the standard deviation of each edge, and the shift of the leading edge into the contact over time."""
+        self._leading_shift_rad = leading_shift_rad
+        self._is_shifted = leading_shift_rad.low != 0.0 or leading_shift_rad.high != 0.0
         self._deviations = np.array([leading_rad, trailing_rad])
         self._rng = rng
         self._from = 0
         self._shifts = np.empty((0, 2))
 
-    def place(self, angle_rad: FloatArray, edges_rad: tuple[float, float]) -> FloatArray:
+    def place(self, angle_rad: FloatArray, edges_rad: tuple[float, float], time_s: FloatArray) -> FloatArray:
         """Return the angles at which to evaluate the undisturbed shape. Calls must go forward in angle.
 
         Args:
             angle_rad: unwrapped material angles, rising.
             edges_rad: undisturbed (leading, trailing) contact angle.
+            time_s: of each angle.
         """
-        if not self._deviations.any() or not len(angle_rad):
+        if not (self._deviations.any() or self._is_shifted) or not len(angle_rad):
             return angle_rad
         turn = np.floor(angle_rad / (2.0 * math.pi) + 0.5)
         turns = turn.astype(np.int64)
@@ -41,7 +53,11 @@ class EdgeJitter:
         moved = angle_rad.copy()
         for edge in (0, 1):
             near = np.clip((within - edges_rad[edge]) / _REACH_RAD, -1.0, 1.0)
-            moved += self._shifts[turns - self._from, edge] * 0.5 * (1.0 + np.cos(math.pi * near))
+            shift = self._shifts[turns - self._from, edge]
+            if edge == 0 and self._is_shifted:
+                # The shape of an edge that has moved forward is the undisturbed one a little earlier.
+                shift = shift - self._leading_shift_rad.at_times(time_s)
+            moved += shift * 0.5 * (1.0 + np.cos(math.pi * near))
         return moved
 
     def _draw(self, first: int, last: int) -> None:

@@ -46,7 +46,7 @@ class Motion(Section):
 
 
 class Road(Section):
-    """`[road]` and `[wheel.road]`: random vibration of each axis, not locked to the wheel; 0 at standstill."""
+    """`[road]` and `[wheel.road]`: random vibration of each axis, not locked to the wheel, and the road's profile."""
 
     rms_mps2: float = Field(
         default=0.0, ge=0, le=1000, description="RMS value per axis at 65 km/h in m/s^2; grows with the speed"
@@ -57,6 +57,22 @@ class Road(Section):
     )
     trailing_jitter_mm: float = Field(
         default=0.0, ge=0, le=20, description="RMS jitter of the trailing contact edge between revolutions in mm"
+    )
+    leading_shift_mm: Annotated[Series, in_range(-50, 200)] = Field(
+        default=constant(0.0),
+        description="shift of the leading contact edge into the contact in mm, as by a water wedge: a number or a list "
+        "of [t_s, value] points",
+    )
+    profile: Literal["A", "B", "C", "D", "E", "F", "G", "H"] | None = Field(
+        default=None, description="class of the road's profile after ISO 8608; default: an even road"
+    )
+    waviness: float = Field(default=2.0, ge=1, le=4, description="exponent of the profile's density")
+    unsprung_kg: float = Field(default=40.0, ge=5, le=1000, description="unsprung mass of the wheel in kg")
+    suspension_knpm: float = Field(
+        default=25.0, ge=1, le=1000, description="stiffness of the suspension at the wheel in kN/m"
+    )
+    damper_nspm: float = Field(
+        default=1500.0, ge=50, le=100_000, description="damping of the suspension at the wheel in N s/m"
     )
 
 
@@ -135,7 +151,10 @@ class Tire(Section):
     )
     wear_mm: float = Field(default=0.0, ge=0, le=60, description="tread wear in mm")
     foundation_damping_nspm2: float = Field(
-        default=0.0, ge=0, le=1e5, description="damping of the sidewall per length in N s/m^2"
+        default=0.0, ge=0, le=1e5, description="radial damping of the sidewall per length in N s/m^2"
+    )
+    tangential_damping_ratio: float = Field(
+        default=1.0, ge=0, le=100, description="tangential over radial damping of the sidewall"
     )
     tread_damping_nspm2: float = Field(
         default=0.0, ge=0, le=1e6, description="damping of the tread per length in N s/m^2"

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.simulator.disturbances import Blows, EdgeJitter, HubMotion, NarrowNoise, RoadNoise
+from gateway.simulator.road_profile import RoadProfile, RoadRide, roughness_m3
 from gateway.simulator.sensor import SensorChain
-from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, look_up
+from gateway.simulator.tire_table import COLUMNS, LATERAL, WaveformTable, load_weights, look_up
 from gateway.simulator.wheel_plan import WheelPlan
 from gateway.types import FloatArray
 
@@ -43,7 +44,7 @@ class WheelSimulator:
         self.chain = SensorChain(plan.sensor, rng, plan.defect)
         rate = plan.sensor.rate_hz
         # Separate streams, so that one effect does not change the noise of another.
-        hub_rng, cavity_rng, edge_rng = rng.spawn(3)
+        hub_rng, cavity_rng, edge_rng, profile_rng = rng.spawn(4)
         self._rotation = plan.rotation(self.phase_rad)
         self._road = RoadNoise(plan.road, rate, rng)
         self._hub = HubMotion(plan.vibration, rate, hub_rng)
@@ -53,7 +54,18 @@ class WheelSimulator:
         )
         self._blows = Blows(plan.impact, self._rotation)
         per_mm = 1e-3 / plan.radius_m
-        self._jitter = EdgeJitter(plan.road.leading_jitter_mm * per_mm, plan.road.trailing_jitter_mm * per_mm, edge_rng)
+        self._jitter = EdgeJitter(
+            plan.road.leading_jitter_mm * per_mm,
+            plan.road.trailing_jitter_mm * per_mm,
+            edge_rng,
+            plan.road.leading_shift_mm.scaled(per_mm),
+        )
+        self._ride: RoadRide | None = None
+        if plan.road.profile is not None:
+            car = plan.quarter_car()
+            density = roughness_m3(plan.road.profile)
+            self._ride = RoadRide(RoadProfile(density, plan.road.waviness, car.contact_m, profile_rng), car, rate)
+            self._loads_n, self._by_load = np.empty(0), list[WaveformTable]()
         self._table = plan.table()
         self._conditions: tuple[float, ...] | None = None
         self._edges_rad = (0.0, 0.0)
@@ -81,12 +93,20 @@ class WheelSimulator:
         the block's begin to that of its end. Of camber only gravity is felt.
         """
         turning = self._rotation.at(time_s)
-        angle = self._jitter.place(turning.angle_rad, self._edges_rad)
-        shape = look_up(self._waveform, angle)
-        if end is not self._waveform:
-            shape += np.linspace(0.0, 1.0, len(time_s), dtype=np.float32)[:, None] * (look_up(end, angle) - shape)
+        angle = self._jitter.place(turning.angle_rad, self._edges_rad, time_s)
         camber = self.plan.camber_rad.at_times(time_s)
         gravity = STANDARD_GRAVITY_MPS2 * np.cos(camber) + self._hub(turning)
+        if self._ride is not None:
+            change_n, hub_mps2 = self._ride(self.plan.motion.at(time_s).distance_m)
+            weights = load_weights(self._loads_n, self.plan.load_n.at_times(time_s) + change_n)
+            shape = np.zeros((len(time_s), COLUMNS), np.float32)
+            for node, table in enumerate(self._by_load):
+                shape += weights[:, node, None] * look_up(table, angle)
+            gravity = gravity + hub_mps2
+        else:
+            shape = look_up(self._waveform, angle)
+            if end is not self._waveform:
+                shape += np.linspace(0.0, 1.0, len(time_s), dtype=np.float32)[:, None] * (look_up(end, angle) - shape)
         force = np.empty((len(time_s), 3))
         square = turning.omega_radps * turning.omega_radps
         spin = turning.omega_dot_radps2
@@ -113,5 +133,7 @@ class WheelSimulator:
         if at != self._conditions:
             self._conditions = at
             self._edges_rad = self._table.edges_rad(*at[:3])
+            if self._ride is not None:
+                self._loads_n, self._by_load = self._table.by_load(*at[1:])
             return self._table.waveform(*at)
         return self._waveform

@@ -178,6 +178,13 @@ class TireTable:
         wave[:, LATERAL] = _mixed(both, self._lateral)
         return wave
 
+    def by_load(
+        self, pressure_pa: float, omega_radps: float, slip_angle_rad: float = 0.0
+    ) -> tuple[FloatArray, list[WaveformTable]]:
+        """Return the loads that are solved, and the waveform under each."""
+        loads = self._axes[0]
+        return loads, [self.waveform(float(load), pressure_pa, omega_radps, slip_angle_rad) for load in loads]
+
     def edges_rad(self, load_n: float, pressure_pa: float, omega_radps: float) -> tuple[float, float]:
         """Return the true (leading, trailing) contact angle, negative and positive."""
         leading, trailing = self._weights((load_n, pressure_pa, omega_radps)) @ self._edges
@@ -249,6 +256,17 @@ def _lagrange(nodes: FloatArray, value: float) -> FloatArray:
     below = np.where(own, 1.0, nodes[:, None] - nodes)
     weights: FloatArray = above.prod(axis=1) / below.prod(axis=1)
     return weights
+
+
+def load_weights(loads_n: FloatArray, at_n: FloatArray) -> NDArray[np.float32]:
+    """Return (n, nodes) weights of the waveforms of `TireTable.by_load` at n loads, held at the ends of the range."""
+    value = np.clip(at_n, loads_n[0], loads_n[-1])
+    weights = np.ones((len(value), len(loads_n)))
+    for own in range(len(loads_n)):
+        for other in range(len(loads_n)):
+            if other != own:
+                weights[:, own] *= (value - loads_n[other]) / (loads_n[own] - loads_n[other])
+    return weights.astype(np.float32)
 
 
 def _interpolated(coarse: FloatArray) -> FloatArray:

@@ -11,6 +11,7 @@ from gateway.physics.lateral_belt import LateralBelt
 from gateway.physics.rolling_ring import RingParameters
 from gateway.physics.tread_pattern import EdgeWaves, TreadPitch
 from gateway.simulator.motion import MotionProfile, Ripple, WheelRotation
+from gateway.simulator.road_profile import QuarterCar, largest_swing, quarter_car, roughness_m3
 from gateway.simulator.scenario_model import Scenario, Wheel
 from gateway.simulator.scenario_tables import (
     Defect,
@@ -104,6 +105,7 @@ def _ring(tire: Tire) -> RingParameters:
         extension_stiffness_n=tire.extension_stiffness_mn * 1e6,
         tread_stiffness_npm2=tire.tread_stiffness_mpa * 1e6,
         foundation_damping_nspm2=tire.foundation_damping_nspm2,
+        tangential_damping_ratio=tire.tangential_damping_ratio,
         tread_damping_nspm2=tire.tread_damping_nspm2,
         sidewall_stiffening_pm=tire.sidewall_stiffening_pm,
         shear_stiffness_n=math.inf if tire.shear_stiffness_kn is None else tire.shear_stiffness_kn * 1e3,
@@ -164,12 +166,28 @@ class WheelPlan:
 
     def table(self) -> TireTable:
         """Return the tire's waveforms over the conditions of this wheel. Solved once per process."""
+        swing = 0.0
+        if self.road.profile is not None:
+            load = 0.5 * (self.load_n.low + self.load_n.high)
+            density = roughness_m3(self.road.profile)
+            swing = largest_swing(self.quarter_car(), load, density, self.road.waviness, self.motion.highest_mps)
         return tire_table(
             self.tire,
-            Range(self.load_n.low, self.load_n.high),
+            Range(self.load_n.low * (1.0 - swing), self.load_n.high * (1.0 + swing)),
             Range(self.pressure_pa.low, self.pressure_pa.high),
             Range(0.0, self.motion.highest_mps / self.radius_m),
             Range(self.slip_angle_rad.low, self.slip_angle_rad.high),
+        )
+
+    def quarter_car(self) -> QuarterCar:
+        """Return the wheel with its share of the vehicle, at the middle of its loads and pressures."""
+        return quarter_car(
+            self.tire,
+            0.5 * (self.load_n.low + self.load_n.high),
+            0.5 * (self.pressure_pa.low + self.pressure_pa.high),
+            self.road.unsprung_kg,
+            1e3 * self.road.suspension_knpm,
+            self.road.damper_nspm,
         )
 
     def rotation(self, phase_rad: float) -> WheelRotation:

@@ -35,9 +35,11 @@ class Unit(NamedTuple):
 UNITS: Final[dict[str, Unit]] = {
     "_radps2": Unit("rad/s²"),
     "_radps": Unit("rad/s"),
+    "_rpm": Unit("rpm"),
     "_mps2": Unit("m/s²"),
     "_mps": Unit("km/h", 3.6),
     "_kmh": Unit("km/h"),
+    "_m3": Unit("m³"),
     "_rad": Unit("deg", 180.0 / math.pi),
     "_degc": Unit("°C"),
     "_deg": Unit("deg"),
@@ -47,12 +49,15 @@ UNITS: Final[dict[str, Unit]] = {
     "_mm": Unit("mm"),
     "_hz": Unit("Hz"),
     "_npm": Unit("N/m"),
+    "_nm": Unit("N m"),
     "_n": Unit("N"),
     "_m": Unit("mm", 1e3),
     "_s": Unit("s"),
     "_w": Unit("W"),
     "_v": Unit("V"),
 }
+# Quantities whose unit of display is not that of their suffix: name -> label and unit.
+_OWN_UNITS: Final = {"distance_m": ("distance", Unit("m"))}
 _DIMENSIONLESS: Final = Unit("")
 
 
@@ -132,6 +137,8 @@ def distinct_name(name: str, taken: Collection[str]) -> str:
 @lru_cache(maxsize=256)
 def split_name(name: str) -> tuple[str, Unit]:
     """Split a quantity's name into a label and the unit it is shown in: `leading_edge_rad` -> `leading edge`, deg."""
+    if name in _OWN_UNITS:
+        return _OWN_UNITS[name]
     for suffix, unit in UNITS.items():
         if name.endswith(suffix) and len(name) > len(suffix):
             return name[: -len(suffix)].replace("_", " "), unit

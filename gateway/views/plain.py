@@ -8,12 +8,12 @@ from typing import Final
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Notice, codes_of
-from gateway.views.numbers import Shown, kpa
+from gateway.views.numbers import MISSING, Shown, fixed, kpa
 from gateway.views.readout import Reading, read_result
 from gateway.views.text import clean, crop, crop_middle, pad, width
 from gateway.views.wording import notice_text
 
-LINE_WIDTH: Final = 200
+LINE_WIDTH: Final = 216
 HEADER_EVERY: Final = 40
 _NUMBERS_TITLE: Final = "numbers ± standard error (~ provisional, x invalid)"
 _NAME_WIDTH_MIN: Final = 5
@@ -93,8 +93,8 @@ class PlainView:
     def _header(self) -> str:
         numbers = crop(_NUMBERS_TITLE, self._numbers_width())
         return (
-            f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {'km/h':>7} {'leading deg':>13} "
-            f"{'trailing deg':>12} {numbers:<{self._numbers_width()}} {'kPa':>6} st reason"
+            f"{pad('wheel', self._name_width)} {'rev':>6} {'device s':>10} {'km/h':>7} {'rpm':>6} {'m':>8} "
+            f"{'leading deg':>13} {'trailing deg':>12} {numbers:<{self._numbers_width()}} {'kPa':>6} st reason"
         )
 
     def _numbers_width(self) -> int:
@@ -105,7 +105,8 @@ class PlainView:
         numbers = " ".join(f"{cell:<{size}}" for cell, size in zip(cells, self._number_widths, strict=False))
         return (
             f"{pad(name, self._name_width)} {revolution.index:>6} {revolution.start_s:>10.3f} "
-            f"{reading.speed.number.value + reading.speed.mark:>7} {_cell(reading.leading):>13} "
+            f"{reading.speed.number.value + reading.speed.mark:>7} {fixed(reading.rotation.value, 1):>6} "
+            f"{fixed(reading.distance.value, 1) if reading.distance else MISSING:>8} {_cell(reading.leading):>13} "
             f"{_cell(reading.trailing):>12} {numbers:<{self._numbers_width()}} "
             f"{kpa(result.conditions.pressure_pa):>6} {_STATUS_WORDS[reading.status]:<2} "
         )

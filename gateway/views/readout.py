@@ -14,6 +14,8 @@ from gateway.views.numbers import UNITS, Shown, show, split_name
 from gateway.views.wording import joined
 
 SPEED: Final = "speed_mps"
+ROTATION: Final = "rotation_rpm"
+DISTANCE: Final = "distance_m"
 ANGLE: Final = UNITS["_rad"]
 _ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
 
@@ -23,9 +25,11 @@ class Reading(NamedTuple):
 
     Attributes:
         speed: forward speed.
+        rotation: revolutions per minute.
         leading: leading contact angle, negative.
         trailing: trailing contact angle, positive.
         others: every other quantity, e.g. contact length.
+        distance: distance rolled; None when no estimator gives it.
         numbers: the dimensionless numbers, or their ratios when only those are known.
         status: worst status among the numbers shown, invalid when there is none.
         reasons: for that status.
@@ -33,9 +37,11 @@ class Reading(NamedTuple):
     """
 
     speed: Shown
+    rotation: Shown
     leading: Shown
     trailing: Shown
     others: tuple[Shown, ...]
+    distance: Shown | None
     numbers: tuple[Shown, ...]
     status: Status
     reasons: tuple[Reason, ...]
@@ -54,6 +60,8 @@ class Reading(NamedTuple):
 def read_result(result: RevolutionResult) -> Reading:
     """Sort a result's estimates; speed and angles fall back to the revolution's own when no estimate names them."""
     speed: Estimate | None = None
+    rotation: Estimate | None = None
+    distance: Estimate | None = None
     leading: Estimate | None = None
     trailing: Estimate | None = None
     others: list[Shown] = []
@@ -67,6 +75,10 @@ def read_result(result: RevolutionResult) -> Reading:
             whole.append(estimate)
         elif estimate.name == SPEED:
             speed = estimate
+        elif estimate.name == ROTATION:
+            rotation = estimate
+        elif estimate.name == DISTANCE:
+            distance = estimate
         elif unit is ANGLE and label.startswith("leading"):
             leading = estimate
         elif unit is ANGLE and label.startswith("trailing"):
@@ -79,6 +91,7 @@ def read_result(result: RevolutionResult) -> Reading:
     revolution = result.revolution
     kinematic = (
         show(speed or _measured(SPEED, revolution.omega_radps * result.conditions.radius_m, math.nan)),
+        show(rotation or _measured(ROTATION, revolution.omega_radps * 30.0 / math.pi, math.nan)),
         show(leading or _measured("leading_edge_rad", revolution.leading_edge_rad, revolution.leading_edge_std_rad)),
         show(
             trailing or _measured("trailing_edge_rad", revolution.trailing_edge_rad, revolution.trailing_edge_std_rad)
@@ -87,6 +100,7 @@ def read_result(result: RevolutionResult) -> Reading:
     return Reading(
         *kinematic,
         tuple(others),
+        None if distance is None else show(distance),
         shown,
         max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),
         revolution.faults or _reasons(whole, kinematic),

@@ -12,6 +12,7 @@ from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult, SinkSnapshot
 from gateway.reasons import Code, Reason
 from gateway.views.numbers import MISSING, age, duration, fixed, percent, show
+from gateway.views.readout import DISTANCE
 from gateway.views.wording import joined, text
 
 
@@ -84,17 +85,18 @@ class ResultSummary:
         if revolution.uncorrected is not None:
             wheel.uncorrected += 1
             wheel.uncorrected_reason = revolution.uncorrected
-        wheel.faults.update(revolution.faults)
+        if revolution.faults:
+            wheel.faults.update(revolution.faults)
         wheel.rolling_s += revolution.period_s
         wheel.missing_s += revolution.missing_fraction * revolution.period_s
         wheel.distance_m += 2.0 * math.pi * result.conditions.radius_m
         speed_mps = revolution.omega_radps * result.conditions.radius_m
         wheel.speed_min_mps = min(wheel.speed_min_mps, speed_mps)
         wheel.speed_max_mps = max(wheel.speed_max_mps, speed_mps)
+        latest, invalid = wheel.estimates, Status.INVALID
         for estimate in result.estimates:
-            known = wheel.estimates.get(estimate.name)
-            if known is None or estimate.status is not Status.INVALID or known.status is Status.INVALID:
-                wheel.estimates[estimate.name] = estimate
+            if estimate.status is not invalid or latest.get(estimate.name, estimate).status is invalid:
+                latest[estimate.name] = estimate
 
     def wheels(self) -> tuple[WheelSummary, ...]:
         """Return the summaries so far, wheels in the order of their first result."""
@@ -162,16 +164,15 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     rows: list[tuple[str, str, str]] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
     span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
     rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
-    rows.append(
-        (
-            "distance",
-            f"{fixed(wheel.distance_m, 1)} m",
-            f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}",
-        )
-    )
+    took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
+    rolled = next((show(one) for one in wheel.estimates if one.name == DISTANCE), None)
+    if rolled is None or rolled.status is Status.INVALID:
+        rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
+    else:
+        rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
     lost = "0 %" if wheel.missing_fraction == 0 else f"{fixed(wheel.missing_fraction, 3, 100.0)} %"
     rows.append(("samples lost", lost, f"{wheel.saturated} revolutions saturated" if wheel.saturated else ""))
-    last = _estimate_rows(wheel.estimates)
+    last = _estimate_rows([one for one in wheel.estimates if one.name != DISTANCE])
     left = max(len(label) for label, _, _ in (*rows, *last))
     middle = max(len(value) for _, value, _ in (*rows, *last))
     lines = [f"  {label:<{left}}  {value:<{middle}}  {note}".rstrip() for label, value, note in (*rows, *last)]

@@ -169,8 +169,28 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RING_DOES_NOT_FIT: (
         "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
     ),
+    # Of distance
+    Code.DISTANCE_BRIDGED: (
+        "{duration_s:.1f s} without revolutions bridged at the mean speed: {distance_m:.1f m} ± {std_m:.1f m}"
+    ),
+    Code.DISTANCE_INTERRUPTED: "the hub restarted {count:.0f} times; what was rolled meanwhile is missing",
+    # Of forces
+    Code.FORCE_NOT_DETERMINED: (
+        "not determined: the standard error is {share:.1%} of the load, the limit {limit:.0%} or a third of the force"
+    ),
+    Code.FRICTION_OF_LONGITUDINAL_ONLY: "of the longitudinal force only: the side force is not known",
+    Code.NEEDS_SIDE_FORCE_CALIBRATION: (
+        "needs the tire's side force calibration ([tire.side_force_calibration] in the vehicle file;"
+        " run: treadlink calibrate side-force)"
+    ),
+    Code.SLIP_LIMIT_NOT_DETERMINED: (
+        "not determined: the side force acts {trail_m:.1f mm} ± {std_m:.1f mm} behind the contact centre; the shape of"
+        " the contact pressure, which is not known, leaves {low:.0%} to {high:.0%}"
+    ),
+    Code.SLIP_NOT_LATERAL: "the longitudinal force is {ratio:.1f} times the side force, so the slip is not lateral",
     # Of load and wear
     Code.BENDING_NOT_POSITIVE: "the bending stiffness is not positive",
+    Code.CORRECTED_FOR_BENDING: "corrected for a bending stiffness {change:+.0%} from that of the calibration",
     Code.CORRECTED_FOR_WEAR: "corrected for {wear_m:.1f mm} of wear since the calibration",
     Code.FROM_BELT_WIDTH: "from the belt width",
     Code.FROM_CONTACT_ANGLE: "from contact angle and pressure",
@@ -200,21 +220,48 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
     ),
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
+    Code.WEAR_CONTRADICTED: "contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}",
     Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
     # Of the lateral axis
     Code.CONICITY_NOT_SEPARATED: "conicity cannot be separated from ply steer and noise here",
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",
+    Code.FROM_LAMINATE: (
+        "from tire.laminate: B16 / A66 = {length_m:.2f mm} ± {length_std_m:.2f mm}, belt kept from twisting"
+    ),
     Code.INCLUDES_CONICITY: "ply steer plus conicity",
+    Code.LAMINATE_DIFFERS: (
+        "differs from the measured peak, {measured_rad:.3f deg} ± {measured_std_rad:.3f deg}, by {errors:.1f} standard "
+        "errors: cord angles, order of the plies, conicity, slip, or a belt that twists"
+    ),
+    Code.LAMINATE_NOT_BALANCED: (
+        "the plies are not at opposite angles (A16 / A66 = {share:.2f}): tension shears the belt as well (Eq. 11)"
+    ),
+    Code.LATERAL_ZERO_CONTRADICTED: (
+        "contradicts the stated accuracy of the sensor's zero, {stated_std_mps2:.1f m/s²}; a degree of camber is "
+        "0.17 m/s²"
+    ),
+    Code.LATERAL_ZERO_NOT_SEPARATED: "needs two speeds: roll tilt and zero-g offset are not separated yet",
     Code.NEEDS_BOTH_SLIPS: "needs {needed:.0f} revolutions each at left and at right slip",
     Code.ORDERS_USED: "orders {first:.0f} to {last:.0f}",
+    Code.ROLL_CONTRADICTED: (
+        "contradicts the stated roll, {stated_rad:.1f deg} ± {stated_std_rad:.1f deg} (mounting.roll_deg); the "
+        "measured one is used"
+    ),
     Code.ROLL_NOT_CALIBRATED: (
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
     Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",
+    Code.SLIP_BEYOND_LAW: "beyond the slip angles that the slip calibration describes",
+    Code.SLIP_OUTSIDE_CALIBRATION: (
+        "the slip angle {slip_rad:.2f deg} is outside the calibrated {low_rad:.2f deg} to {high_rad:.2f deg}"
+    ),
     Code.SPEED_UNUSABLE: "the speed is not known or too high for the sampling",
-    Code.ZERO_SLIP_GIVEN: "zero slip as given",
-    Code.ZERO_SLIP_IS_MEAN: "zero slip is the mean of the latest revolutions: straight running on average is assumed",
+    Code.ZERO_SLIP_GIVEN: "zero slip from tire.slip_calibration",
+    Code.ZERO_SLIP_IS_MEAN: (
+        "zero slip is the mean of the latest revolutions, so constant slip is not seen; it needs tire.slip_calibration "
+        "(treadlink calibrate slip)"
+    ),
     Code.ZERO_SLIP_NOT_SETTLED: "zero slip is settling: {revolutions:.0f} of {needed:.0f} revolutions",
     # Of the sensor's calibration
     Code.FLAT_CONTACT_ASSUMED: "AC-coupled: from the contact, assumed to be flat (flat road)",
@@ -228,6 +275,21 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.IN_BAND: "{low_hz:.0f Hz} to {high_hz:.0f Hz}, sensor noise included",
     Code.NEEDS_UNINTERRUPTED_ROLLING: "needs {duration_s:.0f s} of uninterrupted rolling",
     Code.NO_LINE: "no line stands out",
+    # Of road and water
+    Code.CAVITY_CONTRADICTED: (
+        "the inner liner reads {measured_degc:.0f} °C, but the cavity resonates as air of {found_degc:.0f} °C would: "
+        "another gas ({ratio:.2f} times gamma / M of air), cavity_length_mm or the temperature is wrong, or "
+        "it is another line"
+    ),
+    Code.LIKE_A_WATER_WEDGE: "the leading edge has moved in by {shift_rad:.1f deg}, the trailing one has not",
+    Code.NEEDS_CAVITY_LENGTH: "needs cavity_length_mm or a size with the rim of the tire in the vehicle file",
+    Code.NEEDS_REVOLUTIONS: "needs {needed:.0f} revolutions, {count:.0f} so far",
+    Code.NEEDS_TEMPERATURE: "needs the temperature",
+    Code.NOT_VERIFIED_BY_MEASUREMENT: "not verified by any measurement",
+    Code.ROAD_BELOW_NOISE: "not determined beside the jitter of the contact edges: class {letter} or better",
+    Code.ROAD_CLASS: "class {letter} with a probability of {probability:.0%}, if G falls with n²",
+    Code.ROAD_WAVES: "from waves of {short_m:.1f m} to {long_m:.1f m}",
+    Code.TOO_SLOW_FOR_ROAD: "needs at least {limit_mps:.0f km/h}",
     # Sensors
     Code.AXIS_READS: "{axis} at {counts:.0f}",
     Code.PRESSURE_FROZEN: (

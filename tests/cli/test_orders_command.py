@@ -28,6 +28,14 @@ def recorded(tmp_path_factory):
     return write_recording(path, "[sensor]\nrate_hz = 3200.0", wheels=wheels, duration_s=1.8)
 
 
+@pytest.fixture(scope="module")
+def two_speeds(tmp_path_factory):
+    """One wheel at 50 and at 70 km/h, at least a block of revolutions each."""
+    path = tmp_path_factory.mktemp("orders") / "speeds.mcap"
+    motion = "[motion]\nspeed_kmh = [[0, 50], [1.8, 50], [2.2, 70], [4, 70]]\n[sensor]\nrate_hz = 3200.0"
+    return write_recording(path, motion, duration_s=4.0)
+
+
 def run(*words):
     return CliRunner().invoke(treadlink, ["orders", *map(str, words)])
 
@@ -63,6 +71,24 @@ def test_json_agrees_with_the_revolutions(recorded, tmp_path):
     assert 0.9 < wheel["integer_share"]["radial"] <= 1.0
     assert len(wheel["average"]["angle_rad"]) == 1024
     assert sum(one["revolutions"] for one in wheel["speeds"]) == len(usable)
+
+
+def test_json_has_a_spectrum_for_each_speed(two_speeds, tmp_path):
+    assert run(two_speeds, "--speed-step", "20", "--json", tmp_path / "o.json").exit_code == 0
+    wheel = json.loads((tmp_path / "o.json").read_text("utf-8"))["wheels"][0]
+    measured = [one for one in wheel["speeds"] if one["fine_blocks"]]
+    assert len(measured) >= 2
+    assert sum(one["fine_blocks"] for one in measured) == wheel["fine_blocks"]
+    for one in measured:
+        assert 0.9 < one["integer_share"]["radial"] <= 1.0
+        assert len(one["fine_mps2"]["radial"]) == len(wheel["fine_order"])
+
+
+def test_terminal_shows_the_share_of_each_speed(two_speeds):
+    lines = run(two_speeds, "--speed-step", "20", "--orders", "0").output.splitlines()
+    speeds = [line for line in lines if line.startswith("    ") and " km/h " in line]
+    assert len(speeds) >= 2
+    assert all(line.rstrip().endswith("%") for line in speeds)
 
 
 def test_csv_to_a_pipe_has_every_order_and_speed(recorded):

@@ -127,7 +127,7 @@ def test_effect_outside_catalogue_changes_signal_undeclared(name: str) -> None:
     case = draw(Order(Kind.OUTSIDE, 2, (name,), 2))
     assert case.label["truth"] == []
     assert case.label["outside"] == name
-    plain = replace(quiet(case), tables={}, disturbance=None)
+    plain = replace(quiet(case), tables={}, disturbance=None, bend=None, fault=None)
     assert np.abs(samples(quiet(case), 1) - samples(plain, 1)).max() > 0.5
 
 

@@ -20,14 +20,8 @@ def finding(name: str, verdict: str = "named", *rivals: str) -> dict[str, Any]:
     return {"name": name, "verdict": verdict, "rivals": list(rivals)}
 
 
-def diagnosis(*effects: dict[str, Any], unexplained: int = 0, model: str = "exact") -> dict[str, Any]:
-    return {
-        "model": model,
-        "effects": list(effects),
-        "unexplained": [{"axis": "radial"}] * unexplained,
-        "noise_floor_mps2": 2.0,
-        "held_out": {"rms_after_mps2": 2.1},
-    }
+def diagnosis(*effects: dict[str, Any], unexplained: int = 0) -> dict[str, Any]:
+    return {"effects": list(effects), "unexplained": [{"axis": "radial"}] * unexplained}
 
 
 EFFECT = draw(Order(Kind.EFFECT, 1, ("roll tilt",), 1)).label
@@ -69,17 +63,36 @@ NOTHING = draw(Order(Kind.NOTHING, 1)).label
     ],
 )
 def test_outcomes(label: dict[str, Any], found: dict[str, Any], outcome: Outcome) -> None:
-    judged = judge(found, label)
-    assert judged.outcome is outcome
-    assert judged.ratio == pytest.approx(1.05)
+    assert judge(found, label).outcome is outcome
 
 
 def test_paper_model_always_lacks_corrections() -> None:
     always = [finding(name) for name in ALWAYS["paper"] - {"speed drift"}]
-    assert judge(diagnosis(*always, model="paper"), NOTHING).outcome is Outcome.NOTHING
-    assert judge(diagnosis(*always[1:], model="paper"), NOTHING).outcome is Outcome.MISSED
-    assert judge(diagnosis(*always, finding("roll tilt"), model="paper"), EFFECT).outcome is Outcome.EXACT
-    assert judge(diagnosis(*always, finding("gain"), model="paper"), NOTHING).outcome is Outcome.FALSE_ALARM
+    nothing, effect = {**NOTHING, "model": "paper"}, {**EFFECT, "model": "paper"}
+    assert judge(diagnosis(*always), nothing).outcome is Outcome.NOTHING
+    assert judge(diagnosis(*always[1:]), nothing).outcome is Outcome.MISSED
+    assert judge(diagnosis(*always, finding("roll tilt")), effect).outcome is Outcome.EXACT
+    assert judge(diagnosis(*always, finding("gain")), nothing).outcome is Outcome.FALSE_ALARM
+
+
+def test_what_a_stranger_brings_along_may_be_named() -> None:
+    creep = draw(Order(Kind.OUTSIDE, 1, ("creeping bond",), 2)).label
+    named = diagnosis(finding("pitch tilt"), unexplained=1)
+    assert judge(named, creep).outcome is Outcome.WRONG
+    assert judge(named, creep, also=("pitch tilt",)).outcome is Outcome.LEFT
+    assert judge(diagnosis(unexplained=1), creep, also=("pitch tilt",)).outcome is Outcome.LEFT
+
+
+def test_computed_rival_may_be_left_open() -> None:
+    left_open = diagnosis(finding("roll tilt", "indistinguishable", "gain"))
+    asked = []
+
+    def alike(true: str, other: str) -> bool:
+        asked.append((true, other))
+        return True
+
+    assert judge(left_open, EFFECT, alike).outcome is Outcome.CANNOT_TELL
+    assert asked == [("roll tilt", "gain")]
 
 
 def test_names_match_the_catalogue() -> None:

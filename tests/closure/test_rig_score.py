@@ -1,114 +1,125 @@
-"""Output of the bench: hand-checked counts and a reproducible figure."""
+"""The rig's scores: shares with bounds, reliability, tables for versions side by side, and reproducible figures."""
 
 from __future__ import annotations
 
-import json
 import sys
-from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tools"))
 
-import closure_rig.run as rig_run
-from closure_rig.draw import Kind, Order
-from closure_rig.figure import draw_confusion
-from closure_rig.judge import Judgement, Outcome
-from closure_rig.run import kept, run
-from closure_rig.score import by_effect, confusion, summary
+from closure_rig.figure import draw_confusion, draw_reliability
+from closure_rig.score import Share, confusion, false_names, reliability, report
 
-RIGHT = Judgement(
-    Outcome.EXACT,
-    truth=("gain",),
-    named=("gain",),
-    open=(),
-    unexplained=False,
-    ratio=1.02,
-    kind="effect",
-    size="middle",
-    seed=1,
+NUMBER = {"quantity": "Bs", "state": [4000.0, 2e5], "value": 1.1, "std": 0.05, "true": 1.0, "determined": True}
+
+
+def line(number: int, outcome: str, **more: Any) -> dict[str, Any]:
+    """A line of results; by default a gain of twice the detection limit."""
+    return {
+        "number": number,
+        "stratum": "effect",
+        "kind": "effect",
+        "model": "exact",
+        "truth": ["gain"],
+        "outside": None,
+        "strengths": {"gain": 2.0},
+        "sizes": {"gain": [0.01, "%"]},
+        "outcome": outcome,
+        "named": [],
+        "open": [],
+        "probability": {},
+        "unexplained": [],
+        "held_out": {"before_mps2": 1.2, "after_mps2": 1.05, "floor_mps2": 1.0},
+        "numbers": [{**NUMBER, "when": "before"}, {**NUMBER, "when": "after", "std": 0.1}],
+        "parameters": [],
+        "cpu_s": 2.0,
+        **more,
+    }
+
+
+RIGHT = line(1, "exactly right", named=["gain"], probability={"gain": 0.95, "run-out": 0.01})
+MISSED = line(2, "missed", strengths={"gain": 0.5}, probability={"gain": 0.3})
+WRONG = line(3, "wrong name", named=["gain", "yaw tilt"], probability={"gain": 0.92, "yaw tilt": 0.91})
+NOTHING = line(4, "nothing, rightly", stratum="nothing", kind="nothing", truth=[], strengths={}, sizes={})
+OUTSIDE = line(
+    5,
+    "unexplained, rightly",
+    stratum="outside",
+    kind="outside",
+    truth=[],
+    outside="stiff splice",
+    strengths={"stiff splice": 9.0},
+    sizes={"stiff splice": [1.5, "m/s^2 at 65 km/h"]},
+    unexplained=[{"axis": "radial"}],
 )
-MISSED = replace(RIGHT, outcome=Outcome.MISSED, named=(), unexplained=True, ratio=1.2, size="small")
-WRONG = replace(RIGHT, outcome=Outcome.WRONG, named=("run-out", "yaw tilt"), size="small")
-LEFT = replace(RIGHT, outcome=Outcome.LEFT, truth=("(stiff splice)",), named=(), unexplained=True, kind="outside")
-NOTHING = replace(RIGHT, outcome=Outcome.NOTHING, truth=(), named=(), kind="nothing", size="")
-ALL = [RIGHT, RIGHT, MISSED, WRONG, LEFT, NOTHING]
+ALL = [RIGHT, MISSED, WRONG, NOTHING, OUTSIDE]
 
 
-def test_summary_counts_by_kind_and_size() -> None:
-    lines = summary(ALL)
-    assert "effect small" in lines[0]
-    assert "0/2 right" in lines[0]
-    assert "2/2 right (100.0 %)" in lines[1]
-    assert any(line.startswith("outside middle") and "1/1 right" in line for line in lines)
-    assert any(line.startswith("nothing") and "1/1 right" in line for line in lines)
-    assert "83.3 % of 6" in lines[-1]
+def test_bounds_are_those_of_clopper_and_pearson() -> None:
+    assert Share(0, 300).below == pytest.approx(1.0 - 0.05 ** (1.0 / 300.0))
+    assert Share(0, 300).below < 0.01
+    assert Share(300, 300).below == 1.0
+    assert Share(8, 10).interval == pytest.approx((0.4439, 0.9748), abs=1e-4)
 
 
-def test_smallest_size_found() -> None:
-    gain = next(line for line in by_effect(ALL) if line.startswith("gain"))
-    assert " 0/2   2/2   0/0  from 0.03 %" in gain
-    assert "also named: run-out 1, yaw tilt 1" in gain or "also named: yaw tilt 1, run-out 1" in gain
+def test_false_names_leave_out_what_a_model_lacks() -> None:
+    assert false_names(WRONG) == {"yaw tilt"}
+    assert not false_names(line(1, "exactly right", named=["gain", "gravity"], model="paper"))
+    assert false_names(line(1, "wrong name", named=["gain", "gravity"])) == {"gravity"}
+    bond = line(1, "unexplained, rightly", named=["pitch tilt"], truth=[], outside="creeping bond")
+    assert not false_names(bond)
+
+
+def test_reliability_counts_true_effects_by_probability() -> None:
+    bins = {(entry.low, entry.high): entry for entry in reliability(ALL)}
+    assert bins[0.9, 0.98].share == Share(2, 3)
+    assert bins[0.9, 0.98].mean == pytest.approx(np.mean([0.95, 0.92, 0.91]))
+    assert bins[0.3, 0.7].share == Share(1, 1)
+    assert bins[0.0, 0.02].share == Share(0, 1)
+    certain = line(1, "exactly right", probability={"gain": 1.0})
+    assert [entry.share for entry in reliability([certain])][-1] == Share(1, 1)
+
+
+def test_report_has_a_column_for_each_version() -> None:
+    text = "\n".join(report({"old": ALL, "new": [RIGHT, NOTHING]}))
+    assert "exactly right" in text
+    assert "0/1 (0.0 %), below 95.0 %" in text
+    assert "1.7 to 3" in text
+    assert "found 1/2 (50.0 %), wrong 1" in text
+    assert "rms 2.00" in text
+    assert "rms 1.00" in text
+    assert "mean 2.0, median 2.0, most 2.0" in text
+    assert "old 3, from exact, gain (2): wrong name: gain + yaw tilt" in text
+
+
+def test_smallest_strength_needs_nine_of_ten_from_there_on() -> None:
+    cases = [line(n, "exactly right" if n > 3 else "missed", strengths={"gain": 0.5 * n}) for n in range(1, 12)]
+    text = "\n".join(report({"new": cases}))
+    assert "below 1 0/1, 1 to 3 2/4, above 6/6, from 2 (0.01)" in text
 
 
 def test_confusion_is_a_share_of_cases() -> None:
     truths, says, share = confusion(ALL)
     row = share[truths.index("gain")]
-    assert row[says.index("gain")] == pytest.approx(0.5)
-    assert row[says.index("run-out")] == pytest.approx(0.25)
-    assert row[says.index("unexplained")] == pytest.approx(0.25)
+    assert row[says.index("gain")] == pytest.approx(2 / 3)
+    assert row[says.index("yaw tilt")] == pytest.approx(1 / 3)
+    assert row[says.index("no name")] == pytest.approx(1 / 3)
     assert share[truths.index("(stiff splice)"), says.index("unexplained")] == 1.0
     assert share[truths.index("nothing"), says.index("no name")] == 1.0
-    stranger = replace(RIGHT, named=("no such effect",), outcome=Outcome.WRONG)
-    truths, says, share = confusion([stranger])
+    truths, says, share = confusion([{**WRONG, "named": ["no such effect"]}])
     assert share[truths.index("gain"), says.index("no such effect")] == 1.0
 
 
-def test_figure_is_deterministic(tmp_path: Path) -> None:
+def test_figures_are_deterministic(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    draw_confusion(ALL, tmp_path / "a.svg")
-    draw_confusion(ALL, tmp_path / "b.svg")
-    text = (tmp_path / "a.svg").read_text()
-    assert text == (tmp_path / "b.svg").read_text()
-    assert "stiff splice" in text
-
-
-def test_diagnosis_gets_recordings_and_failure_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[list[str]] = []
-
-    def refuse(given: rig_run.Recorded, model: str) -> str:
-        seen.append(sorted(path.name for path in given.paths[0].parent.iterdir()))
-        raise RuntimeError("no")
-
-    monkeypatch.setattr(rig_run, "_diagnose", refuse)
-    trial = run(Order(Kind.EFFECT, 1, ("gain",), 1), seconds=0.3)
-    assert trial.judgement.outcome is Outcome.FAILED
-    assert trial.fault == "RuntimeError: no"
-    # Recordings and what was declared of them; the label lies elsewhere.
-    assert seen == [["declared.json", *(f"run-{number}.mcap" for number in range(1, 8))]]
-    assert np.isnan(trial.judgement.ratio)
-
-
-def test_bracketed_name_is_not_an_outsider() -> None:
-    right = replace(RIGHT, truth=("tread damping (shifted pressure)",), named=("tread damping (shifted pressure)",))
-    assert by_effect([right])[0].split()[:4] == ["tread", "damping", "(shifted", "pressure)"]
-
-
-def test_saved_diagnosis_is_judged_like_the_original(tmp_path: Path) -> None:
-    label = {"kind": "effect", "truth": ["gain"], "outside": "", "sizes": {"gain": {"size": "middle"}}, "seed": 3}
-    said = {
-        "model": "exact",
-        "effects": [{"name": "gain", "verdict": "named", "rivals": []}],
-        "unexplained": [],
-        "noise_floor_mps2": 2.0,
-        "held_out": {"rms_after_mps2": 2.1},
-    }
-    (tmp_path / "effect-gain-1-3.label.json").write_text(json.dumps(label))
-    (tmp_path / "effect-gain-1-3.json").write_text(json.dumps(said))
-    (tmp_path / "effect-gain-1-4.label.json").write_text(json.dumps({**label, "seed": 4}))
-    right, failed = kept(tmp_path)
-    assert (right.outcome, right.named, right.seed) == (Outcome.EXACT, ("gain",), 3)
-    assert right.ratio == pytest.approx(1.05)
-    assert (failed.outcome, failed.truth, failed.seed) == (Outcome.FAILED, ("gain",), 4)
+    for folder in ("a", "b"):
+        draw_confusion(ALL, tmp_path / folder / "confusion.svg")
+        draw_reliability({"old": ALL, "none": [NOTHING]}, tmp_path / folder / "reliability.svg")
+    for name, text in (("confusion.svg", "stiff splice"), ("reliability.svg", "probability given")):
+        first = (tmp_path / "a" / name).read_text()
+        assert first == (tmp_path / "b" / name).read_text()
+        assert text in first

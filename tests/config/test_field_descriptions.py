@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import pytest
 from pydantic import BaseModel
 
+from gateway.config.slip_runs import SlipRunsFile
 from gateway.config.validation import model_in
 from gateway.config.vehicle import VehicleConfig
 from gateway.importing.import_map import ImportMap
@@ -42,7 +43,7 @@ def fields(model: type[BaseModel]) -> Iterator[tuple[str, str]]:
             yield from fields(inner)
 
 
-@pytest.mark.parametrize("model", [VehicleConfig, ImportMap, Scenario])
+@pytest.mark.parametrize("model", [VehicleConfig, ImportMap, Scenario, SlipRunsFile])
 def test_every_field_has_a_description_with_its_unit(model: type[BaseModel]) -> None:
     for key, description in fields(model):
         assert description, key

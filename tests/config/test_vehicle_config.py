@@ -282,3 +282,62 @@ def vehicles(draw: st.DrawFn) -> VehicleConfig:
 @given(vehicles())
 def test_toml_round_trip(config: VehicleConfig) -> None:
     assert parse_vehicle(config.to_toml(), "round") == config
+
+
+LAMINATE = """
+[tire.laminate]
+rubber_mpa = 6
+[[tire.laminate.ply]]
+angle_deg = -24
+thickness_mm = 1.2
+cord_gpa = 200
+cord_share_percent = 22
+[[tire.laminate.ply]]
+angle_deg = 24
+angle_std_deg = 0.5
+thickness_mm = 1.2
+cord_gpa = 200
+cord_std_gpa = 5
+cord_share_percent = 22
+"""
+WHEEL = "[tire]\nradius_mm = 320\n[[wheel]]\nposition = 'FL'\nhub = 0\nwheel = 0\n"
+
+
+def test_laminate_has_tolerances_in_si() -> None:
+    config = parse_vehicle(WHEEL + LAMINATE, "car.toml")
+    assert parse_vehicle(config.to_toml(), "again") == config
+    belt = config.wheel_setups()[0].tire.laminate
+    assert belt is not None
+    assert (belt.rubber_pa, belt.rubber_std_pa) == (6e6, pytest.approx(1.2e6))
+    inner, outer = belt.plies
+    assert inner.angle_rad == pytest.approx(math.radians(-24.0))
+    assert (inner.cord_std_pa, outer.cord_std_pa) == (pytest.approx(20e9), pytest.approx(5e9))
+    assert (inner.angle_std_rad, outer.angle_std_rad) == pytest.approx((math.radians(1.0), math.radians(0.5)))
+    assert inner.cord_share == pytest.approx(0.22)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("cord_gpa = 200\n", "cord_gpa = 200000\n", "tire.laminate.ply[#1].cord_gpa: 200000 found, allowed: a number"),
+        ("cord_gpa = 200\n", "cord_gpa = 200000\n", "if the value is in MPa, write 200"),
+        ("rubber_mpa = 6", "rubber_mpa = 6000000", "if the value is in Pa, write 6"),
+        ("rubber_mpa = 6", "rubber_mpa = 400\nply_count = 2", "tire.laminate.ply_count: 2 found, unknown key"),
+        ("angle_deg = -24\n", "", "tire.laminate.ply[#1].angle_deg: missing, required: a number from -90 to 90"),
+        ("cord_share_percent = 22", "cord_share_percent = 0", "at least two plies need cords"),
+    ],
+)
+def test_faults_of_a_laminate_name_key_and_allowed_values(old: str, new: str, fault: str) -> None:
+    text = WHEEL + LAMINATE.replace(old, new, 1)
+    assert any(fault in line for line in faults_of(text))
+
+
+def test_cord_softer_than_rubber_is_a_fault() -> None:
+    soft = LAMINATE.replace("rubber_mpa = 6", "rubber_mpa = 400").replace("gpa = 200", "gpa = 0.2", 1)
+    fault = "tire.laminate.ply[#1].cord_gpa: 0.2 found, allowed: at least tire.laminate.rubber_mpa"
+    assert any(fault in line for line in faults_of(WHEEL + soft))
+
+
+def test_inverted_slip_range_is_a_fault() -> None:
+    table = "[tire.slip_calibration]\nbelt_share = 0.2\nslip_min_deg = 1\nslip_max_deg = -1\n"
+    assert any("tire.slip_calibration.slip_min_deg" in line for line in faults_of(WHEEL + table))

@@ -23,11 +23,22 @@ def estimates_of(revolution: Revolution) -> dict[str, Estimate]:
 def test_speed_edges_and_length() -> None:
     revolution = make_revolution(WAVE, period_std_s=2e-5)
     estimates = estimates_of(revolution)
-    assert list(estimates) == ["speed_mps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m"]
+    assert list(estimates) == [
+        "speed_mps",
+        "angular_speed_radps",
+        "rotation_rpm",
+        "leading_edge_rad",
+        "trailing_edge_rad",
+        "contact_length_m",
+    ]
     assert {e.status for e in estimates.values()} == {Status.VALID}
     speed = estimates["speed_mps"]
     assert speed.value == pytest.approx(65.0 / 3.6)
     assert speed.std == pytest.approx(speed.value * 2e-5 / revolution.period_s)
+    rotation = estimates["rotation_rpm"]
+    assert rotation.value == pytest.approx(60.0 / revolution.period_s)
+    assert rotation.std == pytest.approx(rotation.value * 2e-5 / revolution.period_s)
+    assert estimates["angular_speed_radps"].value == pytest.approx(revolution.omega_radps)
     truth = solution()
     length = estimates["contact_length_m"]
     assert abs(length.value - RADIUS_M * (truth.trailing_edge_rad - truth.leading_edge_rad)) < 1.5 * length.std

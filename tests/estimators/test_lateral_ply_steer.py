@@ -12,18 +12,26 @@ import pytest
 
 from firmware_protocol.messages import Coupling
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.belt_laminate import BeltLaminate, StatedPly
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import LateralAverage, lateral_record, slopes
 from gateway.estimators.ply_steer import (
+    AHEAD_NAME,
     CONICITY_NAME,
+    LAMINATE_NAMES,
     LINE_NAME,
     NAMES,
+    OFFSET_NAME,
+    PEAK_OVER_LAMINATE,
+    PEAK_OVER_LAMINATE_STD,
     ROLL_NAME,
     PlySteerEstimator,
     separate_plysteer_conicity,
 )
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.revolution_block import RevolutionArrays, RevolutionBlock
+from gateway.estimators.sensor_claims import SensorClaims
+from gateway.estimators.tire_data import TireData
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution
 from gateway.physics.rolling_ring import RingSolution
 from gateway.reasons import Code, Reason, codes_of
@@ -64,12 +72,16 @@ def rolled(
     return tuple(r.revolution for r in through_pipeline(values, sensor) if not r.revolution.faults)
 
 
-def estimate(revolutions: Sequence[Revolution], estimator: PlySteerEstimator | None = None) -> dict[str, Estimate]:
+def estimate(
+    revolutions: Sequence[Revolution],
+    estimator: PlySteerEstimator | None = None,
+    conditions: TireConditions | None = None,
+) -> dict[str, Estimate]:
     estimator = estimator or PlySteerEstimator()
     average = settled(revolutions[0])
     found: tuple[Estimate, ...] = ()
     for revolution in revolutions:
-        found = estimator.update(revolution, average, CONDITIONS)
+        found = estimator.update(revolution, average, conditions or CONDITIONS)
     return {e.name: e for e in found}
 
 
@@ -127,16 +139,48 @@ def test_offset_camber_and_yaw_stay_within_the_error() -> None:
         assert np.all(stated < 0.02)
 
 
-def test_unknown_offset_is_found_from_two_speeds() -> None:
-    sensor = replace(QUIET, lateral_offset_mps2=9.8, roll_rad=0.02)
-    ring = radial()
+@lru_cache(maxsize=4)
+def two_speeds(offset_mps2: float) -> tuple[Revolution, ...]:
+    """Return revolutions at two speeds of a rolled sensor with an error of its lateral zero."""
+    sensor = replace(QUIET, lateral_offset_mps2=offset_mps2, roll_rad=0.02)
     both: list[Revolution] = []
     for speed in (50.0, 100.0):
-        values = samples(ring, [(40, lateral(ring))], sensor, speed_kmh=speed)
+        values = samples(radial(), [(40, lateral(radial()))], sensor, speed_kmh=speed)
         both += [r.revolution for r in through_pipeline(values, sensor) if not r.revolution.faults]
-    found = estimate(both, PlySteerEstimator(offset_std_mps2=15.0))
+    return tuple(both)
+
+
+def test_offset_beyond_the_stated_zero_is_measured_and_reported() -> None:
+    found = estimate(two_speeds(9.8))
+    offset = found[OFFSET_NAME]
+    assert offset.status is Status.PROVISIONAL
+    assert codes_of(offset.reasons) == (Code.LATERAL_ZERO_CONTRADICTED,)
+    assert abs(offset.value - 9.8) < 3.0 * offset.std < 1.5
     assert found[ROLL_NAME].value == pytest.approx(0.02, abs=1e-3)
-    assert angles_deg(found) == pytest.approx(true_deg(ring, lateral(ring)), abs=0.012)
+    assert angles_deg(found) == pytest.approx(true_deg(radial(), lateral(radial())), abs=0.012)
+
+
+def test_offset_within_the_stated_zero_is_valid() -> None:
+    for offset, claims in ((0.5, SensorClaims()), (9.8, SensorClaims(zero_g_std_mps2=8.0))):
+        found = estimate(two_speeds(offset), conditions=replace(CONDITIONS, claims=claims))[OFFSET_NAME]
+        assert found.status is Status.VALID
+        assert abs(found.value - offset) < 3.0 * found.std
+
+
+def test_offset_at_one_speed_is_not_separated_from_roll() -> None:
+    found = estimate(rolled(radial(), LateralBelt(), replace(QUIET, lateral_offset_mps2=2.0)))[OFFSET_NAME]
+    assert found.status is Status.PROVISIONAL
+    assert codes_of(found.reasons) == (Code.LATERAL_ZERO_NOT_SEPARATED,)
+    assert found.std > 0.9
+
+
+def test_stated_roll_is_compared_with_the_measured_one() -> None:
+    for stated_deg, status in ((1.1, Status.VALID), (6.0, Status.PROVISIONAL)):
+        claims = SensorClaims(roll_rad=math.radians(stated_deg))
+        found = estimate(two_speeds(0.5), conditions=replace(CONDITIONS, claims=claims))[ROLL_NAME]
+        assert found.status is status
+        assert (Code.ROLL_CONTRADICTED in codes_of(found.reasons)) is (status is Status.PROVISIONAL)
+        assert found.value == pytest.approx(0.02, abs=1e-3)
 
 
 def test_acceleration_does_not_change_the_angle() -> None:
@@ -305,3 +349,59 @@ def test_gain_and_radius_errors_scale_the_angle() -> None:
     for name in (*NAMES, LINE_NAME):
         # The standard error is that of the last renewal.
         assert found[name].std == pytest.approx(math.hypot(plain[name].std, 0.05 * plain[name].value), rel=2e-3)
+
+
+def laminate_of(angle_deg: float) -> TireData:
+    """Return a tire whose plies lie 1.2 mm apart, the inner one at an angle."""
+    plies = tuple(
+        StatedPly(math.radians(angle), 1.2e-3, 200e9, 0.22, math.radians(0.5), 0.03e-3)
+        for angle in (angle_deg, -angle_deg)
+    )
+    return TireData(laminate=BeltLaminate(plies, 6e6, 1.2e6))
+
+
+def with_laminate(revolutions: Sequence[Revolution], angle_deg: float) -> dict[str, Estimate]:
+    conditions = TireConditions(RADIUS_M, radius_std_m=0.002, tire=laminate_of(angle_deg))
+    return estimate(revolutions, conditions=conditions)
+
+
+def test_laminate_angle_stands_with_the_measured_peak() -> None:
+    # The belt of the signal has g = +1.2 mm: plies at -26.6 deg inside.
+    revolutions = rolled(radial(), LateralBelt(), QUIET, 40)
+    found = with_laminate(revolutions, -26.6)
+    angle, peak = found["ply_steer_laminate_rad"], found["ply_steer_peak_rad"]
+    assert angle.status is Status.VALID
+    assert angle.value == pytest.approx(1.2e-3 / RADIUS_M, rel=0.01)
+    assert 0.02 < angle.std / angle.value < 0.1
+    assert abs(peak.value - PEAK_OVER_LAMINATE * angle.value) < 3.0 * PEAK_OVER_LAMINATE_STD * angle.value
+    assert found["laminate_b16_n"].value / found["laminate_a66_npm"].value == pytest.approx(angle.value * RADIUS_M)
+    assert found["laminate_b16_n"].std > 0.0
+
+
+@pytest.mark.parametrize("angle_deg", [26.6, -12.0])
+def test_laminate_that_differs_from_the_peak_is_provisional(angle_deg: float) -> None:
+    angle = with_laminate(rolled(radial(), LateralBelt(), QUIET, 40), angle_deg)["ply_steer_laminate_rad"]
+    assert angle.status is Status.PROVISIONAL
+    assert Code.LAMINATE_DIFFERS in codes_of(angle.reasons)
+
+
+def test_no_laminate_estimates_without_plies() -> None:
+    assert not set(LAMINATE_NAMES) & set(estimate(rolled(radial())))
+
+
+@pytest.mark.parametrize("load_n", [3000.0, 6000.0])
+def test_slope_ahead_matches_that_of_the_belt(load_n: float) -> None:
+    ring = radial(load_n)
+    shape = lateral(ring)
+    ahead = (ring.theta_rad > ring.leading_edge_rad - 0.8) & (ring.theta_rad < ring.leading_edge_rad)
+    found = estimate(rolled(ring, LateralBelt(), Sensor(noise_mg=1.0), 30))[AHEAD_NAME]
+    assert found.status is Status.VALID
+    assert found.value == pytest.approx(-shape.slope_rad[ahead].min(), abs=math.radians(0.005))
+    assert Code.INCLUDES_CONICITY in codes_of(found.reasons)
+
+
+def test_slope_ahead_follows_pressure_more_than_the_peak() -> None:
+    soft, hard = (estimate(rolled(radial(4000.0, pressure))) for pressure in (1.8e5, 2.7e5))
+    factor = {name: soft[name].value / hard[name].value for name in (AHEAD_NAME, NAMES[0])}
+    assert factor[AHEAD_NAME] > 1.25
+    assert factor[NAMES[0]] < 1.05

@@ -11,6 +11,7 @@ import pytest
 
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.slip_angle import (
+    MEAN_NAME,
     NAMES,
     REFERENCE_SETTLED,
     SLIP_NAME,
@@ -18,8 +19,11 @@ from gateway.estimators.slip_angle import (
     lateral_asymmetry,
     slip_asymmetry,
 )
+from gateway.estimators.slip_calibration import SlipCalibration
+from gateway.estimators.tire_data import TireData
 from gateway.physics.lateral_belt import LateralBelt
 from gateway.reasons import Code, Reason, codes_of
+from gateway.simulator.truth import slopes_of
 from tests.testkit.revolution_data import settled
 from tools.generators.lateral_signals import RADIUS_M, Sensor, lateral, radial, samples, through_pipeline
 
@@ -36,12 +40,39 @@ def drive(slips_deg: tuple[tuple[int, float], ...], belt: LateralBelt = BELT) ->
     return tuple(r.revolution for r in through_pipeline(values, SENSOR) if not r.revolution.faults)
 
 
-def follow(revolutions: tuple[Revolution, ...], estimator: SlipAngleEstimator) -> list[dict[str, Estimate]]:
+def follow(
+    revolutions: tuple[Revolution, ...], estimator: SlipAngleEstimator, law: SlipCalibration | None = None
+) -> list[dict[str, Estimate]]:
     average = settled(revolutions[0])
-    return [
-        {e.name: e for e in estimator.update(revolution, average, TireConditions(RADIUS_M))}
-        for revolution in revolutions
-    ]
+    conditions = TireConditions(RADIUS_M, tire=TireData(slip_calibration=law))
+    return [{e.name: e for e in estimator.update(revolution, average, conditions)} for revolution in revolutions]
+
+
+@lru_cache(maxsize=1)
+def calibration() -> SlipCalibration:
+    """Return the calibration of BELT from its true shapes."""
+    found = [first_half(slip) for slip in (-0.1, 0.0, 0.1)]
+    ring = radial(4000.0)
+    half = ring.half_angle_rad
+    return SlipCalibration(
+        belt_share=(found[2] - found[0]) / math.radians(0.2),
+        belt_share_std=0.004,
+        zero_rad=found[1],
+        zero_std_rad=math.radians(0.008),
+        saturation_prad=2.0,
+        saturation_std_prad=1.0,
+        zero_share_correlation=0.0,
+        share_saturation_correlation=0.0,
+        slip_range_rad=(math.radians(-1.0), math.radians(1.0)),
+        half_angle_range_rad=(half, half),
+        pressure_range_pa=(2.1e5, 2.1e5),
+    )
+
+
+def first_half(slip_deg: float) -> float:
+    ring = radial(4000.0)
+    shape = lateral(ring, BELT, math.radians(slip_deg)).y_m
+    return slopes_of(shape, RADIUS_M, ring.leading_edge_rad, ring.trailing_edge_rad).first_half_rad
 
 
 ZIGZAG = ((60, 0.0), (12, 1.0), (12, 0.0), (12, -1.0), (12, 0.0))
@@ -64,16 +95,53 @@ def test_apparent_slip_has_the_belts_share_and_direction() -> None:
 
 
 def test_apparent_slip_error_is_the_scatter() -> None:
-    found = follow(drive(ZIGZAG), SlipAngleEstimator(zero_slope_rad=0.0))
+    exact = replace(calibration(), zero_std_rad=0.0)
+    found = follow(drive(ZIGZAG), SlipAngleEstimator(), exact)
     values = [e[NAMES[0]].value for e in found[10:58]]
     assert found[57][NAMES[0]].std == pytest.approx(np.std(values, ddof=1), rel=0.35)
     assert found[57][NAMES[0]].status is Status.VALID
 
 
 def test_slip_angle_follows_from_the_belts_share() -> None:
-    found = follow(drive(ZIGZAG), SlipAngleEstimator(belt_share=0.21))
+    found = follow(drive(ZIGZAG), SlipAngleEstimator(), calibration())
     assert math.degrees(mean_of(found, LEFT, SLIP_NAME)) == pytest.approx(1.0, abs=0.12)
     assert math.degrees(mean_of(found, RIGHT, SLIP_NAME)) == pytest.approx(-1.0, abs=0.12)
+    errors = [(e[SLIP_NAME].value - math.radians(1.0)) / e[SLIP_NAME].std for e in found[LEFT]]
+    assert np.abs(errors).max() < 3.5
+    assert {e[SLIP_NAME].status for e in found[LEFT]} == {Status.VALID}
+
+
+def test_constant_slip_is_measured_with_a_calibration() -> None:
+    mean = follow(drive(((60, 0.8),)), SlipAngleEstimator(), calibration())[-1][MEAN_NAME]
+    assert mean.status is Status.VALID
+    assert abs(mean.value - math.radians(0.8)) < 3.0 * mean.std
+    assert mean.value > 5.0 * mean.std
+    assert mean.std < math.radians(0.08)
+
+
+def test_constant_slip_is_not_reported_as_zero_without_one() -> None:
+    found = follow(drive(((60, 0.8),)), SlipAngleEstimator())[-1]
+    assert abs(found[NAMES[0]].value) < math.radians(0.05)
+    for name in NAMES[:2]:
+        assert found[name].status is Status.PROVISIONAL
+        assert Code.ZERO_SLIP_IS_MEAN in codes_of(found[name].reasons)
+    assert SLIP_NAME not in found
+
+
+def test_slip_outside_the_calibration_is_provisional() -> None:
+    law = replace(
+        calibration(), slip_range_rad=(math.radians(-0.3), math.radians(0.3)), half_angle_range_rad=(0.1, 0.12)
+    )
+    found = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
+    assert found.status is Status.PROVISIONAL
+    assert {Code.SLIP_OUTSIDE_CALIBRATION, Code.HALF_ANGLE_OUTSIDE_CALIBRATION} <= set(codes_of(found.reasons))
+
+
+def test_slip_beyond_the_law_is_invalid() -> None:
+    law = replace(calibration(), saturation_prad=40.0)
+    found = follow(drive(((60, 0.8),)), SlipAngleEstimator(), law)[-1][MEAN_NAME]
+    assert found.status is Status.INVALID
+    assert codes_of(found.reasons) == (Code.SLIP_BEYOND_LAW,)
 
 
 def test_left_right_asymmetry_needs_ply_steer() -> None:
@@ -99,15 +167,15 @@ def test_learnt_zero_is_provisional_until_settled() -> None:
     found = follow(drive(ZIGZAG), SlipAngleEstimator())
     assert found[1][NAMES[0]].status is Status.PROVISIONAL
     assert found[20][NAMES[0]].status is Status.PROVISIONAL
-    assert found[int(REFERENCE_SETTLED) + 2][NAMES[0]].status is Status.VALID
+    assert found[int(REFERENCE_SETTLED) + 2][NAMES[2]].status is Status.VALID
     assert codes_of(found[int(REFERENCE_SETTLED) + 2][NAMES[0]].reasons) == (Code.ZERO_SLIP_IS_MEAN,)
 
 
 def test_faulty_revolutions_are_rejected() -> None:
     revolution = drive(ZIGZAG)[0]
     bad = replace(revolution, faults=(Reason(Code.SAMPLES_LOST),))
-    found = follow((bad,), SlipAngleEstimator(belt_share=0.2))[0]
-    assert set(found) == {*NAMES, SLIP_NAME}
+    found = follow((bad,), SlipAngleEstimator(), calibration())[0]
+    assert set(found) == {*NAMES, SLIP_NAME, MEAN_NAME}
     assert all(e.status is Status.INVALID and Code.SAMPLES_LOST in codes_of(e.reasons) for e in found.values())
 
 

@@ -122,7 +122,11 @@ def test_doubt_applies_in_its_own_revolution(revolutions: list[Revolution]) -> N
     doubt = Reason(Code.AXIS_READS)
     doubts = [doubt if index == at else None for index in range(len(revolutions))]
     results = estimated(revolutions, 16, ("kinematic", "weak-form"), doubts)
-    assert [e.name for e in results[at].estimates if doubt not in e.reasons] == ["speed_mps"]
+    assert [e.name for e in results[at].estimates if doubt not in e.reasons] == [
+        "speed_mps",
+        "angular_speed_radps",
+        "rotation_rpm",
+    ]
     assert not any(doubt in e.reasons for e in results[at + 1].estimates)
 
 

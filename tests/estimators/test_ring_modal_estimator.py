@@ -13,10 +13,10 @@ from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.ring_modal import RingModalEstimator, fit_modal
 from gateway.estimators.ring_paper import RingPaperEstimator
 from gateway.physics.contact_pressure import road_orders
+from gateway.physics.damped_modes import signal_orders
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters
 from gateway.reasons import Code, codes_of
-from tests.testkit.damped_ring_modes import signal_orders
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 

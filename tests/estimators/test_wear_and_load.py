@@ -18,7 +18,7 @@ from tests.testkit.revolution_data import exact_wave, make_revolution, settled
 from tests.testkit.simulated_wheel import last, simulated
 
 # The simulator's new tire.
-NEW = TireData(0.015, 0.0, ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3, temperature_degc=25.0))
+NEW = TireData(0.015, reference=ReferenceNumbers(3.08e-3, 0.195, 2.97, 2.53, pressure_pa=210e3, temperature_degc=25.0))
 ESTIMATORS = ("load", "wear", "weak-form", "kinematic")  # in any order
 
 
@@ -191,8 +191,8 @@ def test_stated_load_does_not_set_the_estimate() -> None:
 def test_load_by_angle_is_corrected_for_wear() -> None:
     found = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
     by_angle = found["load_by_angle_n"]
-    (worn,) = (one for one in by_angle.reasons if one.code is Code.CORRECTED_FOR_WEAR)
-    assert worn["wear_m"] == pytest.approx(0.005, abs=5e-5)
+    (softer,) = (one for one in by_angle.reasons if one.code is Code.CORRECTED_FOR_BENDING)
+    assert softer["change"] == pytest.approx((10.0 / 15.0) ** 3 - 1.0, abs=0.01)
     assert abs(by_angle.value - 5000.0) < 2.0 * by_angle.std < 1000.0
     assert found["load_n"].value == pytest.approx(5000.0, rel=0.01)
     assert Code.FROM_BELT_WIDTH in codes_of(found["load_n"].reasons)
@@ -236,4 +236,8 @@ def test_calibration_outside_its_range_is_provisional() -> None:
     conditions = replace(CONDITIONS, tire=replace(NEW, load_calibration=narrow), given={})
     found = LoadEstimator().update(REVOLUTION, AVERAGE, conditions)[1]
     assert found.status is Status.PROVISIONAL
-    assert codes_of(found.reasons) == (Code.HALF_ANGLE_OUTSIDE_CALIBRATION, Code.WEAR_UNKNOWN)
+    assert codes_of(found.reasons) == (
+        Code.HALF_ANGLE_OUTSIDE_CALIBRATION,
+        Code.WEAR_UNKNOWN,
+        Code.TEMPERATURE_NOT_COMPENSATED,
+    )

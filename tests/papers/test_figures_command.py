@@ -14,6 +14,8 @@ from gateway.cli.figures import figures as command
 from gateway.errors import ConfigError, OutputError
 from gateway.papers.figure_registry import all_figures, chosen, title
 from gateway.papers.figure_sheet import draw_figures
+from tools import docs_paper_figures
+from tools.docs_outputs import ROOT
 
 NEEDS_PLOT = pytest.mark.skipif(
     importlib.util.find_spec("matplotlib") is None, reason="matplotlib (extra 'plot') is not installed"
@@ -22,7 +24,7 @@ NEEDS_PLOT = pytest.mark.skipif(
 
 def test_registry_has_figures_of_both_papers() -> None:
     names = set(all_figures())
-    assert {f"ring-fig-{n}" for n in range(11, 17)} <= names
+    assert {f"ring-fig-{n}" for n in (7, 9, 10, *range(11, 17))} | {"ring-eq-11", "ring-trends"} <= names
     assert {f"ply-steer-fig-{n}" for n in (10, 11, 13, 14, 15)} | {"ply-steer-tables"} <= names
     assert all(len(title(draw)) > 10 for draw in all_figures().values())
 
@@ -102,7 +104,9 @@ def test_axes_have_labels_with_units() -> None:
             figure = Figure()
             draw(figure)
             assert figure.axes[-1].get_xlabel(), name
-            assert all(axes.get_ylabel() for axes in figure.axes), name
+            first = figure.axes[0]
+            shared = first.get_shared_y_axes()
+            assert all(axes.get_ylabel() or shared.joined(axes, first) for axes in figure.axes), name
             assert figure.axes[0].get_legend() is not None, name
 
 
@@ -118,10 +122,11 @@ def test_fig_11_reports_good_fit_with_wrong_numbers(captions: dict[str, str]) ->
 
 
 def test_captions_report_what_is_reproduced(captions: dict[str, str]) -> None:
-    for name in ("ring-fig-11", "ring-fig-12", "ring-fig-13"):
+    for name in ("ring-fig-7", "ring-fig-9", "ring-fig-10", "ring-fig-11", "ring-fig-12", "ring-fig-13"):
         assert captions[name].startswith("Reproduced")
     for name in ("ring-fig-14", "ring-fig-15", "ring-fig-16"):
         assert captions[name].startswith("Not reproduced")
+        assert "Reproduced by Eq. 28 (right)" in captions[name]
 
 
 def test_fig_13_bending_falls_with_wear(captions: dict[str, str]) -> None:
@@ -133,3 +138,74 @@ def test_fig_13_bending_falls_with_wear(captions: dict[str, str]) -> None:
     weak = re.search(r"stays within ([\d.]+)%", captions["ring-fig-13"])
     assert weak
     assert float(weak[1]) < 2.0
+
+
+def test_fig_7_has_its_power_on_integer_orders(captions: dict[str, str]) -> None:
+    shares = [float(share) for share in re.findall(r"([\d.]+) ± [\d.]+ % at", captions["ring-fig-7"])]
+    assert len(shares) == 3
+    assert shares == sorted(shares)
+    assert 99.9 < shares[0] < 99.99
+
+
+def test_fig_9_forces_vanish_at_different_orders(captions: dict[str, str]) -> None:
+    found = re.search(r"π / θr = ([\d.]+); the pressure of the exact ring at ([\d.]+)\.", captions["ring-fig-9"])
+    assert found
+    assert float(found[1]) == pytest.approx(13.1, abs=0.1)
+    assert float(found[2]) == pytest.approx(14.1, abs=0.1)
+
+
+def test_fig_10_gives_each_number_its_orders(captions: dict[str, str]) -> None:
+    text = captions["ring-fig-10"]
+    assert "Bs at n = 9 to 30, Cw at n = 5 to 8, Rs at n = 1 to 4" in text
+    assert "Bs 18, Cw 8, Rs 6, Ts 4" in text
+
+
+def test_trends_caption_names_what_decides(captions: dict[str, str]) -> None:
+    found = re.search(r"has exponent ([-+\d.]+) where the width is constant, ([-+\d.]+) where", captions["ring-trends"])
+    assert found
+    assert abs(float(found[1])) < 0.02
+    assert float(found[2]) > 0.3
+
+
+QUOTED = {
+    "ring-fig-7": ("99.938", "99.999"),
+    "ring-fig-9": ("13.1", "14.1"),
+    "ring-fig-10": ("n = 9 to 30", "46%"),
+    "ring-fig-11": ("6%", "0.78, 0.64, 1.07, 2.22"),
+    "ring-fig-12": ("17 m/s² rms of 1588 m/s²",),
+    "ring-fig-13": ("2.34, 1.36, 0.73",),
+    "ring-fig-14": ("slope -0.28, r -0.53", "exponent 3.8"),
+    "ring-fig-15": ("r +0.31",),
+    "ring-fig-16": ("r -0.24",),
+    "ring-eq-11": (
+        "1.6%",
+        "14%",
+        "-0.88",
+        "4.9%",
+        "41%",
+        "28 N m",
+        "1.13 and +0.47",
+        "1.55 and -1.30",
+        "0.75 and +3.51",
+    ),
+}
+"""Figures that docs/evidence/ring-paper-figures.md quotes from the captions."""
+
+
+@NEEDS_PLOT
+def test_docs_quote_what_the_captions_say(captions: dict[str, str]) -> None:
+    for name, quotes in QUOTED.items():
+        for quote in quotes:
+            assert quote in captions[name], name
+
+
+@NEEDS_PLOT
+def test_eq_11_caption_lists_the_bias_at_each_load(captions: dict[str, str]) -> None:
+    assert "2000 N: 1.13 and +0.47; 5000 N: 1.55 and -1.30; 8000 N: 0.75 and +3.51" in captions["ring-eq-11"]
+
+
+def test_docs_show_every_figure_of_the_ring_paper() -> None:
+    page = (ROOT / "docs" / "evidence" / "ring-paper-figures.md").read_text("utf-8")
+    for name in docs_paper_figures.names():
+        assert f"(../figures/{name}.svg)" in page
+        assert (docs_paper_figures.FOLDER / f"{name}.svg").is_file()

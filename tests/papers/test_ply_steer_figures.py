@@ -41,3 +41,16 @@ def test_captions_report_the_papers_phenomena() -> None:
     left_out = re.search(r"within (\d+\.\d) % rms", caption("tables"))
     assert left_out
     assert float(left_out[1]) <= 4.0
+
+
+def test_laminate_figure_compares_stated_plies_with_the_peak() -> None:
+    found = re.search(r"is (\d\.\d+) to (\d\.\d+) of it", caption("laminate"))
+    assert found
+    assert 0.8 < float(found[1]) <= float(found[2]) < 1.0
+
+
+def test_slope_ahead_follows_the_pressure_and_the_peak_does_not() -> None:
+    found = re.search(r"\((\d\.\d+), peak\).* has a trend \((\d\.\d+)\)", caption("fig-14"))
+    assert found
+    assert abs(float(found[1]) - 1.0) < 0.05
+    assert float(found[2]) > 1.25

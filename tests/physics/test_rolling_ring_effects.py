@@ -127,14 +127,20 @@ def test_softer_tread_lengthens_contact(plain: RingSolution) -> None:
 
 LAWS = {
     "plain": {},
-    "damped": {"damping_nspm2": 200.0, "tread_damping_nspm2": 1e3, "stiffening_pm": 5.0},
+    "damped": {
+        "radial_damping_nspm2": 200.0,
+        "tangential_damping_nspm2": 200.0,
+        "tread_damping_nspm2": 1e3,
+        "stiffening_pm": 5.0,
+    },
     "drum with torque": {"drum_radius_m": 0.85, "torque_nm": 100.0},
     "shear, hollow drum, all losses": {
         "shear_n": 6e4,
         "drum_radius_m": -1.5,
         "torque_nm": 100.0,
         "tread_damping_nspm2": 3e3,
-        "damping_nspm2": 100.0,
+        "radial_damping_nspm2": 100.0,
+        "tangential_damping_nspm2": 300.0,
     },
 }
 
@@ -149,7 +155,8 @@ def test_tangent_matches_finite_differences(changes: dict[str, float]) -> None:
             "radial_npm2": 6.2e5,
             "tangential_npm2": 5.3e5,
             "stiffening_pm": 0.0,
-            "damping_nspm2": 0.0,
+            "radial_damping_nspm2": 0.0,
+            "tangential_damping_nspm2": 0.0,
             "mass_kgpm": 3.5,
             "extension_n": 5e6,
             "shear_n": math.inf,

@@ -38,6 +38,17 @@ def run_live(packets, setups=(SETUP,), pieces=None):
     return results + pipeline.finish(), pipeline
 
 
+def arrivals_ns(packets, hold_s):
+    """Return the results of a pipeline, and for each the arrival time of the packet that it came with."""
+    pipeline, decoder = Pipeline((SETUP,), UNKNOWN, hold_s=hold_s), FrameDecoder()
+    results, came_ns = [], []
+    for data, host_ns in packets:
+        found = pipeline.frames("link", decoder.feed(data), host_ns)
+        results += found
+        came_ns += [host_ns] * len(found)
+    return results, came_ns, pipeline.finish()
+
+
 def run_batch(packets, setups=(SETUP,), block=50_000):
     pipeline, decoder = Pipeline(setups, UNKNOWN), BatchDecoder()
     ends = np.cumsum([len(data) for data, _ in packets])
@@ -282,3 +293,36 @@ def test_hub_itself_is_no_wheel(roll, to_frames):
     pipeline = Pipeline((), UNKNOWN)
     assert pipeline.frames("x", frames, 0) + pipeline.finish() == []
     assert pipeline.wheels() == ()
+
+
+def test_held_revolutions_agree_and_come_in_time(four_wheels):
+    packets = stream(four_wheels, step_ns=938_000)
+    at_once, came_ns, rest = arrivals_ns(packets, 0.0)
+    held, later_ns, held_rest = arrivals_ns(packets, 0.2)
+    assert_agree([*held, *held_rest], [*at_once, *rest])
+    first_ns = {(r.position, r.revolution.index): at for r, at in zip(at_once, came_ns, strict=True)}
+    waits = [at - first_ns[r.position, r.revolution.index] for r, at in zip(held, later_ns, strict=True)]
+    assert min(waits) >= 0
+    assert max(waits) <= 0.2e9 + 20e6
+    assert max(later_ns.count(at) for at in later_ns) > 1
+
+
+def test_revolutions_of_a_silent_wheel_do_not_wait(four_wheels):
+    pipeline = Pipeline((SETUP,), UNKNOWN, hold_s=0.2)
+    stops = len(four_wheels) // 2
+    results = []
+    for at, frame in enumerate(four_wheels):
+        if at < stops or frame.wheel:
+            results += pipeline.frames("link", [frame], 10**18 + at * 938_000)
+    of_wheel = [result for result in results if result.position == "FL"]
+    assert len(of_wheel) > 10
+    assert not [result for result in pipeline.complete("link") if result.position == "FL"]
+
+
+def test_revolutions_do_not_wait_for_a_hub_clock_that_stands_still(four_wheels):
+    pipeline = Pipeline((SETUP,), UNKNOWN, hold_s=0.2)
+    first = four_wheels[0].tick_us
+    results = []
+    for at, frame in enumerate(four_wheels):
+        results += pipeline.frames("link", [frame._replace(tick_us=first)], 10**18 + at * 938_000)
+    assert len(results) > 0.85 * len([*results, *pipeline.finish()])

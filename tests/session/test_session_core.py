@@ -179,3 +179,17 @@ def test_event_details_survive_recording(tmp_path):
     writer.write(event)
     writer.close()
     assert [item for item in RecordingReader(tmp_path / "r.mcap").items() if isinstance(item, LinkEvent)] == [event]
+
+
+def test_silent_link_returns_waiting_revolutions(demo):
+    items, vehicle = demo
+    core = SessionCore(vehicle)
+    taken = items[: len(items) // 2]
+    results = [result for item in taken for result in core.take(item)]
+    now_ns = taken[-1].host_ns
+    assert not core.tick(now_ns + 100_000_000)
+    waiting = core.tick(now_ns + 500_000_000)
+    assert waiting
+    latest = {result.position: result.revolution.index for result in results}
+    assert all(result.revolution.index > latest[result.position] for result in waiting)
+    assert not core.tick(now_ns + 600_000_000)

@@ -98,12 +98,41 @@ def test_orders_above_the_sampling_are_unknown():
 
 def test_gap_between_revolutions_ends_a_block():
     total = OrderAccumulator(5.0)
-    for index in (*range(7), *range(8, 15)):
+    for index in (*range(3), *range(4, 7)):
         total.add(index, curves(np.cos(angle_grid())), OMEGA, 60)
     found = total.statistics()
     assert found is not None
-    assert (found.revolutions, found.blocks) == (14, 0)
+    assert (found.revolutions, found.blocks) == (6, 0)
     assert np.isnan(found.integer_share).all()
+    assert found.block_mps2.size == 0
+
+
+def test_short_recording_has_a_spectrum_of_its_longest_run():
+    rng = np.random.default_rng(2)
+    total = OrderAccumulator(5.0)
+    for index in (*range(5), *range(6, 10)):
+        total.add(index, curves(rng.standard_normal(GRID_SIZE)), OMEGA, 60)
+    found = total.statistics()
+    assert found is not None
+    assert (found.blocks, found.block_revolutions, found.noise_share) == (1, 5, 0.2)
+    assert found.fine_order[1] == pytest.approx(0.2)
+    assert found.fine_mps2.shape == (3, 5 * 61)
+    assert found.integer_share[2] == pytest.approx(0.2, abs=0.1)
+    assert np.isnan(found.integer_share_std).all()
+    assert found.speeds[0].blocks == 1
+
+
+def test_each_speed_has_its_own_share():
+    theta, rng = angle_grid(), np.random.default_rng(3)
+    quiet = [(curves(np.cos(2 * theta)), 12.0, 60)] * (2 * BLOCK_REVOLUTIONS)
+    noisy = [(curves(rng.standard_normal(GRID_SIZE)), 32.0, 60) for _ in range(2 * BLOCK_REVOLUTIONS)]
+    found = statistics_of([*quiet, *noisy])
+    slow, fast = found.speeds
+    assert (slow.blocks, fast.blocks) == (2, 2)
+    assert slow.integer_share[2] == pytest.approx(1.0)
+    assert fast.integer_share[2] < 0.25
+    np.testing.assert_allclose(slow.fine_mps2[2][2 * BLOCK_REVOLUTIONS], 1.0)
+    np.testing.assert_allclose(found.block_mps2[2][:GRID_SIZE], np.roll(np.cos(2 * theta), -GRID_SIZE // 2))
 
 
 def test_no_revolution_has_no_statistics():

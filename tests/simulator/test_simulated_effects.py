@@ -155,7 +155,7 @@ def test_stone_strikes_once_per_revolution_and_rings() -> None:
 def test_jitter_moves_only_the_contact_edges(lead: float, trail: float, parts: int) -> None:
     angle = np.linspace(0.0, 2 * math.pi * 300, 300 * 800, endpoint=False)
     jitter = EdgeJitter(lead, trail, np.random.default_rng(3))
-    moved = np.concatenate([jitter.place(piece, (-0.25, 0.25)) for piece in np.array_split(angle, parts)])
+    moved = np.concatenate([jitter.place(piece, (-0.25, 0.25), piece) for piece in np.array_split(angle, parts)])
     within = np.mod(angle + math.pi, 2 * math.pi) - math.pi
     # At either edge the other one moves the shape by half, the edges being one reach apart.
     at_edge = (moved - angle)[np.abs(within + 0.25) < 0.004]

@@ -9,14 +9,23 @@ import pytest
 
 from gateway.estimators.ply_steer_models import compare, table_points
 from tools.ply_steer_trend import (
+    LEAST_CORNERING_NPDEG,
     PROPERTY_LOADS_N,
+    BeltAnswer,
+    ahead_laws,
     beam_answer,
+    belt_answers,
     belt_laws,
+    conicity_exponents,
     derived_laws,
     exponent,
+    exponents_of,
     judge,
+    plane,
+    possible_force_factors,
     property_files,
     property_laws,
+    rejection,
     short_patch,
     whole_patch,
 )
@@ -94,10 +103,62 @@ def test_candidate_laws() -> None:
     assert whole_patch(POINTS, 1000.0, 0.5) == pytest.approx(short_patch(POINTS, 1000.0, 0.5), rel=0.3)
 
 
-def test_coupling_inside_belt_has_no_trend() -> None:
-    laws = belt_laws(POINTS, ANGLE)
+@pytest.fixture(scope="module")
+def answers() -> list[BeltAnswer]:
+    return belt_answers(POINTS)
+
+
+def test_slopes_inside_the_contact_have_no_trend(answers: list[BeltAnswer]) -> None:
+    laws = belt_laws(answers, ANGLE)
     assert len(laws) == 108
     assert laws[0].left_out_rms == pytest.approx(0.150, abs=2e-3)
+    through = plane(POINTS, ANGLE)
+    values = [column for answer in answers for column in answer.slopes_rad.T]
+    assert max(rejection(value, ANGLE, through) for value in values) == pytest.approx(0.006, abs=1e-3)
+
+
+def test_slope_ahead_of_the_contact_has_the_tables_trend(answers: list[BeltAnswer]) -> None:
+    through = plane(POINTS, ANGLE)
+    tests = [rejection(answer.ahead_rad, ANGLE, through) for answer in answers]
+    assert (len(tests), sum(value > 0.05 for value in tests)) == (36, 21)
+    listed = {
+        (answer.belt.bending_stiffness_nm2, answer.belt.tread_stiffness_npm2): (answer, law.left_out_rms)
+        for answer, law in zip(answers, ahead_laws(answers, ANGLE), strict=True)
+        if answer.belt.shear_stiffness_n == 1.6e6 and answer.share == 1.0
+    }
+    table = {
+        (100.0, 1e6): (0.056, 0.97, -0.73, 1.35),
+        (100.0, 8e6): (0.051, 0.63, -0.65, 1.32),
+        (1e3, 1e6): (0.065, 0.97, -0.62, 1.29),
+        (1e3, 8e6): (0.072, 1.11, -0.82, 1.40),
+    }
+    for key, (left_out, of_load, of_pressure, factor) in table.items():
+        answer, found = listed[key]
+        assert found == pytest.approx(left_out, abs=6e-4)
+        assert exponents_of(answer.ahead_rad, POINTS) == pytest.approx([of_load, of_pressure], abs=6e-3)
+        assert answer.ahead_rad[0] / answer.ahead_rad[3] == pytest.approx(factor, abs=6e-3)
+
+
+def test_no_belt_of_a_tires_stiffness_has_the_measured_force(answers: list[BeltAnswer]) -> None:
+    factors = possible_force_factors(answers, ANGLE, plane(POINTS, ANGLE))
+    assert len(factors) == 7
+    assert min(factors) == pytest.approx(2.4, abs=0.05)
+    assert LEAST_CORNERING_NPDEG == 500.0
+
+
+def test_six_points_reject_few_laws() -> None:
+    through = plane(POINTS, ANGLE)
+    assert through.exponents == pytest.approx([0.74, -0.90], abs=6e-3)
+    assert through.half_widths == pytest.approx([0.29, 0.34], abs=6e-3)
+    assert through.scatter == pytest.approx(0.033, abs=5e-4)
+    assert through.scatter_range == pytest.approx((0.019, 0.124), abs=6e-4)
+    tests = {law.name: rejection(law.fitted_rad, ANGLE, through) for law in compare(POINTS, ANGLE)}
+    kept = {"K a / sqrt(p)": 0.972, "K a / sqrt(T (1 + p / 2.1 bar) / 2)": 0.256, "K Q / p": 0.132, "K a / p": 0.051}
+    for name, probability in kept.items():
+        assert tests[name] == pytest.approx(probability, abs=1e-3)
+    assert tests["K / R (Eq. 18, flat contact)"] == pytest.approx(0.003, abs=6e-4)
+    nominal = rejection(short_patch(POINTS, 1000.0, 0.5), ANGLE, through)
+    assert nominal == pytest.approx(0.095, abs=1e-3)
 
 
 def test_property_files_of_another_tire() -> None:
@@ -124,3 +185,6 @@ def test_property_files_of_another_tire() -> None:
     found = {law.name: law.left_out_rms for law in property_laws(files)}
     assert list(found) == ["K a / sqrt(p)", "K Q / p", "K a", "K a / p", "c0 + c1 a^2 / p", "K (Eq. 18)"]
     assert list(found.values()) == pytest.approx([0.13, 0.20, 0.25, 0.34, 0.42, 0.50], abs=6e-3)
+    of_conicity = {12e3: (-0.79, -1.14, -2.22), 17e3: (-0.57, -0.77, -1.21), 22e3: (-0.41, -0.53, -0.77)}
+    for load, exponents in of_conicity.items():
+        assert conicity_exponents(files, load) == pytest.approx(exponents, abs=6e-3)

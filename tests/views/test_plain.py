@@ -1,3 +1,4 @@
+import dataclasses
 import math
 
 import pytest
@@ -24,12 +25,25 @@ def test_line_shows_the_measured_values(made, plain):
     view.result(made.result("RL", index=7))
     header, line = lines
     assert line.split() == [
-        *("RL", "7", "100.700", "65.000", "-13.740±0.097", "13.51±0.10"),
+        *("RL", "7", "100.700", "65.000", "538.8", "—", "-13.740±0.097", "13.51±0.10"),
         *("Bs", "(3.083±0.012)e-3", "Cw", "0.1953±0.0012", "Rs", "2.974±0.031", "Ts", "2.529±0.099"),
         *("210.0", "ok"),
     ]
     for title, value in (("rev", "7"), ("km/h", "65.000"), ("leading deg", "0.097"), ("kPa", "210.0")):
         assert header.index(title) + len(title) == line.index(value, line.index("RL") + 2) + len(value)
+
+
+def test_line_shows_rotation_and_distance(made, plain):
+    view, lines = plain
+    measured = made.result("RL")
+    rolled = (
+        Estimate("rotation_rpm", 538.81, 0.02, Status.VALID),
+        Estimate("distance_m", 1234.567, 12.0, Status.PROVISIONAL, (Reason(Code.DISTANCE_INTERRUPTED, count=1.0),)),
+    )
+    view.result(dataclasses.replace(measured, estimates=(*measured.estimates, *rolled)))
+    header, line = lines
+    for title, value in (("rpm", "538.8"), (" m ", "1234.6 ")):
+        assert header.index(title) + len(title) == line.index(value) + len(value)
 
 
 def test_header_returns_every_forty_lines(made, plain):

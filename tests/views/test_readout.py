@@ -1,6 +1,8 @@
 import dataclasses
 import math
 
+import pytest
+
 from gateway.estimators.estimator import Estimate, Status
 from gateway.reasons import Code, Reason
 from gateway.views.numbers import MISSING
@@ -70,3 +72,14 @@ def test_revolution_is_shown_without_estimates(made):
     )
     assert read_result(blind).trailing.number.joined() == MISSING
     assert read_result(blind).speed.number.joined() == MISSING
+
+
+def test_rotation_and_distance_are_read(made):
+    measured = made.result()
+    rolled = Estimate("distance_m", 1234.5, 12.0, Status.VALID)
+    reading = read_result(dataclasses.replace(measured, estimates=(*measured.estimates, rolled)))
+    assert reading.distance.text() == "1234 ± 12 m"
+    # Without an estimate of it, the rotation is the revolution's own.
+    assert reading.rotation.value == pytest.approx(measured.revolution.omega_radps * 30.0 / math.pi)
+    assert reading.rotation.unit == "rpm"
+    assert read_result(measured).distance is None

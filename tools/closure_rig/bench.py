@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ import numpy as np
 EXTENSION_STIFFNESS_MN = 20_000.0
 # With half as many a belt is softer by a shear length of 0.4 mm, which shows in a hundred revolutions at 3 mg/rtHz.
 RING_NODES = 2880
+SAMPLE_RATE_HZ = 9600.0
 REFERENCE_DEGC = 25.0
 """Temperature at which the simulator's gains hold."""
 
@@ -86,7 +87,7 @@ def draw_bench(rng: np.random.Generator) -> Bench:
         mass_kgpm=float(rng.uniform(2.5, 5.0)),
         tread_mpa=float(70.0 * math.exp(rng.uniform(-0.4, 0.4))),
         offset_mm=float(rng.choice([0.0, rng.uniform(1.0, 6.0)])),
-        rate_hz=9600.0,
+        rate_hz=SAMPLE_RATE_HZ,
         noise_mg_rthz=(first, second, third),
         lateral={
             "lateral_shear_stiffness_mn": float(1.6 * math.exp(rng.uniform(-0.3, 0.3))),
@@ -104,3 +105,29 @@ def draw_bench(rng: np.random.Generator) -> Bench:
             Run(65.0, light, pressure, reverse=True),
         ),
     )
+
+
+def draw_campaign(rng: np.random.Generator, *, warm: bool = False) -> Bench:
+    """Return a tire, a sensor, and two or three runs whose speed, load, pressure and temperature differ at random.
+
+    Args:
+        rng: random numbers.
+        warm: one run is made warm, for what only temperature shows.
+    """
+    bench = draw_bench(rng)
+    light, heavy = bench.runs[0].load_n, bench.runs[2].load_n
+    usual, higher = bench.runs[0].pressure_kpa, bench.runs[4].pressure_kpa
+    first = Run(float(rng.uniform(40.0, 60.0)), light if rng.random() < 0.5 else heavy, usual)
+    runs = [first]
+    for _ in range(int(rng.integers(1, 3))):
+        run = replace(first, speed_kmh=float(first.speed_kmh * rng.uniform(1.25, 1.8)))
+        if rng.random() < 0.4:
+            run = replace(run, load_n=heavy if first.load_n == light else light)
+        if rng.random() < 0.2:
+            run = replace(run, pressure_kpa=higher)
+        if rng.random() < 0.25 or (warm and len(runs) == 1):
+            run = replace(run, temperature_degc=REFERENCE_DEGC + float(rng.uniform(30.0, 45.0)))
+        if rng.random() < 0.2:
+            run = replace(run, reverse=True)
+        runs.append(run)
+    return replace(bench, runs=tuple(runs))

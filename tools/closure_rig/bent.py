@@ -1,7 +1,9 @@
-"""Sensor with a nonlinear radial axis, which the simulator lacks."""
+"""Sensor element that the simulator lacks: a nonlinear radial axis, and a bond that yields."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +12,9 @@ from numpy.typing import NDArray
 
 from gateway.simulator.sensor import SensorChain
 from gateway.types import FloatArray
+
+Element = Callable[[FloatArray, FloatArray], FloatArray]
+"""From (n, 3) specific force and (n,) times, s, to the (n, 3) that the sensor's own axes read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,24 +29,48 @@ class Bend:
     square_s2pm: float
     cube_s4pm2: float
 
-    def __call__(self, force_mps2: FloatArray) -> FloatArray:
+    def __call__(self, force_mps2: FloatArray, _: FloatArray) -> FloatArray:
         """Return the output of the nonlinear element for (n, 3) specific force."""
         read = force_mps2.copy()
         read[:, 2] *= 1.0 + force_mps2[:, 2] * (self.square_s2pm + self.cube_s4pm2 * force_mps2[:, 2])
         return read
 
 
-class BentChain:
-    """Sensor chain with a nonlinear element."""
+@dataclass(frozen=True, slots=True)
+class Creep:
+    """The sensor's bond yields under the centripetal load: its pitch grows with the logarithm of time.
 
-    def __init__(self, chain: SensorChain, bend: Bend) -> None:
-        """Take the sensor and its nonlinearity."""
+    Attributes:
+        pitch_rad: reached after `reach_s`.
+        onset_s: time constant of the creep law, ln(1 + t / onset).
+        reach_s: time at which `pitch_rad` is reached.
+    """
+
+    pitch_rad: float
+    onset_s: float
+    reach_s: float
+
+    def __call__(self, force_mps2: FloatArray, time_s: FloatArray) -> FloatArray:
+        """Return (n, 3) specific force along the axes of the tilting sensor."""
+        angle = self.pitch_rad * np.log1p(time_s / self.onset_s) / math.log1p(self.reach_s / self.onset_s)
+        cosine, sine = np.cos(angle), np.sin(angle)
+        read = force_mps2.copy()
+        read[:, 0] = cosine * force_mps2[:, 0] + sine * force_mps2[:, 2]
+        read[:, 2] = cosine * force_mps2[:, 2] - sine * force_mps2[:, 0]
+        return read
+
+
+class BentChain:
+    """Sensor chain with such an element in front."""
+
+    def __init__(self, chain: SensorChain, element: Element) -> None:
+        """Take the sensor and its element."""
         self._chain = chain
-        self._bend = bend
+        self._element = element
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._chain, name)
 
     def __call__(self, force_mps2: FloatArray, time_s: FloatArray, temperature_degc: float) -> NDArray[np.int16]:
         """Return the sensor's counts of the distorted force."""
-        return self._chain(self._bend(force_mps2), time_s, temperature_degc)
+        return self._chain(self._element(force_mps2, time_s), time_s, temperature_degc)

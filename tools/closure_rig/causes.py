@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from typing import Any, Final
 
 import numpy as np
 
-from closure_rig.bench import Bench
+from closure_rig.bench import SAMPLE_RATE_HZ, Bench
 from closure_rig.bent import Bend
 from gateway.constants import STANDARD_GRAVITY_MPS2
 
@@ -45,6 +46,14 @@ class Drawing:
         return self.between(-180.0, 180.0)
 
 
+class Locked(Enum):
+    """Part of the signal that shows an effect: the mean revolution, the spectrum of the rest, or single contacts."""
+
+    MEAN = "mean"
+    SPECTRUM = "spectrum"
+    EDGES = "edges"
+
+
 @dataclass(frozen=True, slots=True)
 class Cause:
     """A physical effect that a scenario can contain.
@@ -57,6 +66,8 @@ class Cause:
         mirrored: (table, key) of phases that change sign when the tire rolls backwards.
         per_load: (table, key) of what is in proportion to each run's load; their values are for 1 N.
         bend: nonlinearity of the sensor, which no scenario has; None when the tables are enough.
+        locked: part of the signal that shows it.
+        lowest: smallest size that is of interest; None for any.
     """
 
     name: str
@@ -66,6 +77,8 @@ class Cause:
     mirrored: tuple[tuple[str, str], ...] = ()
     per_load: tuple[tuple[str, str], ...] = ()
     bend: Callable[[Drawing], Bend] | None = None
+    locked: Locked = Locked.MEAN
+    lowest: float | None = None
 
 
 def _nothing(_: Drawing) -> Tables:
@@ -213,9 +226,10 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("gain-temperature drift", "%/K", (0.0005, 0.0015, 0.03), _gain_temperature),
     Cause("sensor nonlinearity", "% at 2000 m/s^2", (0.02, 0.06, 1.0), _nothing, bend=_bend),
     Cause("zero-g offset", "g", (0.006, 0.02, 1.0), _zero_g),
-    Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac),
+    # Any corner loses the mean, which is a hundred times the detection limit.
+    Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac, lowest=0.05),
     # Beside its delay, which is the contact centre's, it goes with the cube of what is listed.
-    Cause("anti-alias filter", "Hz", (1800.0, 1250.0, 600.0), _low_pass),
+    Cause("anti-alias filter", "Hz", (1800.0, 1250.0, 600.0), _low_pass, lowest=0.45 * SAMPLE_RATE_HZ),
     Cause("sample clock error", "ppm", (40.0, 120.0, 1000.0), _clock),
     Cause("clipping", "R Omega^2 of the fastest run", (1.36, 1.28, 1.1), _clip),
     Cause("structural damping", "N s/m^2", (1.5, 4.5, 100.0), _tire("foundation_damping_nspm2")),
@@ -231,15 +245,15 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("torsional ripple", "%", (0.002, 0.006, 0.5), _ripple),
     Cause("imbalance and hub motion", "m/s^2", (0.08, 0.24, 3.0), _imbalance, (("vibration", "imbalance_deg"),)),
     Cause("run-out", "mm", (0.025, 0.075, 1.5), _runout, (("tire", "runout_deg"),)),
-    Cause("road vibration", "m/s^2", (0.1, 0.3, 5.0), _road),
-    Cause("hub vibration", "m/s^2", (0.18, 0.54, 2.0), _hub),
-    Cause("cavity resonance", "m/s^2", (0.07, 0.2, 5.0), _cavity),
+    Cause("road vibration", "m/s^2", (0.1, 0.3, 5.0), _road, locked=Locked.SPECTRUM),
+    Cause("hub vibration", "m/s^2", (0.18, 0.54, 2.0), _hub, locked=Locked.SPECTRUM),
+    Cause("cavity resonance", "m/s^2", (0.07, 0.2, 5.0), _cavity, locked=Locked.SPECTRUM),
     Cause("ply steer", "mm (ply separation)", (0.008, 0.024, 1.2), _ply_steer),
     Cause("conicity", "deg", (0.01, 0.03, 0.6), _tire("conicity_deg", signed=True)),
     Cause("carcass compliance", "deg (slip angle)", (0.008, 0.024, 0.3), _slip),
     Cause("camber", "deg", (0.35, 1.0, 4.0), _camber),
     # Visible in single revolutions, not in their mean; at 15 mg/rtHz three times the size is needed.
-    Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter),
+    Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter, locked=Locked.EDGES),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
 )
 

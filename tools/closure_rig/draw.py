@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from itertools import combinations
@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from closure_rig.bench import Bench, draw_bench
-from closure_rig.bent import Bend
+from closure_rig.bent import Bend, Creep
 from closure_rig.causes import CAUSES, SIZES, Drawing, Tables, cause
-from closure_rig.outside import STRANGERS, Disturbance, stranger
+from closure_rig.outside import STRANGERS, Disturbance, OutputFault, stranger
 
 # Pairs that exclude or mask each other.
 UNPAIRED: Final = frozenset(
@@ -28,6 +28,10 @@ UNPAIRED: Final = frozenset(
         ("camber", "AC coupling"),
     )
 )
+
+
+BLIND_STRANGERS: Final = 7
+"""Number of effects outside the catalogue that `blind` draws from: kept diagnoses rely on what a seed draws."""
 
 
 class Kind(StrEnum):
@@ -72,8 +76,9 @@ class Case:
         mirrored: keys of `tables` that change sign in reverse.
         per_load: keys of `tables` to be multiplied by a run's load.
         disturbance: undeclared disturbance, added to the samples.
-        bend: nonlinearity of the sensor.
+        bend: nonlinearity of the sensor, or the creep of its bond.
         label: the truth, to be sealed.
+        fault: makes the undeclared fault of the samples' transport, anew for each recording.
     """
 
     order: Order
@@ -82,8 +87,87 @@ class Case:
     mirrored: tuple[tuple[str, str], ...]
     per_load: tuple[tuple[str, str], ...]
     disturbance: Disturbance | None
-    bend: Bend | None
+    bend: Bend | Creep | None
     label: Mapping[str, Any]
+    fault: Callable[[], OutputFault] | None = None
+
+
+class Parts:
+    """Undeclared things of one case, added one by one."""
+
+    def __init__(self, bench: Bench, *, outside: bool) -> None:
+        """Start with nothing.
+
+        Args:
+            bench: tire, sensor and runs.
+            outside: whether names are those of effects outside the catalogue.
+        """
+        self._bench = bench
+        self._outside = outside
+        self._names: list[str] = []
+        self._tables: dict[str, dict[str, Any]] = {}
+        self._mirrored: list[tuple[str, str]] = []
+        self._per_load: list[tuple[str, str]] = []
+        self._disturbance: Disturbance | None = None
+        self._bend: Bend | Creep | None = None
+        self._fault: Callable[[], OutputFault] | None = None
+
+    def add(self, name: str, size: float, rng: np.random.Generator) -> None:
+        """Add an effect of this size; `rng` draws what else it has, such as a phase.
+
+        Raises:
+            ValueError: it cannot occur together with the others.
+        """
+        drawing = Drawing(size, rng, self._bench)
+        entry = stranger(name) if self._outside else cause(name)
+        for table, values in entry.tables(drawing).items():
+            taken = self._tables.setdefault(table, {})
+            if clash := set(taken) & set(values):
+                raise ValueError(f"{name} sets {table}.{', '.join(sorted(clash))}, as {' and '.join(self._names)} do")
+            taken.update(values)
+        self._names.append(name)
+        if self._outside:
+            self._add_outside(name, drawing)
+            return
+        self._mirrored += cause(name).mirrored
+        self._per_load += cause(name).per_load
+        make_bend = cause(name).bend
+        self._bend = self._bend if make_bend is None else make_bend(drawing)
+
+    def _add_outside(self, name: str, drawing: Drawing) -> None:
+        entry = stranger(name)
+        if entry.disturbance is not None:
+            self._disturbance = entry.disturbance(drawing.size, drawing.rng)
+        if entry.creep is not None:
+            self._bend = entry.creep(drawing)
+        if entry.fault is not None:
+            make, size, seed = entry.fault, drawing.size, int(drawing.rng.integers(2**31))
+            self._fault = lambda: make(size, np.random.default_rng(seed))
+
+    def case(self, order: Order, sizes: Mapping[str, Mapping[str, Any]], **more: Any) -> Case:
+        """Return the case; `sizes` and `more` are for the label."""
+        label = {
+            "kind": str(order.kind),
+            "seed": order.seed,
+            "truth": [] if self._outside else sorted(self._names),
+            "outside": self._names[0] if self._outside else None,
+            "sizes": sizes,
+            "tables": self._tables,
+            "bend": None if self._bend is None else asdict(self._bend),
+            "bench": asdict(self._bench),
+            **more,
+        }
+        return Case(
+            order,
+            self._bench,
+            self._tables,
+            tuple(self._mirrored),
+            tuple(self._per_load),
+            self._disturbance,
+            self._bend,
+            label,
+            self._fault,
+        )
 
 
 def draw(order: Order) -> Case:
@@ -93,45 +177,16 @@ def draw(order: Order) -> Case:
         ValueError: effects that cannot occur together.
     """
     bench_rng, rng = np.random.default_rng(order.number).spawn(2)
-    bench = draw_bench(bench_rng)
-    tables: dict[str, dict[str, Any]] = {}
-    mirrored: list[tuple[str, str]] = []
-    per_load: list[tuple[str, str]] = []
+    outside = order.kind is Kind.OUTSIDE
+    parts = Parts(draw_bench(bench_rng), outside=outside)
     sizes: dict[str, dict[str, Any]] = {}
-    disturbance: Disturbance | None = None
-    bend: Bend | None = None
     for name in order.names:
         # Both effects of a pair must be large enough to find.
         index = int(rng.integers(1, 3)) if order.kind is Kind.PAIR else order.size
-        entry = stranger(name) if order.kind is Kind.OUTSIDE else cause(name)
-        size = entry.sizes[index]
-        drawing = Drawing(size, rng, bench)
-        for table, values in entry.tables(drawing).items():
-            taken = tables.setdefault(table, {})
-            if clash := set(taken) & set(values):
-                raise ValueError(f"{' and '.join(order.names)} both set {table}.{', '.join(sorted(clash))}")
-            taken.update(values)
-        if order.kind is Kind.OUTSIDE:
-            make = stranger(name).disturbance
-            disturbance = None if make is None else make(size, rng)
-        else:
-            mirrored += cause(name).mirrored
-            per_load += cause(name).per_load
-            make_bend = cause(name).bend
-            bend = bend if make_bend is None else make_bend(drawing)
-        sizes[name] = {"size": SIZES[index], "value": size, "unit": entry.unit}
-    inside = order.kind is not Kind.OUTSIDE
-    label = {
-        "kind": str(order.kind),
-        "seed": order.seed,
-        "truth": sorted(order.names) if inside else [],
-        "outside": None if inside else order.names[0],
-        "sizes": sizes,
-        "tables": tables,
-        "bend": None if bend is None else asdict(bend),
-        "bench": asdict(bench),
-    }
-    return Case(order, bench, tables, tuple(mirrored), tuple(per_load), disturbance, bend, label)
+        entry = stranger(name) if outside else cause(name)
+        parts.add(name, entry.sizes[index], rng)
+        sizes[name] = {"size": SIZES[index], "value": entry.sizes[index], "unit": entry.unit}
+    return parts.case(order, sizes)
 
 
 def blind(seed: int) -> Order:
@@ -142,7 +197,7 @@ def blind(seed: int) -> Order:
     if kind is Kind.NOTHING:
         return Order(kind, seed)
     if kind is Kind.OUTSIDE:
-        return Order(kind, seed, (STRANGERS[int(rng.integers(len(STRANGERS)))].name,), size)
+        return Order(kind, seed, (STRANGERS[int(rng.integers(BLIND_STRANGERS))].name,), size)
     if kind is Kind.EFFECT:
         return Order(kind, seed, (CAUSES[int(rng.integers(len(CAUSES)))].name,), size)
     return Order(kind, seed, pair(rng))

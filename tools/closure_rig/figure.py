@@ -1,24 +1,66 @@
-"""Confusion matrix as a reproducible figure."""
+"""Reliability curve and confusion matrix as reproducible figures."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from closure_rig.judge import Judgement
-from closure_rig.score import confusion
+from closure_rig.score import Line, Versions, confusion, reliability
 
 
-def draw_confusion(judgements: Sequence[Judgement], path: Path) -> None:
+def draw_reliability(versions: Versions, path: Path) -> None:
+    """Write the probability given against the share that is there, with 95 % intervals, as SVG.
+
+    Both axes are logistic, so that 0.01 and 0.99 have room. Versions without probabilities are left out.
+    """
+    import matplotlib
+
+    matplotlib.use("svg")
+    from matplotlib import pyplot
+
+    with pyplot.rc_context({"svg.hashsalt": "closure", "svg.fonttype": "none", "font.size": 8}):
+        figure, axes = pyplot.subplots(figsize=(4.2, 4.0))
+        axes.set_xscale("logit")
+        axes.set_yscale("logit")
+        line = np.array([_LEAST, 1.0 - _LEAST])
+        axes.plot(line, line, color="0.6", linewidth=0.8, label="as it should be")
+        for name, lines in versions.items():
+            bins = [entry for entry in reliability(lines) if entry.share.trials]
+            if not bins:
+                continue
+            mean = np.clip([entry.mean for entry in bins], _LEAST, 1.0 - _LEAST)
+            share = np.clip([entry.share.value for entry in bins], _LEAST, 1.0 - _LEAST)
+            low, high = np.clip(np.array([entry.share.interval for entry in bins]).T, _LEAST, 1.0 - _LEAST)
+            bars = np.maximum([share - low, high - share], 0.0)
+            axes.errorbar(mean, share, bars, fmt="o", markersize=3.5, capsize=2, label=f"{name}, 95 %")
+            for x, y, entry in zip(mean, share, bins, strict=True):
+                axes.annotate(str(entry.share.trials), (x, y), (4, -8), textcoords="offset points", fontsize=6)
+        axes.set_xlim(_LEAST, 1.0 - _LEAST)
+        axes.set_ylim(_LEAST, 1.0 - _LEAST)
+        axes.set_xlabel("probability given")
+        axes.set_ylabel("share that is there")
+        axes.legend(loc="upper left")
+        figure.tight_layout()
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, format="svg", metadata={"Date": None, "Creator": None})
+        pyplot.close(figure)
+
+
+# Probabilities and shares beyond are drawn at the edge.
+_LEAST: Final = 1e-3
+
+
+def draw_confusion(lines: Sequence[Line], path: Path) -> None:
     """Write the confusion matrix, truth against diagnosis, as SVG."""
     import matplotlib
 
     matplotlib.use("svg")
     from matplotlib import pyplot
 
-    truths, says, share = confusion(judgements)
+    truths, says, share = confusion(lines)
     met = np.flatnonzero(share.any(axis=1))
     used = [column for column in range(len(says)) if share[:, column].any() or says[column] in truths]
     share, truths, says = share[np.ix_(met, used)], [truths[i] for i in met], [says[i] for i in used]

@@ -15,13 +15,14 @@ import numpy as np
 from closure_rig.bench import EXTENSION_STIFFNESS_MN, RING_NODES, Run
 from closure_rig.bent import BentChain
 from closure_rig.draw import Case
-from closure_rig.outside import DisturbedChain
+from closure_rig.outside import DisturbedChain, FaultyChain
 from firmware_protocol.wire import HELLO_PERIOD_S
 from gateway.config.toml_writer import toml_text
 from gateway.io.source import LinkEvent, LinkEventKind
 from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.simulation import Simulation, simulate
 
 SECONDS: Final = 8.0
@@ -68,16 +69,27 @@ def record(case: Case, folder: Path, seconds: float = SECONDS) -> Recorded:
     return Recorded(tuple(paths), tuple(reverse))
 
 
-def scenario_of(case: Case, run: Run, seed: int, seconds: float) -> Scenario:
-    """Return the scenario of one run, undeclared effects included."""
+def scenario_of(
+    case: Case, run: Run, seed: int, seconds: float, *, drift: float = _DRIFT, nodes: int = RING_NODES
+) -> Scenario:
+    """Return the scenario of one run, undeclared effects included.
+
+    Args:
+        case: the case.
+        run: one of its runs.
+        seed: of the run.
+        seconds: length of the recording.
+        drift: largest change of speed to either side, as a share.
+        nodes: of the ring.
+    """
     bench = case.bench
     bs, cw, rs, ts = bench.numbers
     begin = settling_s(case)
-    drift = run.speed_kmh * float(np.random.default_rng(seed).uniform(-_DRIFT, _DRIFT))
+    change = run.speed_kmh * float(np.random.default_rng(seed).uniform(-drift, drift))
     document: dict[str, dict[str, Any]] = {
         "scenario": {"name": "rig", "duration_s": begin + seconds},
         "motion": {
-            "speed_kmh": [[begin, run.speed_kmh - drift], [begin + seconds, run.speed_kmh + drift]],
+            "speed_kmh": [[begin, run.speed_kmh - change], [begin + seconds, run.speed_kmh + change]],
             "direction": "reverse" if run.reverse else "forward",
         },
         "tire": {
@@ -87,7 +99,7 @@ def scenario_of(case: Case, run: Run, seed: int, seconds: float) -> Scenario:
             "mass_kgpm": bench.mass_kgpm,
             "extension_stiffness_mn": EXTENSION_STIFFNESS_MN,
             "tread_stiffness_mpa": bench.tread_mpa,
-            "ring_nodes": RING_NODES,
+            "ring_nodes": nodes,
             "cord_angle_deg": 0.0,
             **bench.lateral,
         },
@@ -131,16 +143,23 @@ def settling_s(case: Case) -> float:
 def simulation_of(case: Case, scenario: Scenario, run: Run, seed: int) -> Simulation:
     """Return the simulation of a run, with the effects that the simulator itself cannot make."""
     simulation = simulate(scenario, seed=seed)
-    if case.bend is not None:
-        for wheel in simulation.wheels:
-            bent: Any = BentChain(wheel.chain, case.bend)
-            wheel.chain = bent
-    if case.disturbance is not None:
-        for wheel in simulation.wheels:
-            rotation = wheel.plan.rotation(wheel.phase_rad)
-            chain: Any = DisturbedChain(wheel.chain, rotation, case.disturbance, run.reverse)
-            wheel.chain = chain
+    for wheel in simulation.wheels:
+        fit_case(wheel, case, run)
     return simulation
+
+
+def fit_case(wheel: WheelSimulator, case: Case, run: Run) -> None:
+    """Put what the simulator itself cannot make before and behind a wheel's sensor."""
+    if case.bend is not None:
+        bent: Any = BentChain(wheel.chain, case.bend)
+        wheel.chain = bent
+    if case.disturbance is not None:
+        rotation = wheel.plan.rotation(wheel.phase_rad)
+        chain: Any = DisturbedChain(wheel.chain, rotation, case.disturbance, run.reverse)
+        wheel.chain = chain
+    if case.fault is not None:
+        faulty: Any = FaultyChain(wheel.chain, case.fault())
+        wheel.chain = faulty
 
 
 def declared(scenario: Scenario) -> str:

@@ -1,140 +1,210 @@
-"""Run of one case: recordings, `diagnose` as a user runs it, then the label and the judgement."""
+"""Diagnosis of stored cases by one version of the gateway, and the judgement of each as a line of JSON."""
 
 from __future__ import annotations
 
 import json
+import math
 import os
+import signal
+import subprocess
 import sys
 import tempfile
-import traceback
-from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
-from multiprocessing import get_context
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
 
-from closure_rig.draw import Order, draw
-from closure_rig.judge import Judgement, Outcome, judge
-from closure_rig.record import SECONDS, Recorded, record
-from closure_rig.seal import open_label, seal
+from closure_rig.draw import Case
+from closure_rig.judge import Outcome, judge
+from closure_rig.outside import stranger
+from closure_rig.plan import Planned, remake
+from closure_rig.rivals import Rivals
+from closure_rig.store import Store, Stored
+from closure_rig.truth import State, numbers_of, parameters_of
 
-# Limits the memory that a leaking diagnosis can take.
-_CASES_A_PROCESS: Final = 8
-
-
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """A case that was run.
-
-    Attributes:
-        order: of the case.
-        judgement: of the diagnosis.
-        seconds: duration of the diagnosis.
-        fault: error of the run, empty when there was none.
-    """
-
-    order: Order
-    judgement: Judgement
-    seconds: float
-    fault: str = ""
+_TOOLS: Final = Path(__file__).parents[1]
+# A diagnosis that waits this many times its limit of CPU time hangs, also on a busy machine.
+_HANGS: Final = 40.0
+# Of a fault's text, in a line of results.
+_MOST_TEXT: Final = 2000
 
 
-def run(order: Order, model: str = "exact", keep: Path | None = None, seconds: float = SECONDS) -> Trial:
-    """Run one case. An exception of the diagnosis is recorded as a fault of the trial.
+def run(
+    store: Store, cases: Sequence[Planned], gateway: Path, results: Path, *, jobs: int, timeout_s: float
+) -> Iterator[dict[str, Any]]:
+    """Diagnose cases that are not yet in the results; yield each new line after it is written.
 
     Args:
-        order: of the case.
-        model: baseline model.
-        keep: folder for the diagnosis and the label.
-        seconds: length of each recording.
+        store: cases.
+        cases: which of them.
+        gateway: folder that holds the package `gateway` of the version to run.
+        results: JSON lines, continued if they exist.
+        jobs: cases at a time, each on one core.
+        timeout_s: CPU time after which a diagnosis has failed.
     """
-    case = draw(order)
-    with tempfile.TemporaryDirectory(prefix="closure-rig-") as made:
-        recordings, closed = Path(made) / "recordings", Path(made) / "closed"
-        recordings.mkdir()
-        closed.mkdir()
-        digest = seal(case.label, closed / "label")
-        given = record(case, recordings, seconds)
-        began = perf_counter()
+    done = {line["number"] for line in _repaired(results)}
+    waiting = [case for case in cases if case.number not in done]
+    with ThreadPoolExecutor(jobs) as pool, results.open("a", encoding="utf-8") as file:
+        futures: list[Future[dict[str, Any]]] = [
+            pool.submit(_line, store, planned, gateway, timeout_s) for planned in waiting
+        ]
         try:
-            text = _diagnose(given, model)
-        except Exception as error:
-            traceback.print_exc(file=sys.stderr)
-            if keep is not None:
-                (keep / f"{_stem(order)}.label.json").write_text(json.dumps(case.label, indent=1), encoding="utf-8")
-            return Trial(order, _failed(case.label), perf_counter() - began, f"{type(error).__name__}: {error}")
-        took = perf_counter() - began
-        diagnosis = Path(made) / "diagnosis.json"
-        diagnosis.write_text(text, encoding="utf-8")
-        label = open_label(closed / "label", digest, diagnosis)
-        if keep is not None:
-            (keep / f"{_stem(order)}.json").write_text(text, encoding="utf-8")
-            (keep / f"{_stem(order)}.label.json").write_text(json.dumps(label, indent=1), encoding="utf-8")
-        return Trial(order, judge(json.loads(text), label), took)
+            for future in as_completed(futures):
+                line = future.result()
+                file.write(json.dumps(line) + "\n")
+                file.flush()
+                yield line
+        except BaseException:
+            pool.shutdown(cancel_futures=True, wait=False)
+            raise
 
 
-def kept(folder: Path) -> list[Judgement]:
-    """Return the judgements of the cases kept in a folder; a case without a diagnosis has failed."""
-    found = []
-    for path in sorted(folder.glob("*.label.json")):
-        label = json.loads(path.read_text(encoding="utf-8"))
-        diagnosis = path.with_name(path.name.replace(".label.json", ".json"))
-        if diagnosis.is_file():
-            found.append(judge(json.loads(diagnosis.read_text(encoding="utf-8")), label))
-        else:
-            found.append(_failed(label))
-    return found
+def read(results: Path) -> list[dict[str, Any]]:
+    """Return the lines of a file of results, none where there is no file; an unfinished last line is left out."""
+    if not results.is_file():
+        return []
+    lines = []
+    for text in results.read_text(encoding="utf-8").splitlines():
+        try:
+            lines.append(json.loads(text))
+        except json.JSONDecodeError:
+            continue
+    return lines
 
 
-def _stem(order: Order) -> str:
-    return f"{order.kind}-{'-'.join(order.names) or 'none'}-{order.size}-{order.seed}".replace(" ", "_")
+def _repaired(results: Path) -> list[dict[str, Any]]:
+    """Return the lines of a file of results; an unfinished last line is removed from the file."""
+    lines = read(results)
+    if lines and not results.read_text(encoding="utf-8").endswith("\n"):
+        whole = results.with_name(f".{results.name}.whole")
+        whole.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+        whole.replace(results)
+    return lines
 
 
-def run_all(orders: list[Order], jobs: int, model: str, keep: Path | None) -> list[Trial]:
-    """Run cases on several processes, in the order given; progress goes to the terminal's error stream."""
-    found: dict[int, Trial] = {}
-    # Fresh interpreters: the diagnosis starts its own processes, which do not survive a fork with threads.
-    with get_context("spawn").Pool(jobs, maxtasksperchild=_CASES_A_PROCESS) as pool:
-        numbered = partial(_numbered, model=model, keep=keep)
-        for place, trial in pool.imap_unordered(numbered, list(enumerate(orders))):
-            found[place] = trial
-            what = " + ".join(trial.order.names) or "nothing"
-            said = " + ".join(trial.judgement.named) or "nothing named"
-            line = f"{len(found)}/{len(orders)} {what} ({trial.judgement.size}, seed {trial.order.seed}): {said}"
-            print(f"{line}: {trial.fault or trial.judgement.outcome}, {trial.seconds:.0f} s", file=sys.stderr)
-    return [found[place] for place in range(len(orders))]
+def _line(store: Store, planned: Planned, gateway: Path, timeout_s: float) -> dict[str, Any]:
+    stored = store.get(planned)
+    with tempfile.TemporaryDirectory(prefix="closure-rig-") as made:
+        result = Path(made) / "diagnosis.json"
+        began = perf_counter()
+        fault = _diagnose(stored, gateway, result, timeout_s)
+        if fault:
+            result.write_text(json.dumps({"fault": fault, "wall_s": perf_counter() - began}), encoding="utf-8")
+        label = store.open_label(planned, result)
+        return line_of(json.loads(result.read_text(encoding="utf-8")), label, remake(planned, label["sizes"]))
 
 
-def _numbered(case: tuple[int, Order], model: str, keep: Path | None) -> tuple[int, Trial]:
-    return case[0], run(case[1], model, keep)
-
-
-def default_jobs() -> int:
-    """Return the number of processes that leaves one core free."""
-    return max(1, (os.cpu_count() or 2) - 1)
-
-
-def _diagnose(given: Recorded, model: str) -> str:
-    from gateway.closure.effects.effect import BaselineModel
-    from gateway.session.campaign_diagnosis import diagnose_recordings
-    from gateway.views.report.diagnosis_json import diagnosis_json
-
-    diagnosis = diagnose_recordings(given.paths, model=BaselineModel(model), jobs=1, reverse=given.reverse)
-    return json.dumps(diagnosis_json(diagnosis), indent=1, allow_nan=False)
-
-
-def _failed(label: Mapping[str, Any]) -> Judgement:
-    sizes = [entry["size"] for entry in label["sizes"].values()]
-    return Judgement(
-        outcome=Outcome.FAILED,
-        truth=(f"({label['outside']})",) if label["outside"] else tuple(label["truth"]),
-        named=(),
-        open=(),
-        unexplained=False,
-        ratio=float("nan"),
-        kind=label["kind"],
-        size=sizes[0] if sizes else "",
-        seed=label["seed"],
+def _diagnose(stored: Stored, gateway: Path, result: Path, timeout_s: float) -> str:
+    """Run the diagnosis in a process of its own; return its fault, "" when there is none."""
+    path = os.pathsep.join((str(gateway.resolve()), str(_TOOLS)))
+    command = [sys.executable, "-m", "closure_rig.worker", str(stored.folder.resolve()), str(stored.planned.model)]
+    process = subprocess.Popen(
+        [*command, str(result), str(gateway.resolve()), str(math.ceil(timeout_s))],
+        env={**os.environ, "PYTHONPATH": path},
+        # Away from any folder that has a package of that name.
+        cwd=result.parent,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
     )
+    try:
+        _, error = process.communicate(timeout=_HANGS * timeout_s)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
+        return f"hangs: not done after {_HANGS * timeout_s:.0f} s"
+    if process.returncode == -signal.SIGXCPU:
+        return f"not done after {timeout_s:.0f} s of CPU"
+    return error.strip()[-_MOST_TEXT:] or f"exit status {process.returncode}" if process.returncode else ""
+
+
+def line_of(found: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> dict[str, Any]:
+    """Return the line of results of a diagnosis.
+
+    Args:
+        found: what the worker wrote.
+        label: opened.
+        case: as planned, for true values.
+    """
+    about = {
+        "number": label["number"],
+        "stratum": label["stratum"],
+        "kind": label["kind"],
+        "model": label["model"],
+        "seed": label["seed"],
+        "truth": label["truth"],
+        "outside": label["outside"],
+        "strengths": {name: entry["strength"] for name, entry in label["sizes"].items()},
+        "sizes": {name: [entry["value"], entry["unit"]] for name, entry in label["sizes"].items()},
+        "runs": len(case.bench.runs),
+    }
+    if "fault" in found:
+        return {**about, "outcome": str(Outcome.FAILED), "fault": found["fault"], "wall_s": found["wall_s"]}
+    also = stranger(label["outside"]).also if label["outside"] else ()
+    judgement = judge(found, label, Rivals(case).alike, also)
+    probability = dict(found["probabilities"])
+    for effect in found["effects"]:
+        if effect["probability"] is not None:
+            probability[effect["name"]] = effect["probability"]
+    return {
+        **about,
+        "outcome": str(judgement.outcome),
+        "named": list(judgement.named),
+        "open": [sorted(group) for group in judgement.open],
+        "probability": probability,
+        "effects": found["effects"],
+        "unexplained": found["unexplained"],
+        "held_out": found["held_out"],
+        "numbers": _numbers(found["estimates"], case),
+        "parameters": _parameters(found["effects"], case),
+        "revolutions": found["revolutions"],
+        "rejected": found["rejected"],
+        "gateway": found["gateway"],
+        "cpu_s": found["cpu_s"],
+        "wall_s": found["wall_s"],
+    }
+
+
+def _numbers(estimates: Mapping[str, Sequence[Mapping[str, Any]]], case: Case) -> list[dict[str, Any]]:
+    """Return every estimate of the tire beside its true value."""
+    truth = numbers_of(case)
+    stated = [State(*entry["state"]) for entry in estimates["after"] if entry["state"] is not None]
+    others = {_nearest(state, list(truth)) for state in stated}
+    # The state of the most revolutions goes without a name. Several are left where revolutions were rejected.
+    left = [state for state in truth if state not in others]
+    unnamed = left[0] if len(left) == 1 else None
+    lines = []
+    for when, entries in estimates.items():
+        for entry in entries:
+            state = unnamed if entry["state"] is None else _nearest(State(*entry["state"]), list(truth))
+            true = None if state is None else truth[state].get(entry["quantity"])
+            if true is not None:
+                lines.append({**entry, "when": when, "true": true, "state": list(state or ())})
+    return lines
+
+
+def _nearest(state: State, states: Sequence[State]) -> State:
+    return min(
+        states,
+        key=lambda other: abs(other.load_n / state.load_n - 1.0) + abs(other.pressure_pa / state.pressure_pa - 1.0),
+    )
+
+
+def _parameters(effects: Sequence[Mapping[str, Any]], case: Case) -> list[dict[str, Any]]:
+    """Return the parameters of true effects that were named or left open, beside their true values."""
+    truth = parameters_of(case)
+    return [
+        {
+            "effect": effect["name"],
+            "parameter": name,
+            "verdict": effect["verdict"],
+            "value": value,
+            "std": std,
+            "true": truth[effect["name"]][name],
+        }
+        for effect in effects
+        if effect["verdict"] != "refused" and effect["name"] in truth
+        for name, (value, std) in effect["parameters"].items()
+        if name in truth[effect["name"]]
+    ]

@@ -15,6 +15,7 @@ from pydantic import AwareDatetime, BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
+from gateway.config.slip_runs import SlipRunsFile
 from gateway.config.vehicle import VehicleConfig
 from gateway.importing.import_map import ImportMap
 from gateway.simulator.scenario_model import Scenario
@@ -33,6 +34,12 @@ DOCUMENTS: Final[tuple[tuple[str, type[BaseModel], str], ...]] = (
         ImportMap,
         "The file given to `treadlink import --map`. "
         "How to write one: [Import measurements](../how-to/import-measurements.md).",
+    ),
+    (
+        "Runs of known slip",
+        SlipRunsFile,
+        "The file given to `treadlink calibrate slip`. "
+        "How to write one: [Calibrate slip](../how-to/calibrate-slip.md).",
     ),
     (
         "Scenario",

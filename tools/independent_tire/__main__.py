@@ -20,7 +20,7 @@ import numpy as np
 
 from independent_tire.rolling import Belt, History, roll
 from independent_tire.sensor import sampled, signals
-from independent_tire.tires import TIRES
+from independent_tire.tires import PULLED, TIRES
 
 RATE_HZ = 9600.0
 OFFSETS_MM = (0.0, 2.0, 4.0, 6.0, 8.0, 12.0)
@@ -30,14 +30,19 @@ _SAMPLED_REVOLUTIONS = 10
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--cache", type=Path, required=True, help="folder of the .npz files")
-    parser.add_argument("--tire", action="append", choices=[belt.name for belt in TIRES], help="instead of all")
+    parser.add_argument(
+        "--tire", action="append", choices=[belt.name for belt in (*TIRES, *PULLED)], help="instead of all"
+    )
+    parser.add_argument("--pulled", action="store_true", help="the driven and braked tires in place of the others")
     parser.add_argument("--elements", type=int, help="of the belt, instead of each tire's own number")
     parser.add_argument("--force", action="store_true", help="roll tires again that are there already")
     options = parser.parse_args()
     options.cache.mkdir(parents=True, exist_ok=True)
-    for belt in TIRES:
+    # The driven and braked tires are of other benchmarks, so they are made only by name or on request.
+    usual = PULLED if options.pulled else TIRES
+    for belt in [belt for belt in (*TIRES, *PULLED) if belt.name in options.tire] if options.tire else usual:
         path = options.cache / f"{belt.name}.npz"
-        if (options.tire and belt.name not in options.tire) or (path.is_file() and not options.force):
+        if path.is_file() and not options.force:
             continue
         tire = replace(belt, elements=options.elements) if options.elements else belt
         begun = time.perf_counter()
@@ -70,6 +75,8 @@ def write(path: Path, belt: Belt, history: History) -> None:
         "load_n": float(load),
         "load_scatter_n": float(history.load_n.std()),
         "edges_rad": np.nanmean(history.edges_rad, axis=0).tolist(),
+        "longitudinal_force_n": float(-drag),
+        "axle_torque_nm": float(-torque),
         # The torque of the road on the belt holds it back; its force is along the belt's motion.
         "rolling_resistance": float((drag - torque / belt.radius_m) / load),
         "scatter_mps2": scatter,

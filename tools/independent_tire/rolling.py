@@ -26,7 +26,7 @@ _REACH_RAD: Final = 0.8
 _GROWS_OVER_M: Final = 1e-4
 # Sliding speed, as a share of the rolling speed, at which friction is nearly full.
 _REGULAR: Final = 2e-3
-# Gain of the road's speed on the longitudinal force, for free rolling.
+# Gain of the road's speed on the longitudinal force.
 _FREE_ROLLING: Final = 0.5
 
 
@@ -51,12 +51,14 @@ class Belt:
         tread_damping_nspm2: of the tread.
         bending_damping_nm2s: of the belt.
         friction: of the road.
+        traction: longitudinal force of the road on the tire, positive forward, over the load; the road's speed follows.
         drum_radius_m: infinite for a flat road.
         blocks: of the tread, a turn; 0 is a tread without blocks.
         block_share: amplitude of the tread's stiffness over a block, as a share of its mean.
         elements: of the belt.
         steps: of the integration, a revolution.
         recorded: revolutions.
+        settling: revolutions between lowering and recording.
     """
 
     name: str
@@ -75,12 +77,14 @@ class Belt:
     tread_damping_nspm2: float = 0.0
     bending_damping_nm2s: float = 0.0
     friction: float = 0.0
+    traction: float = 0.0
     drum_radius_m: float = math.inf
     blocks: int = 0
     block_share: float = 0.0
     elements: int = 180
     steps: int = 2048
     recorded: int = 4
+    settling: float = SETTLING
 
     @property
     def omega_radps(self) -> float:
@@ -332,7 +336,7 @@ def _add_rest(
     calming = mass * math.sqrt(belt.radial_npm2 / mass) * 0.2
 
     def calmed(time_s: float) -> float:
-        share = time_s / ((LOWERING + 0.5 * SETTLING) * belt.period_s)
+        share = time_s / ((LOWERING + 0.5 * belt.settling) * belt.period_s)
         return calming * max(0.0, 1.0 - share) ** 2
 
     whole_mass = coo_matrix(matrices.mass)
@@ -375,7 +379,9 @@ def _container(exu: Any, matrix: csr_matrix) -> Any:
 
 
 def _integrate(mbs: Any, exu: Any, belt: Belt, road: RoadForce, quiet: bool) -> History:
-    begin_s = (LOWERING + SETTLING) * belt.period_s
+    begin_s = (LOWERING + belt.settling) * belt.period_s
+    # The loop of force and road speed keeps a driven belt swinging on its sidewall, so the road then keeps its speed.
+    held_s = math.inf if belt.traction == 0.0 else (LOWERING + 0.5 * belt.settling) * belt.period_s
     end_s = begin_s + belt.recorded * belt.period_s
     rows: list[tuple[Any, ...]] = []
     states = mbs.systemData
@@ -383,9 +389,11 @@ def _integrate(mbs: Any, exu: Any, belt: Belt, road: RoadForce, quiet: bool) -> 
     def after_step(_: Any, time_s: float) -> bool:
         q, v = states.GetODE2Coordinates(), states.GetODE2Coordinates_t()
         found = road.at(time_s, q, v)
-        if belt.friction and found.push_n > 0.0:
-            # The road follows the belt until nothing pulls: free rolling.
-            road.road_mps -= _FREE_ROLLING * found.drag_n / found.push_n * belt.speed_mps / belt.steps
+        if belt.friction and found.push_n > 0.0 and time_s < held_s:
+            # The road follows the belt until the force is the wanted one; without one the tire rolls freely. The force
+            # on the belt is along the belt's motion, which is backward.
+            excess = found.drag_n / found.push_n + belt.traction
+            road.road_mps -= _FREE_ROLLING * excess * belt.speed_mps / belt.steps
         if time_s >= begin_s - 1e-12:
             a = states.GetODE2Coordinates_tt()
             rows.append((time_s, q[:COORDINATES], v[:COORDINATES], a[:COORDINATES], found.push_n, found.drag_n,
@@ -396,7 +404,7 @@ def _integrate(mbs: Any, exu: Any, belt: Belt, road: RoadForce, quiet: bool) -> 
     settings = exu.SimulationSettings()
     integration = settings.timeIntegration
     integration.endTime = end_s
-    integration.numberOfSteps = round((LOWERING + SETTLING + belt.recorded) * belt.steps)
+    integration.numberOfSteps = round((LOWERING + belt.settling + belt.recorded) * belt.steps)
     integration.generalizedAlpha.spectralRadius = 0.7
     integration.newton.modifiedNewtonJacUpdatePerStep = True
     integration.newton.relativeTolerance = 1e-6

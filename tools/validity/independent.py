@@ -41,6 +41,16 @@ class RolledTire:
     shallow: FloatArray
     deep: FloatArray
 
+    def table(self, sensor_offset_m: float) -> RolledTable:
+        """Return the waveforms of a sensor at a depth."""
+        parts = self.shallow + 1e3 * sensor_offset_m / _DEEPEST_MM * (self.deep - self.shallow)
+        coarse = np.linspace(-math.pi, math.pi, parts.shape[1] + 1)
+        curve = CubicSpline(coarse, np.concatenate([parts, parts[:, :1]], axis=1), axis=1, bc_type="periodic")
+        wave: WaveformTable = np.zeros((TABLE_ANGLES + 1, COLUMNS), np.float32)
+        wave[:, :LATERAL] = curve(np.linspace(-math.pi, math.pi, TABLE_ANGLES + 1)).T
+        leading, trailing = self.about["edges_rad"]
+        return RolledTable(wave, (leading, trailing))
+
 
 @dataclass(frozen=True, slots=True)
 class RolledTable:
@@ -120,14 +130,7 @@ def record_rolled(tire: RolledTire, world: World, seed: tuple[int, ...]) -> Run:
     """Return a run of a kept tire; its lateral axis is silent."""
 
     def waveforms(plan: WheelPlan, _: World) -> RolledTable:
-        share = 1e3 * plan.tire.sensor_offset_m / _DEEPEST_MM
-        parts = tire.shallow + share * (tire.deep - tire.shallow)
-        coarse = np.linspace(-math.pi, math.pi, parts.shape[1] + 1)
-        curve = CubicSpline(coarse, np.concatenate([parts, parts[:, :1]], axis=1), axis=1, bc_type="periodic")
-        wave: WaveformTable = np.zeros((TABLE_ANGLES + 1, COLUMNS), np.float32)
-        wave[:, :LATERAL] = curve(np.linspace(-math.pi, math.pi, TABLE_ANGLES + 1)).T
-        leading, trailing = tire.about["edges_rad"]
-        return RolledTable(wave, (leading, trailing))
+        return tire.table(plan.tire.sensor_offset_m)
 
     return record_wheel(world, world.plan(), waveforms, seed, lateral=False)
 

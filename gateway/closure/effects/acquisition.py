@@ -183,7 +183,7 @@ class AntiAliasFilter(SignalEffect):
             display_unit="ms",
             inverse_display=(1.0, "Hz"),
         ),
-        # From one pole, with room for its error, to two of Butterworth and a resonance of Q = 0.9: a loose sensor rings.
+        # From one pole, with room for its error, to a little beyond Butterworth: only a loose sensor rings more.
         Parameter("second_pole", "", -0.2, 1.3, 0.4, 1e-4, prior_mean=0.8),
     )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)

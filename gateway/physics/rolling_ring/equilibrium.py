@@ -45,11 +45,12 @@ class RingParameters:
         mass_kgpm: rho A, belt mass per length.
         extension_stiffness_n: EA.
         tread_stiffness_npm2: kt, radial tread stiffness per length of belt.
-        foundation_damping_nspm2: c, sidewall damping (both directions) per length of belt.
+        foundation_damping_nspm2: c_w, radial sidewall damping per length of belt.
         tread_damping_nspm2: ct, tread damping per length of belt.
         sidewall_stiffening_pm: relative growth of kw and kv per metre of their deflection; 5 is +10 % at 20 mm.
         shear_stiffness_n: GA of the belt; infinite for an Euler belt.
         rotary_inertia_kgm: rho I; rolling turns EI into EI - rho I V^2.
+        tangential_damping_ratio: c_v / c_w, tangential over radial sidewall damping.
     """
 
     radius_m: float
@@ -65,6 +66,7 @@ class RingParameters:
     sidewall_stiffening_pm: float = 0.0
     shear_stiffness_n: float = math.inf
     rotary_inertia_kgm: float = 0.0
+    tangential_damping_ratio: float = 1.0
 
     @classmethod
     def from_numbers(
@@ -198,7 +200,8 @@ def solve_rolling_ring(
         radial_npm2=ring.radial_stiffness_npm2,
         tangential_npm2=ring.tangential_stiffness_npm2,
         stiffening_pm=ring.sidewall_stiffening_pm,
-        damping_nspm2=ring.foundation_damping_nspm2,
+        radial_damping_nspm2=ring.foundation_damping_nspm2,
+        tangential_damping_nspm2=ring.foundation_damping_nspm2 * ring.tangential_damping_ratio,
         mass_kgpm=ring.mass_kgpm,
         extension_n=ring.extension_stiffness_n,
         shear_n=_on_grid(ring, bending, nodes),

@@ -31,7 +31,8 @@ class BeltLaw:
         radial_npm2: kw, sidewall.
         tangential_npm2: kv, sidewall.
         stiffening_pm: relative growth of kw and kv per metre of deflection.
-        damping_nspm2: sidewall damping, radial and tangential.
+        radial_damping_nspm2: c_w, sidewall.
+        tangential_damping_nspm2: c_v, sidewall.
         mass_kgpm: rho A.
         extension_n: EA.
         shear_n: GA; infinity for a belt that keeps its sections square.
@@ -50,7 +51,8 @@ class BeltLaw:
     radial_npm2: float
     tangential_npm2: float
     stiffening_pm: float
-    damping_nspm2: float
+    radial_damping_nspm2: float
+    tangential_damping_nspm2: float
     mass_kgpm: float
     extension_n: float
     shear_n: float
@@ -317,9 +319,12 @@ def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: Floa
     """Add the elastic foundation on the rim: stiffens with deflection, damped in the rim's frame."""
     length = law.radius_m * grid.step_rad
     out = position - law.radius_m * grid.radial
-    rate = law.damping_nspm2 * law.omega_radps / (2.0 * grid.step_rad)
     flat = blocks[:, :, :2, :2]
-    for stiffness, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
+    for stiffness, damping, axis in (
+        (law.radial_npm2, law.radial_damping_nspm2, grid.radial),
+        (law.tangential_npm2, law.tangential_damping_nspm2, grid.along),
+    ):
+        rate = damping * law.omega_radps / (2.0 * grid.step_rad)
         u = np.einsum("ia,ia->i", out, axis)
         growth = law.stiffening_pm * np.abs(u)
         pull = stiffness * u * (1.0 + growth)

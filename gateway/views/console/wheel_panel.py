@@ -138,6 +138,7 @@ def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
 
 # Shown in tables and the summary only: finer definitions of quantities on the console.
 _NOT_ON_CONSOLE: Final = {
+    "angular speed",
     "wear number",
     "wear drift",
     "ply steer first half",
@@ -151,7 +152,9 @@ def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
     """Return one row for each number, then wear and other estimates: label, value with error, unit, mark."""
     if reading is None:
         return []
-    others = [show(wheel.wear_mm)] if wheel.wear_mm is not None else []
+    others = [reading.rotation] if reading.rotation.status is not Status.INVALID else []
+    others += [reading.distance] if reading.distance is not None else []
+    others += [show(wheel.wear_mm)] if wheel.wear_mm is not None else []
     others += [
         other
         for other in reading.others

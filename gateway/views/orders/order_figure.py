@@ -15,7 +15,7 @@ from gateway import __version__
 from gateway.constants import AXIS_NAMES
 from gateway.errors import OutputError
 from gateway.signal.angle_resampling import angle_grid
-from gateway.views.orders.order_tables import NOISE_SHARE, order_lines, share_texts
+from gateway.views.orders.order_tables import order_lines, share_texts
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import write_whole
 
@@ -30,6 +30,8 @@ _RADIAL: Final = AXIS_NAMES.index("radial")
 _WIDTH_INCH, _HEIGHT_INCH = 11.0, 7.0
 _DECADES: Final = 4.0
 _SHOWN_ORDERS: Final = 30
+# Ranges of speed whose spectra are drawn above each other, with their colours.
+_SPEED_COLOURS: Final = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00")
 
 
 def check_figure(path: Path) -> None:
@@ -85,9 +87,11 @@ def _draw(figure: Any, found: WheelOrders) -> None:
     figure.suptitle(
         f"{found.wheel}: {found.statistics.revolutions} revolutions, {low:.0f} to {high:.0f} km/h", fontsize=11.0
     )
-    (spectrum, waterfall), (average, share) = figure.subplots(2, 2, width_ratios=(1.35, 1.0))
+    (spectrum, waterfall), (signal, speeds), (average, share) = figure.subplots(3, 2, width_ratios=(1.35, 1.0))
     _spectrum(spectrum, found)
     _waterfall(figure, waterfall, found)
+    _signal(signal, found)
+    _by_speed(speeds, found)
     _average(average, found)
     _share(share, found)
 
@@ -95,7 +99,8 @@ def _draw(figure: Any, found: WheelOrders) -> None:
 def _spectrum(axes: Axes, found: WheelOrders) -> None:
     statistics = found.statistics
     if statistics.blocks:
-        orders, values, title = statistics.fine_order, statistics.fine_mps2, "order spectrum, resolution 1/8 order"
+        orders, values = statistics.fine_order, statistics.fine_mps2
+        title = f"order spectrum, resolution 1/{statistics.block_revolutions} order"
     else:
         orders = np.arange(statistics.amplitude_mps2.shape[1], dtype=np.float64)
         values, title = statistics.amplitude_mps2, "order spectrum"
@@ -139,6 +144,44 @@ def _waterfall(figure: Any, axes: Axes, found: WheelOrders) -> None:
     figure.colorbar(mesh, ax=axes, label="m/s²")
 
 
+def _signal(axes: Axes, found: WheelOrders) -> None:
+    """Draw the radial axis over consecutive revolutions."""
+    axes.set(xlabel="revolutions", ylabel="radial, m/s²", title="radial axis over consecutive revolutions, as measured")
+    radial = found.statistics.block_mps2[_RADIAL]
+    if np.isfinite(radial).all() and len(radial):
+        # Every second sample of the grid is enough for the eye.
+        turns = np.arange(len(radial)) * (found.statistics.block_revolutions / len(radial))
+        axes.plot(turns[::2], radial[::2], color=_COLOURS[_RADIAL], lw=0.7)
+        axes.set_xlim(0, found.statistics.block_revolutions)
+
+
+def _by_speed(axes: Axes, found: WheelOrders) -> None:
+    """Draw the radial spectra at several speeds over the square of the angular speed: a tire's own shape coincides."""
+    axes.set(
+        xlim=(0, _SHOWN_ORDERS),
+        xlabel="order",
+        ylabel="radial amplitude / Ω², mm",
+        title="radial spectrum by speed",
+    )
+    ranges = found.speeds_with_spectrum
+    picked = np.unique(np.linspace(0, len(ranges) - 1, min(len(ranges), len(_SPEED_COLOURS))).round().astype(int))
+    top = 0.0
+    for place, colour in zip(picked.tolist(), _SPEED_COLOURS, strict=False):
+        one = ranges[place]
+        values = 1e3 * one.fine_mps2[_RADIAL][1:] / (0.5 * (one.low_radps + one.high_radps)) ** 2
+        if not np.isfinite(values).any():
+            continue
+        speed = f"{found.kmh(one.low_radps):.0f} to {found.kmh(one.high_radps):.0f} km/h"
+        label = f"{speed}: {share_texts(one)[_RADIAL]} on integer orders"
+        axes.plot(found.statistics.fine_order[1:], values, color=colour, lw=0.8, label=label)
+        top = max(top, float(np.nanmax(values)))
+    if top > 0.0:
+        axes.set_yscale("log")
+        # Room for the legend above the peaks.
+        axes.set_ylim(top * 10.0**-_DECADES, 100.0 * top)
+        axes.legend(fontsize=7.0, loc="upper right")
+
+
 def _average(axes: Axes, found: WheelOrders) -> None:
     radial = found.mean.radial
     degrees = np.degrees(angle_grid())
@@ -165,11 +208,11 @@ def _share(axes: Axes, found: WheelOrders) -> None:
     share = 100.0 * statistics.integer_share
     error = np.nan_to_num(100.0 * statistics.integer_share_std)
     axes.bar(places, np.nan_to_num(share), yerr=error, color=_COLOURS, width=0.6)
-    for place, text in zip(places.tolist(), share_texts(found), strict=True):
+    for place, text in zip(places.tolist(), share_texts(statistics), strict=True):
         axes.text(place, 2.0, text, ha="center", fontsize=8.0, bbox={"facecolor": "white", "lw": 0, "pad": 1.5})
-    axes.axhline(100.0 * NOISE_SHARE, color="0.4", ls="--", lw=0.8)
+    axes.axhline(100.0 * statistics.noise_share, color="0.4", ls="--", lw=0.8)
     axes.set_xticks(places, AXIS_NAMES)
-    axes.set(ylim=(0, 105), ylabel="%", title="power on integer orders; dashed: white noise")
+    axes.set(ylim=(0, 105), ylabel="%", title="power on integer orders (dashed: noise)")
 
 
 def _page(wheels: Sequence[WheelOrders], recording: str) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,15 +13,15 @@ import numpy as np
 from gateway import __version__
 from gateway.constants import AXIS_NAMES
 from gateway.signal.angle_resampling import angle_grid
-from gateway.signal.order_statistics import BLOCK_REVOLUTIONS
+from gateway.signal.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics, SpeedBin
 from gateway.types import FloatArray
 from gateway.views.numbers import MISSING, fixed, round_to_error
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import OutputFile, write_whole
 from gateway.views.tables.table_sinks import Cell, CsvSink
 
-NOISE_SHARE: Final = 1.0 / BLOCK_REVOLUTIONS
-"""Share of the power of white noise on integer orders."""
+# Share of the power of white noise on integer orders, for blocks of full length.
+_NOISE_SHARE: Final = 1.0 / BLOCK_REVOLUTIONS
 
 _COLUMNS: Final[dict[str, type]] = {
     "recording": str,
@@ -43,9 +43,13 @@ def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
     yield f"{found.wheel}  {statistics.revolutions} revolutions at {low:.1f} to {high:.1f} km/h{left_out}"
     cells = "".join(f"{name:>21}" for name in AXIS_NAMES)
     yield f"  {'':<24}{cells}"
-    shares = "".join(f"{share:>21}" for share in share_texts(found))
-    yield f"  {'power on integer orders':<24}{shares}"
-    yield f"  {'(white noise alone)':<24}" + "".join(f"{f'{100.0 * NOISE_SHARE:.1f} %':>21}" for _ in AXIS_NAMES)
+    yield f"  {'power on integer orders':<24}" + _columns(share_texts(statistics))
+    noise = f"{100.0 * statistics.noise_share:.1f} %"
+    yield f"  {'(white noise alone)':<24}" + _columns([noise] * len(AXIS_NAMES))
+    measured = found.speeds_with_spectrum
+    for one in measured if len(measured) > 1 else ():
+        between = f"{found.kmh(one.low_radps):.0f} to {found.kmh(one.high_radps):.0f} km/h"
+        yield f"    {between:<22}" + _columns(share_texts(one))
     yield "  amplitude in m/s^2, rms over the revolutions (the part that repeats):"
     for order in range(min(orders, statistics.amplitude_mps2.shape[1] - 1) + 1):
         texts = (
@@ -63,11 +67,14 @@ def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
     )
 
 
-def share_texts(found: WheelOrders) -> list[str]:
+def _columns(texts: Iterable[str]) -> str:
+    return "".join(f"{text:>21}" for text in texts)
+
+
+def share_texts(found: OrderStatistics | SpeedBin) -> list[str]:
     """Return the share of the power on integer orders of each axis, `99.21 ± 0.13 %`."""
-    statistics = found.statistics
     texts = []
-    for share, std in zip(statistics.integer_share.tolist(), statistics.integer_share_std.tolist(), strict=True):
+    for share, std in zip(found.integer_share.tolist(), found.integer_share_std.tolist(), strict=True):
         number = round_to_error(100.0 * share, 100.0 * std) if math.isfinite(share) else None
         texts.append(MISSING if number is None else f"{number.joined()} %")
     return texts
@@ -128,7 +135,7 @@ def write_json(path: Path, wheels: Sequence[WheelOrders], recording: str, *, for
         "written_by": f"treadlink {__version__}",
         "recording": recording,
         "unit": "m/s^2",
-        "noise_share": NOISE_SHARE,
+        "noise_share": _NOISE_SHARE,
         "wheels": [_as_json(found) for found in wheels],
     }
     write_whole(path, json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n", force=force)
@@ -151,10 +158,16 @@ def _as_json(found: WheelOrders) -> dict[str, object]:
                 "high_kmh": found.kmh(speeds.high_radps),
                 "revolutions": speeds.revolutions,
                 "amplitude_mps2": _by_axis(speeds.amplitude_mps2),
+                "fine_blocks": speeds.blocks,
+                "fine_mps2": _by_axis(speeds.fine_mps2),
+                "integer_share": _by_axis(speeds.integer_share),
+                "integer_share_std": _by_axis(speeds.integer_share_std),
             }
             for speeds in statistics.speeds
         ],
+        "noise_share": statistics.noise_share,
         "fine_blocks": statistics.blocks,
+        "fine_block_revolutions": statistics.block_revolutions,
         "fine_order": statistics.fine_order.tolist(),
         "fine_mps2": _by_axis(statistics.fine_mps2),
         "average": {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gateway.signal.mean_revolution import MeanRevolution
-from gateway.signal.order_statistics import OrderStatistics
+from gateway.signal.order_statistics import OrderStatistics, SpeedBin
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +31,11 @@ class WheelOrders:
         """Lowest and highest speed."""
         low, high = self.statistics.omega_range_radps
         return self.kmh(low), self.kmh(high)
+
+    @property
+    def speeds_with_spectrum(self) -> tuple[SpeedBin, ...]:
+        """Ranges of speed that have a spectrum over several revolutions, slowest first."""
+        return tuple(one for one in self.statistics.speeds if one.blocks)
 
     def kmh(self, omega_radps: float) -> float:
         """Return the rolling speed of an angular speed."""

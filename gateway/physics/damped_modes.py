@@ -1,9 +1,11 @@
 """Damped modal solution of the ring paper's flexible ring: its Eq. 10 to 12 with their misprints repaired.
 
 The ring is linear about the undeformed circle, inextensible (Eq. 8), and rolls steadily. Displacement and signal are
-complex orders c - i s: w(theta) = Re sum w_n e^(i n theta), theta the material angle of the sensor. The undamped model
-without speed, which the dimensionless numbers come from, is `gateway.physics.ring_series`. At zero damping both agree
-to rounding, because the belt's inertia and the tension that it causes cancel (`dynamic_stiffness`).
+complex orders c - i s: w(theta) = Re sum w_n e^(i n theta), theta the material angle of the sensor. Radial and
+tangential damping of the sidewall, c_w and c_v, are apart: c_n = c_v + c_w n^2.
+
+The undamped model without speed, which the dimensionless numbers come from, is `gateway.physics.ring_series`. At zero
+damping both agree to rounding, because the belt's inertia and the tension that it causes cancel (`dynamic_stiffness`).
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ def modal_coefficients(
     return ModalCoefficients(
         mass * (1.0 + square),
         -4.0 * mass * np.sqrt(square) * omega_radps,
-        ring.foundation_damping_nspm2 * (1.0 + square),
+        ring.foundation_damping_nspm2 * (ring.tangential_damping_ratio + square),
         stiffness,
     )
 

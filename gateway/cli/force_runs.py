@@ -1,0 +1,236 @@
+"""Runs of `treadlink calibrate side-force` from recordings, the report of the fit, and its table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from gateway.config.force_runs import ForceRunsFile, ForceRunTable
+from gateway.config.tire_tables import SideForceCalibrationTable
+from gateway.config.toml_writer import toml_text
+from gateway.config.vehicle import choose_vehicle
+from gateway.errors import CalibrationError
+from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.side_force import HORIZON_REVOLUTIONS
+from gateway.estimators.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.reader import RecordingReader
+from gateway.session.batch_estimation import estimate_items
+
+# Revolutions between two values of the running mean that are taken: beyond twice its memory they are independent.
+_APART: Final = round(2.0 * HORIZON_REVOLUTIONS)
+MIN_REVOLUTIONS: Final = 20
+# Largest relative error of a calibrated factor; beyond it the runs determine nothing.
+_LARGEST_ERROR: Final = 1.0 / 3.0
+
+
+@dataclass(slots=True)
+class ForceRun:
+    """Displacements of the belt in one run.
+
+    Attributes:
+        name: shown to the user.
+        table: the run as stated.
+        shifts: estimates of the shift, one for each valid revolution.
+        yaws: of the yaw.
+        halves_rad: contact half angles.
+        offered: revolutions, usable or not.
+    """
+
+    name: str
+    table: ForceRunTable
+    shifts: list[Estimate] = field(default_factory=list)
+    yaws: list[Estimate] = field(default_factory=list)
+    halves_rad: list[float] = field(default_factory=list)
+    offered: int = 0
+
+    def take(self, result: RevolutionResult) -> None:
+        """Add a revolution."""
+        self.offered += 1
+        found = {estimate.name: estimate for estimate in result.estimates}
+        shift, yaw = found.get("belt_shift_m"), found.get("belt_yaw_rad")
+        if shift is None or yaw is None or shift.status is Status.INVALID or yaw.status is Status.INVALID:
+            return
+        self.shifts.append(shift)
+        self.yaws.append(yaw)
+        self.halves_rad.append(0.5 * (result.revolution.trailing_edge_rad - result.revolution.leading_edge_rad))
+
+    @property
+    def half_angle_rad(self) -> float:
+        """Median contact half angle."""
+        return float(np.median(self.halves_rad))
+
+
+def measured_force_runs(path: Path, runs: ForceRunsFile, fallback: Path | None) -> list[ForceRun]:
+    """Return the measurement of every run.
+
+    Args:
+        path: of the runs file.
+        runs: its content.
+        fallback: vehicle configuration for recordings without one.
+
+    Raises:
+        TreadlinkError: a recording cannot be read or has no vehicle configuration.
+        CalibrationError: a run cannot be used; every run counts, so none is left out silently.
+    """
+    taken = [ForceRun(_name(run), run) for run in runs.run]
+    for run in taken:
+        _take(path.parent / run.table.recording, run, runs.wheel, fallback)
+        if len(run.shifts) < MIN_REVOLUTIONS:
+            raise CalibrationError(
+                f"{run.name}: {len(run.shifts)} of {run.offered} revolutions can be used, "
+                f"{MIN_REVOLUTIONS} are required",
+                "Record longer, correct from_s and to_s, or use a sensor with a lateral axis.",
+            )
+    return taken
+
+
+def _take(recording: Path, run: ForceRun, usual_wheel: str | None, fallback: Path | None) -> None:
+    reader = RecordingReader(recording)
+    vehicle = choose_vehicle(fallback, [reader.vehicle_toml], str(recording))
+    if vehicle is None:
+        raise CalibrationError(
+            f"'{recording}' contains no vehicle configuration",
+            "Give one that states the belt radius: --config VEHICLE.toml.",
+        )
+    wanted = run.table.wheel or usual_wheel
+    first_ns: dict[str, int] = {}
+
+    def take(result: RevolutionResult) -> None:
+        since_s = 1e-9 * (result.host_ns - first_ns.setdefault(result.position, result.host_ns))
+        inside = run.table.from_s <= since_s <= (run.table.to_s or math.inf)
+        if inside and (wanted is None or result.position == wanted):
+            run.take(result)
+
+    estimate_items(reader, vehicle, take, estimators=("kinematic", "side-force"))
+    if wanted is None and len(first_ns) > 1:
+        raise CalibrationError(
+            f"'{recording}' contains {len(first_ns)} wheels: {', '.join(sorted(first_ns))}",
+            'Name the wheel in the runs file: wheel = "FL".',
+        )
+    if wanted is not None and wanted not in first_ns:
+        raise CalibrationError(
+            f"'{recording}' has no revolution of wheel {wanted}",
+            f"Wheels with revolutions: {', '.join(sorted(first_ns)) or 'none'}.",
+        )
+
+
+def _name(run: ForceRunTable) -> str:
+    name = Path(run.recording).name
+    if run.to_s is None:
+        return f"{name} from {run.from_s:g} s" if run.from_s else name
+    return f"{name} {run.from_s:g}-{run.to_s:g} s"
+
+
+def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForceCalibration:
+    """Fit side force over shift, and moment over yaw where every run states one.
+
+    Raises:
+        CalibrationError: the runs do not determine a factor.
+    """
+    shifts = [_mean(run.shifts) for run in runs]
+    forces = [run.table.side_force_n for run in runs]
+    side = _fit("side force", shifts, forces, stated.side_force_std_n)
+    moments = [run.table.aligning_moment_nm for run in runs]
+    known = [moment for moment in moments if moment is not None]
+    if known and len(known) < len(moments):
+        raise CalibrationError(
+            f"{len(known)} of {len(moments)} runs state an aligning moment", "State aligning_moment_nm in all, or none."
+        )
+    law = None
+    if known:
+        law = _fit("aligning moment", [_mean(run.yaws) for run in runs], known, stated.aligning_moment_std_nm)
+    halves = [run.half_angle_rad for run in runs]
+    return SideForceCalibration(side, law, (min(halves), max(halves)))
+
+
+def _mean(estimates: Sequence[Estimate]) -> tuple[float, float]:
+    """Return the mean of independent values of a running mean, and its standard error."""
+    chosen = estimates[::-_APART]
+    values = float(np.mean([one.value for one in chosen]))
+    return values, float(np.mean([one.std for one in chosen])) / math.sqrt(len(chosen))
+
+
+def _fit(what: str, displaced: Sequence[tuple[float, float]], forces: Sequence[float], std: float) -> LinearLaw:
+    if float(np.ptp(np.asarray(forces))) == 0.0:
+        raise CalibrationError(f"the {what} is the same in all runs", "Add a run at another one.")
+    law = fit_linear_law([one for one, _ in displaced], [error for _, error in displaced], forces, [std] * len(forces))
+    if not law.factor_std < _LARGEST_ERROR * abs(law.factor):
+        raise CalibrationError(
+            f"the runs do not determine the {what}: the standard error is {law.factor_std / abs(law.factor):.2g} times"
+            " the factor",
+            "Use runs of larger forces, or longer ones. Check the signs: forces are positive to the left.",
+        )
+    return law
+
+
+def force_lines(runs: Sequence[ForceRun], found: SideForceCalibration) -> list[str]:
+    """Return the fit as a table with its validity."""
+    width = max(len("run"), *(len(run.name) for run in runs))
+    lines = [f"{'run':<{width}}   revs  shift mm      std  side force N  residual  yaw deg  moment N m  residual"]
+    for run in runs:
+        shift, shift_std = _mean(run.shifts)
+        yaw, _ = _mean(run.yaws)
+        moment = ""
+        if found.moment is not None and run.table.aligning_moment_nm is not None:
+            fitted, _ = found.moment.force(yaw, 0.0)
+            stated = run.table.aligning_moment_nm
+            moment = f" {stated:+11.1f} {fitted - stated:+9.1f}"
+        fitted, _ = found.side.force(shift, 0.0)
+        force = run.table.side_force_n
+        lines.append(
+            f"{run.name:<{width}} {len(run.shifts):6d} {1e3 * shift:+9.4f} {1e3 * shift_std:8.4f} {force:+13.0f} "
+            f"{fitted - force:+9.0f} {math.degrees(yaw):+8.4f}{moment}"
+        )
+    side = found.side
+    lines += [
+        "",
+        f"side force       {1e-3 * side.factor:.2f} ± {1e-3 * side.factor_std:.2f} N/mm, zero at "
+        f"{1e3 * side.zero:+.4f} ± {1e3 * side.zero_std:.4f} mm",
+    ]
+    if found.moment is None:
+        lines.append("aligning moment  not calibrated: the runs state none")
+    else:
+        law, degree = found.moment, math.radians(1.0)
+        lines.append(
+            f"aligning moment  {law.factor * degree:.2f} ± {law.factor_std * degree:.2f} N m/deg, zero at "
+            f"{law.zero / degree:+.5f} ± {law.zero_std / degree:.5f} deg"
+        )
+    low, high = (math.degrees(angle) for angle in found.half_angle_range_rad)
+    if len(runs) == 2:
+        lines.append("no check: two runs are just enough; one more would check the law")
+    lines.append(f"valid for half angles of {low:.2f} to {high:.2f} deg, this tire and sensor as mounted")
+    return lines
+
+
+def force_toml(found: SideForceCalibration) -> str:
+    """Return the table for the vehicle configuration, checked against its schema."""
+    degree = math.radians(1.0)
+    moment: dict[str, float] = {}
+    if found.moment is not None:
+        moment = {
+            "moment_nm_per_deg": _rounded(found.moment.factor * degree),
+            "moment_std_nm_per_deg": _rounded(found.moment.factor_std * degree),
+            "yaw_zero_deg": _rounded(found.moment.zero / degree),
+            "yaw_zero_std_deg": _rounded(found.moment.zero_std / degree),
+        }
+    stated = {
+        "side_n_per_mm": _rounded(1e-3 * found.side.factor),
+        "side_std_n_per_mm": _rounded(1e-3 * found.side.factor_std),
+        "shift_zero_mm": _rounded(1e3 * found.side.zero),
+        "shift_zero_std_mm": _rounded(1e3 * found.side.zero_std),
+        **moment,
+        "half_angle_min_rad": _rounded(found.half_angle_range_rad[0]),
+        "half_angle_max_rad": _rounded(found.half_angle_range_rad[1]),
+    }
+    table = SideForceCalibrationTable(**stated)
+    return toml_text({"tire": {"side_force_calibration": table.model_dump(include=set(stated))}})
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")

@@ -1,0 +1,237 @@
+"""Runs of `treadlink calibrate slip` from recordings, the report of the fit, and its table for the configuration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Final
+
+from gateway.config.slip_runs import RunTable, SlipRunsFile
+from gateway.config.tire_tables import SlipCalibrationTable
+from gateway.config.toml_writer import toml_text
+from gateway.config.vehicle import VehicleConfig, choose_vehicle
+from gateway.errors import CalibrationError
+from gateway.estimators.slip_calibration import SlipCalibration
+from gateway.estimators.slip_fit import MIN_REVOLUTIONS, SlipFit, SlipRun, SlipRunRevolutions
+from gateway.pipeline.results import RevolutionResult
+from gateway.recording.reader import RecordingReader
+from gateway.session.batch_estimation import estimate_items
+from gateway.signal.sensor_mounting import RollCalibration
+from gateway.views.progress import progress_bar
+
+# The first revolutions of a wheel are timed without a running average to compare them with.
+_SKIPPED_REVOLUTIONS: Final = 5
+# Memory of the roll calibration: all runs count alike.
+_ALL_REVOLUTIONS: Final = 1e9
+# Bounds of the configuration where no pressure is known.
+_ANY_PRESSURE_KPA: Final = (10.0, 1500.0)
+
+
+def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list[SlipRun]:
+    """Return the measurement of every run.
+
+    Args:
+        path: of the runs file.
+        runs: its content.
+        fallback: vehicle configuration for recordings without one.
+
+    Raises:
+        TreadlinkError: a recording cannot be read or has no vehicle configuration.
+        CalibrationError: a run cannot be used; every run counts, so none is left out silently.
+    """
+    files: dict[Path, list[int]] = {}
+    for index, run in enumerate(runs.run):
+        files.setdefault(path.parent / run.recording, []).append(index)
+    roll = RollCalibration(horizon_revolutions=_ALL_REVOLUTIONS)
+    taken = [SlipRunRevolutions(roll) for _ in runs.run]
+    with progress_bar("reading the runs") as bar:
+        for number, (recording, indices) in enumerate(files.items()):
+
+            def show(share: float, name: str = recording.name, done: int = number) -> None:
+                bar.show((done + share) / len(files), name)
+
+            _take(recording, [(runs.run[index], taken[index]) for index in indices], runs, fallback, show)
+    names = [_name(run) for run in runs.run]
+    for name, found in zip(names, taken, strict=True):
+        _check_usable(name, found)
+    return [
+        found.run(
+            name,
+            math.radians(run.slip_deg),
+            math.radians(runs.slip_std_deg if run.slip_std_deg is None else run.slip_std_deg),
+            is_reverse=run.direction == "reverse",
+        )
+        for name, run, found in zip(names, runs.run, taken, strict=True)
+    ]
+
+
+def _take(
+    recording: Path,
+    parts: Sequence[tuple[RunTable, SlipRunRevolutions]],
+    runs: SlipRunsFile,
+    fallback: Path | None,
+    show: Callable[[float], None],
+) -> None:
+    """Add the revolutions of one recording to its runs; `show` takes the share that is read."""
+    reader = RecordingReader(recording)
+    vehicle = _vehicle(reader, recording, fallback)
+    # One sensor on one tire: roll, yaw and share are those of all runs.
+    wanted = runs.wheel
+    seen: dict[str, int] = {}
+    first_ns: dict[str, int] = {}
+
+    def take(result: RevolutionResult) -> None:
+        position = result.position
+        seen[position] = seen.get(position, 0) + 1
+        since_s = 1e-9 * (result.host_ns - first_ns.setdefault(position, result.host_ns))
+        if seen[position] <= _SKIPPED_REVOLUTIONS:
+            return
+        for run, found in parts:
+            if (wanted is None or position == wanted) and run.from_s <= since_s <= (run.to_s or math.inf):
+                found.add(result.revolution, result.conditions)
+
+    def on_bytes(_: int) -> None:
+        show(reader.position / max(reader.info.size_bytes, 1))
+
+    estimate_items(reader, vehicle, take, estimators=("kinematic",), on_bytes=on_bytes)
+    if wanted is None and len(seen) > 1:
+        raise CalibrationError(
+            f"'{recording}' contains {len(seen)} wheels: {', '.join(sorted(seen))}",
+            f'Name one in the runs file, above the runs: wheel = "{min(seen)}".',
+        )
+    if wanted is not None and wanted not in seen:
+        raise CalibrationError(
+            f"'{recording}' has no revolution of wheel {wanted}",
+            f"Wheels with revolutions: {', '.join(sorted(seen)) or 'none'}.",
+        )
+
+
+def _vehicle(reader: RecordingReader, recording: Path, fallback: Path | None) -> VehicleConfig:
+    vehicle = choose_vehicle(fallback, [reader.vehicle_toml], str(recording))
+    if vehicle is None:
+        raise CalibrationError(
+            f"'{recording}' contains no vehicle configuration",
+            "Give one that states the belt radius: --config VEHICLE.toml.",
+        )
+    return vehicle
+
+
+def _check_usable(name: str, found: SlipRunRevolutions) -> None:
+    if found.offered and not found.has_lateral:
+        raise CalibrationError(f"{name}: the sensor has no lateral axis", "Slip needs a sensor with a lateral axis.")
+    if found.count < MIN_REVOLUTIONS:
+        raise CalibrationError(
+            f"{name}: {found.count} of {found.offered} revolutions can be used, {MIN_REVOLUTIONS} are required",
+            "Record longer, or correct from_s and to_s. `treadlink inspect` shows what the recording contains.",
+        )
+
+
+def _name(run: RunTable) -> str:
+    name = Path(run.recording).name
+    if run.to_s is None:
+        return f"{name} from {run.from_s:g} s" if run.from_s else name
+    return f"{name} {run.from_s:g}-{run.to_s:g} s"
+
+
+def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:
+    """Return the fit as a table with its validity."""
+    width = max(len("run"), *(len(run.name) for run in runs))
+    lines = [f"{'run':<{width}}  rolling  revs  slip deg  slope deg     std  residual  pull  left out"]
+    for run, residual, pull, left_out in zip(runs, fit.residual_rad, fit.pulls, fit.left_out, strict=True):
+        other = f"{left_out:+8.1f}" if math.isfinite(left_out) else "       -"
+        lines.append(
+            f"{run.name:<{width}}  {'reverse' if run.is_reverse else 'forward'} {run.revolutions:5d}  "
+            f"{math.degrees(run.slip_rad):+8.2f} {math.degrees(run.slope_rad):+10.4f} "
+            f"{math.degrees(run.noise_std_rad):7.4f} {math.degrees(residual):+9.4f} {pull:+5.1f}  {other}"
+        )
+    found = fit.calibration
+    if fit.degrees_of_freedom > 0:
+        check = (
+            f"chi-square {fit.chi_square:.1f}, degrees of freedom {fit.degrees_of_freedom}, probability "
+            f"{fit.probability:.2g}"
+        )
+    else:
+        check = "no check: the runs are just enough for the unknowns; one more run would check the law"
+    lines += [
+        "",
+        f"belt share      {found.belt_share:.4f} ± {found.belt_share_std:.4f}, less "
+        f"{math.radians(1e2 * found.saturation_prad):.1f} ± {math.radians(1e2 * found.saturation_std_prad):.1f} % per "
+        "degree of slip",
+        f"zero, forward   {_degrees(found.zero_rad, found.zero_std_rad)}: ply steer plus conicity",
+    ]
+    if found.ply_steer_rad is not None and found.conicity_rad is not None:
+        lines += [
+            f"ply steer       {_degrees(found.ply_steer_rad, found.ply_steer_std_rad)}, changes sign in reverse",
+            f"conicity        {_degrees(found.conicity_rad, found.conicity_std_rad)}, the same in reverse",
+        ]
+    else:
+        lines.append("ply steer and conicity are not separated: no run rolls in reverse")
+    _, slip_std = found.slip_at(found.zero_rad, 0.0)
+    lines += [
+        f"slip angle      ± {math.degrees(slip_std):.3f} deg at zero slip by the calibration alone",
+        check,
+        _validity(found),
+    ]
+    return lines
+
+
+def _validity(found: SlipCalibration) -> str:
+    slips, halves = found.slip_range_rad, found.half_angle_range_rad
+    low, high = _pressures_kpa(found)
+    pressure = f", {low:.0f} to {high:.0f} kPa" if (low, high) != _ANY_PRESSURE_KPA else ""
+    return (
+        f"valid for slip of {math.degrees(slips[0]):+.2f} to {math.degrees(slips[1]):+.2f} deg, half angles of "
+        f"{math.degrees(halves[0]):.2f} to {math.degrees(halves[1]):.2f} deg{pressure}, this tire and sensor as mounted"
+    )
+
+
+def _degrees(value_rad: float, std_rad: float) -> str:
+    return f"{math.degrees(value_rad):+.4f} ± {math.degrees(std_rad):.4f} deg"
+
+
+def _pressures_kpa(found: SlipCalibration) -> tuple[float, float]:
+    low, high = found.pressure_range_pa
+    return (1e-3 * low, 1e-3 * high) if math.isfinite(high) else _ANY_PRESSURE_KPA
+
+
+def slip_toml(found: SlipCalibration) -> str:
+    """Return the table for the vehicle configuration, checked against its schema."""
+    degree = math.degrees(1.0)
+    low_kpa, high_kpa = _pressures_kpa(found)
+    separated: dict[str, float] = {}
+    if found.ply_steer_rad is not None and found.conicity_rad is not None:
+        separated = {
+            "ply_steer_deg": _rounded(found.ply_steer_rad * degree),
+            "ply_steer_std_deg": _rounded(found.ply_steer_std_rad * degree),
+            "conicity_deg": _rounded(found.conicity_rad * degree),
+            "conicity_std_deg": _rounded(found.conicity_std_rad * degree),
+        }
+    table = SlipCalibrationTable(
+        belt_share=_rounded(found.belt_share),
+        belt_share_std=_rounded(found.belt_share_std),
+        zero_deg=_rounded(found.zero_rad * degree),
+        zero_std_deg=_rounded(found.zero_std_rad * degree),
+        saturation_per_deg=_rounded(found.saturation_prad / degree),
+        saturation_std_per_deg=_rounded(found.saturation_std_prad / degree),
+        zero_share_correlation=_rounded(found.zero_share_correlation),
+        share_saturation_correlation=_rounded(found.share_saturation_correlation),
+        slip_min_deg=_rounded(found.slip_range_rad[0] * degree),
+        slip_max_deg=_rounded(found.slip_range_rad[1] * degree),
+        half_angle_min_rad=_rounded(found.half_angle_range_rad[0]),
+        half_angle_max_rad=_rounded(found.half_angle_range_rad[1]),
+        pressure_min_kpa=_rounded(low_kpa),
+        pressure_max_kpa=_rounded(high_kpa),
+        **separated,
+    )
+    return toml_text(
+        {"tire": {"slip_calibration": table.model_dump(exclude_none=True, exclude=_unseparated(separated))}}
+    )
+
+
+def _unseparated(separated: dict[str, float]) -> set[str]:
+    return set() if separated else {"ply_steer_std_deg", "conicity_std_deg"}
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.6g}")

@@ -1,0 +1,288 @@
+"""Estimator of longitudinal force, axle torque and rolling resistance from the asymmetry of the belt's shape.
+
+The sidewall carries every force between belt and rim. Its deflection follows from the belt's shape but for the belt's
+place on the rim and its turn against it, which the balance of the free belt determines (`asymmetric_rows`). Neither
+contact pressure, contact shear nor friction is assumed. docs/explanation/forces.md has the derivation, the bounds and
+the errors. The circumferential axis adds nothing: on a thin belt it reads the derivative of the radial axis.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.estimators.asymmetric_rows import Force, U
+from gateway.estimators.asymmetric_solve import (
+    LASTING,
+    AsymmetricSolution,
+    TirePrior,
+    corrected_orders,
+    solve_asymmetric,
+)
+from gateway.estimators.determination import DETERMINED, doubt_about, positive, unusable
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.order_errors import relative_std
+from gateway.estimators.pace import LONGEST, is_due
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.physics.asymmetric_belt import curvature_from_signal
+from gateway.physics.belt_shape import MAX_ORDER, orders_about
+from gateway.reasons import Code, Reason
+from gateway.types import FloatArray
+
+NAMES: Final = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio", "rolling_resistance", "damping_loss")
+
+# Memory of the forces in revolutions: about two seconds at 65 km/h. A single one is known to a percent of the load.
+HORIZON_REVOLUTIONS: Final = 16.0
+# Memory of the tire's stiffnesses and losses, which change with temperature and pressure only.
+TIRE_HORIZON_REVOLUTIONS: Final = 500.0
+# Times as many revolutions as the short mean that the long one needs, to be a prior of its own.
+_LEAST_MORE: Final = 2.0
+# Rolling resistance of the forces at load number 1.
+_RESISTANCE: Final[FloatArray] = np.array([0.0, -1.0, 1.0, 0.0])
+# Longest pause between solutions, so that the linear response bridges less than half of the memory.
+_LONGEST: Final = 8
+# Change of the forces, in standard errors, after which the balance is solved again.
+_MOVED: Final = 1.0
+# Error of the direction of the road, which the belt's direction in the contact stands for, where the tread is pressed
+# unevenly: rolling at 0.7 % resistance and 0.3 of the load in braking tilt the exact ring by this (docs).
+_LEVEL_STD_RAD: Final = 2e-4
+# A belt that inflation strains by 5e-4 changes force and torque by this share, and rolling resistance by this share of
+# the force over the load (docs/explanation/forces.md). The strain of a belt is not known.
+_EXTENSION_STD: Final = 0.02
+_EXTENSION_LOSS_STD: Final = 0.004
+# Largest standard error of a valid force near zero, over the load: driving at steady speed takes 1 to 5 % of it.
+_USEFUL_STD: Final = 0.02
+
+
+class _Track:
+    """A running mean of the orders, and the balance of that mean."""
+
+    def __init__(self, horizon_revolutions: float, longest: int) -> None:
+        """Start empty.
+
+        Args:
+            horizon_revolutions: memory of the mean.
+            longest: longest pause between solutions, in revolutions.
+        """
+        self._horizon, self._longest = horizon_revolutions, longest
+        self._mean: FloatArray = np.zeros(2 * MAX_ORDER)
+        self._count = 0
+        self._weight_square = 1.0
+        self._solved_at = 0
+        self._solved_orders: FloatArray = np.zeros(0)
+        self._std: FloatArray = np.zeros(0)
+        self.solution: AsymmetricSolution | None = None
+
+    @property
+    def effective_count(self) -> float:
+        """Number of revolutions of equal weight that would have the same variance."""
+        return 1.0 / self._weight_square if self._count else 0.0
+
+    def update(self, orders: FloatArray) -> None:
+        """Add a revolution."""
+        self._count += 1
+        weight = max(1.0 / self._count, 1.0 / self._horizon)
+        self._mean = self._mean + weight * (orders - self._mean)
+        self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight
+
+    @property
+    def is_outdated(self) -> bool:
+        """Whether the mean must be solved again."""
+        if is_due(self._count) or self._count - self._solved_at >= self._longest:
+            return True
+        # A mean that had no solution is tried again at the same pace.
+        if self.solution is None:
+            return False
+        moved = np.square(self.solution.response @ (corrected_orders(self._mean) - self._solved_orders))
+        return bool((moved > _MOVED**2 * np.diagonal(self.covariance))[Force.LONGITUDINAL :].any())
+
+    def solve(self, own_std: FloatArray, half_angle_rad: float, prior: TirePrior | None) -> None:
+        """Solve the balance of the mean; `own_std` are errors of one revolution's orders.
+
+        Raises:
+            numpy.linalg.LinAlgError: the mean describes no belt.
+        """
+        start = None if self.solution is None else self.solution.unknowns
+        self.solution, self._solved_at = None, self._count
+        mean_std = own_std * math.sqrt(self._weight_square)
+        found = solve_asymmetric(self._mean, mean_std, half_angle_rad, start, prior)
+        if not (np.isfinite(found.forces).all() and (found.unknowns[:4] > 0.0).all()):
+            raise np.linalg.LinAlgError("the balance describes no belt")
+        self.solution, self._std = found, own_std
+        self._solved_orders = corrected_orders(self._mean)
+
+    @property
+    def forces(self) -> FloatArray:
+        """Forces of the mean at load number 1, (4,); between solutions by the linear response."""
+        assert self.solution is not None
+        found: FloatArray = self.solution.forces + self.solution.response @ (
+            corrected_orders(self._mean) - self._solved_orders
+        )
+        return found
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the forces, (4, 4)."""
+        assert self.solution is not None
+        return self.solution.noise(self._std * math.sqrt(self._weight_square)) + self.solution.common()
+
+    def tire(self) -> TirePrior:
+        """Return the tire's own unknowns."""
+        assert self.solution is not None
+        return self.solution.tire(self._std * math.sqrt(self._weight_square))
+
+
+class LongitudinalForceEstimator:
+    """Force of the road along the direction of travel, torque at the axle, and losses; the load sets the scale."""
+
+    def __init__(self) -> None:
+        """Start cold."""
+        self.reset()
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "longitudinal-force"
+
+    def reset(self) -> None:
+        """Forget the running means and their solutions."""
+        self._now = _Track(HORIZON_REVOLUTIONS, _LONGEST)
+        self._tire = _Track(TIRE_HORIZON_REVOLUTIONS, LONGEST)
+        self._omega_radps = 0.0
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
+        """Return longitudinal_force_n, axle_torque_nm, longitudinal_ratio, rolling_resistance and damping_loss.
+
+        The force is that of the road on the tire, positive forward; the torque is positive when it drives. Both are
+        means over the latest revolutions. longitudinal_ratio is force over load, and needs no load. rolling_resistance
+        is torque / R minus force, over the load; damping_loss is the part of it that the belt's own deformation loses,
+        without the tread. Never raises on values.
+        """
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of every revolution."""
+        return [self._estimates(block, index) for index in range(len(block))]
+
+    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+        revolution, conditions = block.revolutions[index], block.conditions[index]
+        if revolution.faults:
+            return _all_invalid(not_used(revolution.faults))
+        average = block.averages.at(index)
+        reason = unusable(average, conditions)
+        if reason is None and not positive(revolution.omega_radps):
+            reason = Reason(Code.SPEED_OR_RADIUS_UNKNOWN)
+        if reason:
+            return _all_invalid(reason)
+        edges = average.leading_edge_rad, average.trailing_edge_rad
+        half_angle, max_order = 0.5 * (edges[1] - edges[0]), min(MAX_ORDER, revolution.order_max)
+        signal = orders_about(revolution.radial_mps2, 0.5 * (edges[0] + edges[1]), max_order)
+        if not (np.isfinite(signal).all() and signal[0].real > 0.0):
+            return _all_invalid(Reason(Code.NO_STEADY_VALUE))
+        own = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
+        self._now.update(own)
+        self._tire.update(own)
+        weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
+        self._omega_radps += weight * (revolution.omega_radps - self._omega_radps)
+        try:
+            self._solve(average, revolution, float(signal[0].real), half_angle, max_order)
+        except np.linalg.LinAlgError:
+            return _all_invalid(Reason(Code.NO_BELT_SHAPE))
+        if self._now.solution is None or self._tire.solution is None:
+            return _all_invalid(Reason(Code.NO_BELT_SHAPE))
+        return self._found(revolution, conditions)
+
+    def _solve(
+        self, average: AngleAverage, revolution: Revolution, mean_mps2: float, half_angle_rad: float, max_order: int
+    ) -> None:
+        """Solve the balances that are outdated."""
+        outdated = self._tire.is_outdated
+        if not (outdated or self._now.is_outdated):
+            return
+        relative = np.abs(average.orders_mps2) / mean_mps2
+        # The average knows the errors of its orders from its scatter; those of one revolution are larger.
+        own_std = average.orders_std_mps2 * math.sqrt(average.effective_count)
+        std = relative_std(own_std, mean_mps2, np.nan_to_num(relative), max_order)
+        if outdated:
+            self._tire.solve(std, half_angle_rad, None)
+        self._now.solve(std, half_angle_rad, self._prior(revolution.omega_radps))
+
+    def _prior(self, omega_radps: float) -> TirePrior | None:
+        """Return the tire from the long mean; None while it hardly is longer than the short one."""
+        more = self._tire.effective_count / self._now.effective_count
+        if more < _LEAST_MORE or self._tire.solution is None:
+            return None
+        tire = self._tire.tire()
+        # The short mean is part of the long one: what is known without it.
+        covariance = tire.covariance * (more / (more - 1.0))
+        # Damping of either kind, with the speed or without, at another speed than the mean one.
+        change = math.log(omega_radps / self._omega_radps)
+        for place in (LASTING.index(U.DAMPING), LASTING.index(U.BENDING_DAMPING)):
+            covariance[place, place] += (tire.mean[place] * change) ** 2
+        return TirePrior(tire.mean, covariance)
+
+    def _found(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
+        """Return the estimates."""
+        doubts = doubt_about(revolution, self._now.effective_count)
+        assert self._now.solution is not None
+        assert self._tire.solution is not None
+        forces, covariance = self._now.forces, self._now.covariance
+        tilt = math.hypot(self._now.solution.tilt_rad, _LEVEL_STD_RAD)
+        pull, torque = float(forces[Force.LONGITUDINAL]), float(forces[Force.TORQUE])
+        pull_variance, torque_variance = (float(covariance[one, one]) for one in (Force.LONGITUDINAL, Force.TORQUE))
+        pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull)
+        torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque)
+        ratio = _signed(NAMES[2], pull, pull_std, 1.0, doubts)
+        losses = self._losses(doubts)
+        load = conditions.load_n
+        if load is None or not positive(load):
+            needs = Reason(Code.NEEDS_LOAD)
+            return (Estimate.invalid(NAMES[0], needs), Estimate.invalid(NAMES[1], needs), ratio, *losses)
+        relative = conditions.load_std_n / load
+        lever = load * conditions.radius_m
+        lever_relative = math.hypot(relative, conditions.radius_std_m / conditions.radius_m)
+        return (
+            _signed(NAMES[0], load * pull, load * math.hypot(pull_std, pull * relative), load, doubts),
+            _signed(NAMES[1], lever * torque, lever * math.hypot(torque_std, torque * lever_relative), lever, doubts),
+            ratio,
+            *losses,
+        )
+
+    def _losses(self, doubts: tuple[Reason, ...]) -> tuple[Estimate, Estimate]:
+        """Return rolling resistance and the belt's part of it, from the long mean."""
+        assert self._tire.solution is not None
+        forces, covariance = self._tire.forces, self._tire.covariance
+        tilt = math.hypot(self._tire.solution.tilt_rad, _LEVEL_STD_RAD)
+        resistance = float(_RESISTANCE @ forces)
+        variance = float(_RESISTANCE @ covariance @ _RESISTANCE)
+        extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])
+        return (
+            _positive(NAMES[3], resistance, math.hypot(math.sqrt(max(variance, 0.0)), tilt, extension), doubts),
+            _positive(
+                NAMES[4], float(forces[Force.LOSS]), math.sqrt(float(covariance[Force.LOSS, Force.LOSS])), doubts
+            ),
+        )
+
+
+def _signed(name: str, value: float, std: float, unit: float, doubts: tuple[Reason, ...]) -> Estimate:
+    """Return a force, valid where it is known to a share of the load, or to a third of itself."""
+    if not (math.isfinite(value) and math.isfinite(std)):
+        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+    if std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
+        doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
+    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts)
+
+
+def _positive(name: str, value: float, std: float, doubts: tuple[Reason, ...]) -> Estimate:
+    """Return a loss, valid where it is known to a third of itself."""
+    if not (math.isfinite(value) and math.isfinite(std)):
+        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+    if not value > DETERMINED * std:
+        doubts = (*doubts, Reason(Code.NOT_DETERMINED, relative_error=abs(std / value) if value else math.inf))
+    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts)
+
+
+def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
+    return tuple(Estimate.invalid(name, reason) for name in NAMES)

@@ -1,0 +1,162 @@
+"""Estimator of side force and aligning moment from the displacement of the belt against the wheel.
+
+The lateral axis gives the belt's shift and yaw (`belt_displacement`); they are proportional to side force and aligning
+moment, by factors and zeros that a calibration at known forces gives. The zeros contain ply steer and conicity.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.estimators.belt_displacement import displacement_rows
+from gateway.estimators.determination import DETERMINED, SETTLED_REVOLUTIONS
+from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.lateral_shape import (
+    ORDERS,
+    LateralAverage,
+    LateralSteps,
+    contact_edges,
+    has_lateral,
+    why_unusable,
+)
+from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.side_force_calibration import LinearLaw
+from gateway.reasons import Code, Reason
+from gateway.signal.sensor_mounting import RollCalibration
+from gateway.types import FloatArray
+
+NAMES: Final = ("belt_shift_m", "belt_yaw_rad", "side_force_n", "aligning_moment_nm")
+
+# Memory of the forces in revolutions, as that of the longitudinal force.
+HORIZON_REVOLUTIONS: Final = 16.0
+# Largest standard error of a valid force near zero, over the load, and of a moment over load and belt radius: a slip of
+# 0.1 deg makes about 2 % of the load, with a trail of a tenth of the radius.
+_USEFUL_STD: Final = 0.02
+_USEFUL_LEVER: Final = 0.1
+# Load of a wheel whose load is not known, for these two only: a quarter of a small car.
+_USUAL_LOAD_N: Final = 3000.0
+
+
+class SideForceEstimator:
+    """Shift and yaw of the belt, side force and aligning moment; no estimates without a lateral axis."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._average = LateralAverage(HORIZON_REVOLUTIONS, RollCalibration())
+        self.reset()
+
+    @property
+    def name(self) -> str:
+        """Name in the registry."""
+        return "side-force"
+
+    def reset(self) -> None:
+        """Forget the average and the roll tilt."""
+        self._average.reset()
+        self._average.roll.reset()
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
+        """Return belt_shift_m, belt_yaw_rad, side_force_n and aligning_moment_nm.
+
+        Displacement and force are positive to the left, the force being that of the road on the tire; a positive moment
+        turns the tire to the left. All are means over the latest revolutions. Force and moment need a calibration.
+        There are no estimates without a lateral axis. Never raises on values.
+        """
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Take revolutions and return the estimates after each."""
+        lateral = [has_lateral(revolution) for revolution in block.revolutions]
+        unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
+        taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
+        steps = self._average.update(block, taken) if taken else None
+        found: list[tuple[Estimate, ...]] = []
+        for index, has in enumerate(lateral):
+            why = unusable[index]
+            if why is not None:
+                found.append(_all_invalid(why))
+            elif has and steps is not None:
+                found.append(_estimates(block, index, steps, taken.index(index)))
+            else:
+                found.append(())
+        return found
+
+
+def _estimates(block: RevolutionBlock, index: int, steps: LateralSteps, place: int) -> tuple[Estimate, ...]:
+    conditions = block.conditions[index]
+    edges = contact_edges(block.averages.edges_rad[index], conditions)
+    if isinstance(edges, Reason):
+        return _all_invalid(edges)
+    half, centre = 0.5 * (edges[1] - edges[0]), 0.5 * (edges[1] + edges[0])
+    record = steps.records[place]()
+    rows = displacement_rows(half) @ _turned(centre)
+    values = rows @ record.lateral_m
+    covariance = rows @ record.covariance @ rows.T
+    # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
+    by_roll = rows @ record.radial_m * steps.roll[place].std_rad
+    variance = np.diagonal(covariance) + np.square(by_roll) + np.square(values * conditions.gain_std)
+    lever = np.array([1.0, 1.0 / conditions.radius_m])
+    shift, yaw = (values * lever).tolist()
+    shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
+    count = steps.effective_counts[place]
+    doubts: tuple[Reason, ...] = ()
+    if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
+        doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+    return (
+        _plain(NAMES[0], shift, shift_std, doubts),
+        _plain(NAMES[1], yaw, yaw_std, doubts),
+        *_forces(conditions, half, (shift, yaw), (shift_std, yaw_std), doubts),
+    )
+
+
+def _forces(
+    conditions: TireConditions,
+    half_angle_rad: float,
+    displacements: tuple[float, float],
+    stds: tuple[float, float],
+    doubts: tuple[Reason, ...],
+) -> tuple[Estimate, Estimate]:
+    calibration = conditions.tire.side_force_calibration
+    if calibration is None:
+        needs = Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION)
+        return Estimate.invalid(NAMES[2], needs), Estimate.invalid(NAMES[3], needs)
+    doubts = (*doubts, *calibration.outside(half_angle_rad))
+    load = conditions.load_n or _USUAL_LOAD_N
+    unit = _USEFUL_LEVER * load * conditions.radius_m
+    return (
+        _force(NAMES[2], calibration.side, displacements[0], stds[0], load, doubts),
+        Estimate.invalid(NAMES[3], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
+        if calibration.moment is None
+        else _force(NAMES[3], calibration.moment, displacements[1], stds[1], unit, doubts),
+    )
+
+
+def _turned(centre_rad: float) -> FloatArray:
+    """Return the matrix that takes the coefficients of a record to those about its contact centre, (2 k, 2 k)."""
+    turn = np.asarray(ORDERS) * centre_rad
+    cosine, sine = np.diag(np.cos(turn)), np.diag(np.sin(turn))
+    result: FloatArray = np.block([[cosine, sine], [-sine, cosine]])
+    return result
+
+
+def _plain(name: str, value: float, std: float, doubts: tuple[Reason, ...]) -> Estimate:
+    if not (math.isfinite(value) and math.isfinite(std)):
+        return Estimate.invalid(name, Reason(Code.NOT_FINITE))
+    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts)
+
+
+def _force(
+    name: str, law: LinearLaw, displacement: float, error: float, unit: float, doubts: tuple[Reason, ...]
+) -> Estimate:
+    """Return a force, valid where it is known to a share of the load, or to a third of itself."""
+    value, std = law.force(displacement, error)
+    if math.isfinite(std) and std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
+        doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
+    return _plain(name, value, std, doubts)
+
+
+def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
+    return tuple(Estimate.invalid(name, reason) for name in NAMES)

@@ -1,0 +1,158 @@
+"""Longitudinal force, torque and losses from the shape of the belt."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from gateway.estimators.asymmetric_rows import Force, U, asymmetric_rows, free_begin, free_motion, row_sensitivity
+from gateway.estimators.asymmetric_solve import solve_asymmetric
+from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.longitudinal_force import LongitudinalForceEstimator
+from gateway.physics.asymmetric_belt import asymmetric_shape, curvature_from_signal
+from gateway.physics.belt_shape import MAX_ORDER, orders_about
+from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.reasons import Code, codes_of
+from gateway.signal.synchronous_average import RunningAverage
+from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, make_revolution, take
+
+LOAD_N = 5000.0
+STIFF = replace(BASE_RING, extension_stiffness_n=5e7)
+LOSSY = replace(STIFF, foundation_damping_nspm2=100.0)
+STD = np.full(61, 1.4e-4)
+
+
+@lru_cache(maxsize=16)
+def ring(torque_nm: float | None, parameters: RingParameters = LOSSY) -> RingSolution:
+    return solve_rolling_ring(parameters, LOAD_N, PRESSURE_PA, omega_at(65.0), nodes=960, axle_torque_nm=torque_nm)
+
+
+def orders(found: RingSolution, offset_m: float = 0.0) -> np.ndarray:
+    centre = found.contact_centre_rad
+    return curvature_from_signal(orders_about(found.sensor.radial_m, centre, 90), offset_m / RADIUS_M)
+
+
+def estimates(
+    found: RingSolution, *, noise_mps2: float = 0.5, revolutions: int = 16, conditions: TireConditions = CONDITIONS
+) -> dict[str, Estimate]:
+    rng = np.random.default_rng(3)
+    average, estimator = RunningAverage(), LongitudinalForceEstimator()
+    last: tuple[Estimate, ...] = ()
+    for _ in range(revolutions):
+        wave = OMEGA**2 * on_grid(found.sensor.radial_m) + rng.normal(0.0, noise_mps2, 1024)
+        revolution = make_revolution(wave)
+        last = estimator.update(revolution, take(average, revolution), conditions)
+    return {estimate.name: estimate for estimate in last}
+
+
+@pytest.mark.parametrize("torque_nm", [-500.0, None, 60.0, 400.0])
+def test_exact_ring_returns_its_force_and_torque(torque_nm: float | None) -> None:
+    found = ring(torque_nm)
+    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
+    assert forces[Force.LOAD] == pytest.approx(1.0, abs=1e-3)
+    assert forces[Force.LONGITUDINAL] * LOAD_N == pytest.approx(found.longitudinal_force_n, rel=0.01, abs=3.0)
+    assert forces[Force.TORQUE] * LOAD_N * RADIUS_M == pytest.approx(found.axle_torque_nm, rel=0.01, abs=1.0)
+
+
+def test_loss_is_rolling_resistance_of_sidewall() -> None:
+    found = ring(None)
+    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
+    assert forces[Force.LOSS] == pytest.approx(found.rolling_resistance, rel=0.05)
+    assert forces[Force.TORQUE] - forces[Force.LONGITUDINAL] == pytest.approx(found.rolling_resistance, rel=0.1)
+
+
+def test_tread_damping_counts_in_resistance_only() -> None:
+    damped = replace(STIFF, tread_damping_nspm2=1e4)
+    found = ring(None, damped)
+    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
+    assert forces[Force.TORQUE] - forces[Force.LONGITUDINAL] == pytest.approx(found.rolling_resistance, abs=3e-4)
+    assert abs(forces[Force.LOSS]) < 0.1 * found.rolling_resistance
+
+
+def test_extension_of_the_belt_is_within_the_stated_error() -> None:
+    found = ring(400.0, replace(LOSSY, extension_stiffness_n=8e6))
+    forces = solve_asymmetric(orders(found), STD, found.half_angle_rad).forces
+    assert forces[Force.LONGITUDINAL] * LOAD_N == pytest.approx(found.longitudinal_force_n, rel=0.03)
+    assert forces[Force.TORQUE] * LOAD_N * RADIUS_M == pytest.approx(found.axle_torque_nm, rel=0.03)
+
+
+def test_deep_sensor_gives_the_same_forces() -> None:
+    deep = solve_rolling_ring(
+        LOSSY, LOAD_N, PRESSURE_PA, omega_at(65.0), nodes=960, axle_torque_nm=60.0, sensor_offset_m=6e-3
+    )
+    plain = solve_asymmetric(orders(ring(60.0)), STD, deep.half_angle_rad).forces
+    found = solve_asymmetric(orders(deep, 6e-3), STD, deep.half_angle_rad).forces
+    assert found[:3] == pytest.approx(plain[:3], abs=2e-3)
+
+
+def test_sensitivity_is_the_derivative_of_the_rows() -> None:
+    found = ring(60.0)
+    at = solve_asymmetric(orders(found), STD, found.half_angle_rad).unknowns.copy()
+    # The derivative leaves sidewall damping out.
+    at[U.DAMPING] = 0.0
+    level, motion = 0.5 * found.half_angle_rad, free_motion(free_begin(found.half_angle_rad))
+    rows, forces = row_sensitivity(asymmetric_shape(orders(found), level), motion, at)
+    for place in (1, 5, 20, MAX_ORDER + 2, MAX_ORDER + 12):
+        step = np.zeros(2 * MAX_ORDER)
+        step[place] = 1e-5
+        above, below = (
+            asymmetric_rows(asymmetric_shape(orders(found) + sign * step, level), motion, at) for sign in (1.0, -1.0)
+        )
+        change = (above.balance - below.balance) / 2e-5
+        assert rows[:, place] == pytest.approx(change, abs=0.02 * float(np.abs(change).max()))
+        pulled = (above.forces - below.forces)[:3] / 2e-5
+        assert forces[:3, place] == pytest.approx(pulled, abs=0.02 * float(np.abs(pulled).max()) + 1e-3)
+
+
+@pytest.mark.parametrize("torque_nm", [-300.0, 60.0])
+def test_noisy_revolutions_give_force_within_errors(torque_nm: float) -> None:
+    truth, found = ring(torque_nm), estimates(ring(torque_nm))
+    for name, value in (
+        ("longitudinal_force_n", truth.longitudinal_force_n),
+        ("axle_torque_nm", truth.axle_torque_nm),
+        ("rolling_resistance", truth.rolling_resistance),
+    ):
+        assert abs(found[name].value - value) < 3.0 * found[name].std
+    force = found["longitudinal_force_n"]
+    assert force.status is Status.VALID
+    assert force.std < 0.01 * LOAD_N + 0.03 * abs(force.value)
+    assert math.copysign(1.0, force.value) == math.copysign(1.0, torque_nm)
+
+
+def test_without_load_only_the_ratio_is_given() -> None:
+    found = estimates(ring(60.0), revolutions=4, conditions=TireConditions(radius_m=RADIUS_M))
+    assert codes_of(found["longitudinal_force_n"].reasons) == (Code.NEEDS_LOAD,)
+    assert codes_of(found["axle_torque_nm"].reasons) == (Code.NEEDS_LOAD,)
+    assert found["longitudinal_ratio"].value == pytest.approx(ring(60.0).longitudinal_force_n / LOAD_N, abs=0.02)
+
+
+def test_strong_noise_leaves_force_not_determined() -> None:
+    found = estimates(ring(60.0), noise_mps2=60.0, revolutions=8)
+    force = found["longitudinal_force_n"]
+    assert force.status is not Status.VALID
+    assert Code.FORCE_NOT_DETERMINED in codes_of(force.reasons)
+
+
+def test_first_revolutions_are_provisional() -> None:
+    found = estimates(ring(60.0), revolutions=3)
+    assert Code.NOT_SETTLED in codes_of(found["longitudinal_ratio"].reasons)
+
+
+def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    from gateway.estimators import longitudinal_force
+
+    calls = []
+
+    def fails(*arguments: object) -> None:
+        calls.append(arguments)
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(longitudinal_force, "solve_asymmetric", fails)
+    found = estimates(ring(60.0), revolutions=7)
+    assert codes_of(found["longitudinal_ratio"].reasons) == (Code.NO_BELT_SHAPE,)
+    assert len(calls) < 11

@@ -1,0 +1,169 @@
+"""Road class, cavity and water wedge of simulated wheels, whose truth the estimators do not share."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.config.vehicle import Tire
+from gateway.estimators.cavity import CavityEstimator
+from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.road_roughness import RoadRoughnessEstimator, class_letter
+from gateway.estimators.tire_data import TireData
+from gateway.estimators.water_wedge import WaterWedgeEstimator
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code, codes_of
+from gateway.simulator.road_profile import QuarterCar, RoadProfile, RoadRide, roughness_m3
+from tests.testkit.exact_ring import solution
+from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
+from tests.testkit.simulated_wheel import last, simulated
+
+# A cheap sensor: the fewer samples, the faster the test.
+SENSOR = '[sensor]\naxes = ["radial"]\nrate_hz = 3000\nnoise_mg_rthz = 5\n'
+SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
+REVOLUTION = make_revolution(exact_wave(solution()))
+AVERAGE = settled(REVOLUTION)
+CAR = QuarterCar(470.0, 40.0, 25e3, 1500.0, 229e3, 0.15)
+
+
+def driven(tables: str, seconds: float, estimator: str, wheel: str = "", setup: WheelSetup = SETUP) -> RevolutionResult:
+    return simulated(f"[motion]\nspeed_kmh = 65\n{SENSOR}{tables}", seconds, setup, ("kinematic", estimator), wheel)[0]
+
+
+@pytest.mark.parametrize("letter", ["A", "C"])
+def test_road_class_is_found(letter: str) -> None:
+    found = last(driven(f"[road]\nprofile = '{letter}'", 9.0, "road"))["road_class"]
+    assert found.status is Status.VALID
+    assert abs(found.value - (1.0 + "ABCD".index(letter))) < 2.0 * found.std
+    assert 0.15 < found.std < 0.45
+    assert class_letter(found.value) == found.reasons[0]["letter"] == letter
+
+
+def test_road_roughness_is_not_determined_on_an_even_road() -> None:
+    found = last(driven("[road]\nleading_jitter_mm = 0.8\ntrailing_jitter_mm = 0.8", 9.0, "road"))
+    assert found["road_class"].status is Status.INVALID
+    assert codes_of(found["road_class"].reasons) == (Code.ROAD_BELOW_NOISE,)
+    assert found["road_class"].reasons[0]["letter"] == "A"
+
+
+def test_road_needs_speed_and_revolutions() -> None:
+    estimator = RoadRoughnessEstimator()
+    slow = estimator.update(REVOLUTION, AVERAGE, replace(CONDITIONS, radius_m=0.05))
+    assert codes_of(slow[0].reasons) == (Code.TOO_SLOW_FOR_ROAD,)
+    assert codes_of(estimator.update(REVOLUTION, AVERAGE, CONDITIONS)[0].reasons) == (Code.NEEDS_REVOLUTIONS,)
+
+
+def test_profile_has_the_density_of_its_class() -> None:
+    profile = RoadProfile(roughness_m3("B"), 2.0, 0.0, np.random.default_rng(3))
+    height = profile(np.arange(1 << 17) * 0.06)
+    pieces = height.reshape(32, -1) * np.hanning(4096)
+    density = (
+        np.square(np.abs(np.fft.rfft(pieces, axis=1))).mean(axis=0) * 2.0 * 0.06 / np.square(np.hanning(4096)).sum()
+    )
+    frequency = np.fft.rfftfreq(4096, 0.06)
+    inside = (frequency > 0.05) & (frequency < 2.0)
+    ratio = density[inside] * np.square(frequency[inside] / 0.1) / 64e-6
+    assert ratio.mean() == pytest.approx(1.0, abs=0.05)
+
+
+def test_ride_has_the_load_of_its_quarter_car() -> None:
+    profile = RoadProfile(roughness_m3("B"), 2.0, CAR.contact_m, np.random.default_rng(4))
+    ride = RoadRide(profile, CAR, 1000.0)
+    load, hub = ride(18.0 * np.arange(60_000) / 1000.0)
+    expected = CAR.load_std_n(roughness_m3("B"), 2.0, 18.0)
+    # The averaging over the contact's length, which the expectation leaves out, is worth some per cent.
+    assert load.std() == pytest.approx(expected, rel=0.1)
+    # The balance of the unsprung mass: tire force less the strut's, which is small at the wheel hop.
+    fast = np.diff(load, 2)
+    assert np.corrcoef(fast, np.diff(hub, 2))[0, 1] > 0.95
+
+
+def test_load_below_the_unsprung_weight_is_rejected() -> None:
+    from gateway.errors import TreadlinkError
+
+    with pytest.raises((ValueError, TreadlinkError), match="unsprung"):
+        driven("[road]\nprofile = 'A'\nunsprung_kg = 600", 1.0, "road")
+
+
+def air_hz(degc: float, length_m: float) -> float:
+    return math.sqrt(1.4 * 287.05 * (273.15 + degc)) / length_m
+
+
+def in_cavity(hertz: float, length_m: float | None, std_m: float, measured: str = "temperature_degc = 40") -> dict:
+    setup = replace(SETUP, tire=TireData(cavity_length_m=length_m, cavity_length_std_m=std_m))
+    tables = f"[vibration]\ncavity_rms_mps2 = 6\ncavity_hz = {hertz}"
+    return last(driven(tables, 10.0, "cavity", measured, setup))
+
+
+def test_cavity_gives_the_temperature_of_the_gas() -> None:
+    found = in_cavity(air_hz(43.0, 1.65), 1.65, 0.003)
+    warm = found["cavity_temperature_degc"]
+    assert warm.status is not Status.INVALID
+    assert abs(warm.value - 43.0) < 2.0 * warm.std < 12.0
+    ratio = found["cavity_gas_ratio"]
+    assert abs(ratio.value - 1.0) < 2.0 * ratio.std
+    assert Code.CAVITY_CONTRADICTED not in codes_of(ratio.reasons)
+
+
+def test_other_gas_contradicts_the_temperature() -> None:
+    found = in_cavity(air_hz(40.0, 1.65) * math.sqrt(1.4), 1.65, 0.01)
+    assert found["cavity_gas_ratio"].value == pytest.approx(1.4, abs=0.08)
+    assert found["cavity_gas_ratio"].status is Status.PROVISIONAL
+    assert found["cavity_gas_ratio"].reasons[0].code is Code.CAVITY_CONTRADICTED
+
+
+def test_unknown_cavity_length_gives_the_frequency_alone() -> None:
+    found = in_cavity(214.0, None, 0.0)
+    assert found["cavity_hz"].value == pytest.approx(214.0, abs=1.5)
+    assert codes_of(found["cavity_temperature_degc"].reasons) == (Code.NEEDS_CAVITY_LENGTH,)
+
+
+@pytest.mark.parametrize(("size", "inches"), [("205/55 R16", 16.0), ("195R14C", 14.0), ("335/65R22.5", 22.5)])
+def test_cavity_length_follows_from_the_rim_of_the_size(size: str, inches: float) -> None:
+    tire = Tire(size=size, radius_mm=400.0)
+    assert tire.cavity_length_m == pytest.approx(math.pi * (0.394 + 0.0127 * inches))
+    assert tire.cavity_length_std_m == pytest.approx(0.02 * tire.cavity_length_m)
+    assert Tire(size="unknown", radius_mm=400.0).cavity_length_m is None
+
+
+def test_cavity_waits_for_uninterrupted_rolling() -> None:
+    found = CavityEstimator().update(REVOLUTION, AVERAGE, TireConditions(0.32))
+    assert {codes_of(one.reasons) for one in found} == {(Code.NEEDS_UNINTERRUPTED_ROLLING,)}
+
+
+def during(results: tuple[RevolutionResult, ...], first_s: float, last_s: float) -> list[dict[str, Estimate]]:
+    start = results[0].revolution.start_s
+    return [
+        {one.name: one for one in result.estimates}
+        for result in results
+        if first_s < result.revolution.start_s - start < last_s
+    ]
+
+
+def test_moved_leading_edge_is_like_a_water_wedge() -> None:
+    shift = "[road]\nleading_shift_mm = [[0, 0], [6, 0], [6.05, 20], [6.6, 20], [6.65, 0]]"
+    results = driven(shift, 7.5, "water-wedge")
+    for found in during(results, 6.05, 6.3):
+        leading, trailing = found["leading_edge_shift_rad"], found["trailing_edge_shift_rad"]
+        assert 320.0 * leading.value == pytest.approx(20.0, abs=2.5)
+        assert abs(320.0 * trailing.value) < 1.0
+        assert leading.status is Status.PROVISIONAL
+        assert codes_of(leading.reasons) == (Code.LIKE_A_WATER_WEDGE, Code.NOT_VERIFIED_BY_MEASUREMENT)
+    for found in during(results, 5.0, 5.8):
+        assert codes_of(found["water_wedge_rad"].reasons) == (Code.NOT_VERIFIED_BY_MEASUREMENT,)
+
+
+def test_smaller_load_is_not_like_a_water_wedge() -> None:
+    results = driven("", 7.5, "water-wedge", "load_n = [[0, 5000], [6, 5000], [6.2, 3500]]")
+    found = during(results, 6.0, 7.0)
+    assert max(one["leading_edge_shift_rad"].value for one in found) > 0.03
+    assert all(Code.LIKE_A_WATER_WEDGE not in codes_of(one["water_wedge_rad"].reasons) for one in found)
+
+
+def test_water_wedge_needs_contacts_before() -> None:
+    found = WaterWedgeEstimator().update(REVOLUTION, AVERAGE, CONDITIONS)
+    assert {codes_of(one.reasons) for one in found} == {(Code.NEEDS_REVOLUTIONS,)}
