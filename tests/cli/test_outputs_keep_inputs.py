@@ -19,7 +19,7 @@ OVERWRITING = [
     for command, outs in {
         "diagnose": ("--json", "--html", "--save-effects"),
         "estimate": ("--csv", "--json", "--parquet"),
-        "calibrate": ("--out",),
+        "calibrate load": ("--out",),
     }.items()
     for option in outs
     for more, out in (
@@ -28,11 +28,16 @@ OVERWRITING = [
         ("", f"{option} symbolic.mcap"),
         ("", f"{option} hard.mcap"),
         ("--config car.toml", f"{option} car.toml"),
-        *((("--keys keys", f"{option} keys"),) if command != "calibrate" else ()),
+        *((("--keys keys", f"{option} keys"),) if command != "calibrate load" else ()),
         *((("--effects effects.json", f"{option} effects.json"),) if command == "estimate" else ()),
     )
 ]
 OVERWRITING += [
+    *(
+        f"calibrate {name} {name}.toml --config car.toml --out {out}"
+        for name in ("slip", "side-force")
+        for out in (f"{name}.toml", "car.toml", "hard.mcap")
+    ),
     "import --guess rec.csv --out rec.csv",
     "export rec.mcap rec.mcap",
     "export rec.mcap car.toml --format csv --config car.toml",
@@ -64,6 +69,8 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     assert made.exit_code == 0, made.output
     for name in ("keys", "effects.json", "rec.csv"):
         Path(name).write_text("kept")
+    for name, key in (("slip", "slip_deg"), ("side-force", "side_force_n")):
+        Path(f"{name}.toml").write_text(f"[[run]]\nrecording = 'rec.mcap'\n{key} = 0\n" * 3)
     Path("symbolic.mcap").symlink_to("rec.mcap")
     os.link("rec.mcap", "hard.mcap")
     return tmp_path
@@ -112,7 +119,8 @@ def test_outputs_must_be_different_files(files: Path) -> None:
 def test_every_command_with_force_is_covered() -> None:
     """The commands figures, protocol and repair read no file that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
-    assert forcing == {line.split()[0] for line in OVERWRITING} | {
+    covered = {" ".join(line.split()[: 2 if line.startswith("calibrate ") else 1]) for line in OVERWRITING}
+    assert forcing == covered | {
         "figures", "repair", "protocol collector", "protocol dbc", "protocol encoder", "protocol header",
         "protocol kaitai", "protocol schema", "protocol vectors", "protocol wireshark",
     }  # fmt: skip

@@ -28,7 +28,7 @@ def drive() -> tuple[list[RevolutionResult], SessionSnapshot]:
         if isinstance(item, LinkEvent):
             snapshot = core.snapshot(2.5)  # before the link ends
         results += core.take(item)
-    return results, snapshot
+    return [*results, *core.finish()], snapshot
 
 
 @pytest.fixture(scope="session")
