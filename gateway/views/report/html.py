@@ -64,8 +64,8 @@ from gateway.views.report.report_tables import (
     effect_rows,
     error_rows,
     estimate_rows,
+    omissions,
     refused_rows,
-    steps,
     unexplained_rows,
 )
 from gateway.views.text import clean
@@ -163,7 +163,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
     from markupsafe import Markup
 
     estimates = estimate_rows(diagnosis)
-    step_names, step_rows = steps(diagnosis)
+    step_names, step_rows = omissions(diagnosis)
     return _Page(
         version=__version__,
         style=Markup(resources.files(_PACKAGE).joinpath(_STYLE).read_text(encoding="utf-8")),  # our own file

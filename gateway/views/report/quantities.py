@@ -18,7 +18,22 @@ from gateway.views.text import clean
 # Suffixes of names whose unit is another one in tables, and their unit in SI.
 _SI: Final = {"_rad": "rad", "_m": "m", "_mps": "m/s", "_pa": "Pa"}
 # Suffixes of compound units, which have a column of their own in tables.
-_COMPOUND: Final = ("_npm2", "_per_rad", "_per_k", "_s2pm", "_s4pm2", "_rad2", "_kgm", "_m2", "_pm", "_pn")
+_COMPOUND: Final = (
+    "_npm2",
+    "_m4ps2",
+    "_m2ps2",
+    "_m4ps",
+    "_ps",
+    "_per_rad",
+    "_per_k",
+    "_s2pm",
+    "_s4pm2",
+    "_rad2",
+    "_kgm",
+    "_m2",
+    "_pm",
+    "_pn",
+)
 _TYPOGRAPHY: Final = {"^2": "²", "^3": "³", "degC": "°C", "+-": "±", " * ": " · "}
 _GREEK: Final = {
     "alpha": "α",

@@ -234,18 +234,18 @@ def estimate_rows(diagnosis: Diagnosis) -> list[EstimateRow]:
     ]
 
 
-def steps(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
-    """Return the steps' names, and every estimate in the baseline model and after each; none for fewer than two."""
+def omissions(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
+    """Return every estimate with all effects, and without each of them; none for fewer than two effects."""
     findings = added(diagnosis)
     if len(findings) < 2:
         return [], []
     rows = []
     for name in dict.fromkeys(name for finding in findings for name in finding.estimates):
         pairs = [finding.estimates.get(name, (None, None)) for finding in findings]
-        cells = (StepCell(show_fitted(name, pairs[0][0]).text, ""), *(_step_cell(name, *pair) for pair in pairs))
         known = next(new for _, new in pairs if new is not None)
+        cells = (StepCell(show_fitted(name, known).text, ""), *(_step_cell(name, new, old) for old, new in pairs))
         rows.append(StepRow(state_text(known.state), _labelled(name, known), cells))
-    return ["baseline model", *(f"+ {effect_title(finding.name)}" for finding in findings)], rows
+    return ["with all", *(f"without {effect_title(finding.name)}" for finding in findings)], rows
 
 
 def _labelled(name: str, known: Fitted | None) -> str:
