@@ -16,14 +16,11 @@ from gateway.importing.columns import Block, BlockReader
 from gateway.importing.decimation import Decimation, decimation_factor
 from gateway.importing.import_map import TIME_UNITS_S, ImportedWheel, ImportMap
 from gateway.importing.sample_rows import SampleRows
-from gateway.importing.time_column import TimeColumn
+from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, TimeColumn
 from gateway.types import FloatArray
 
 # A million g; no sensor reads as much, and its square must still be a number.
 _MAX_MPS2: Final = 1e7
-# The ten-thousandfold of the time since 1970.
-_MAX_TIME_S: Final = 1e13
-_MAX_SOURCE_HZ: Final = 1e7
 # A file with more gaps has columns of different rates.
 _MAX_GAP_SHARE: Final = 0.5
 
@@ -201,9 +198,9 @@ def check_rate(path: Path, rate_hz: float) -> None:
             f"{path}: the protocol does not support a rate of {rate_hz:.6g} Hz, allowed: {MIN_RATE_HZ:g} Hz or more",
             "This rate cannot resolve a contact edge. Check that rate_hz is in Hz, and check time_unit.",
         )
-    if rate_hz > _MAX_SOURCE_HZ:
+    if rate_hz > MAX_SOURCE_HZ:
         raise ImportDataError(
-            f"{path}: a rate of {rate_hz:.6g} Hz cannot be right, allowed: up to {_MAX_SOURCE_HZ:g} Hz",
+            f"{path}: a rate of {rate_hz:.6g} Hz cannot be right, allowed: up to {MAX_SOURCE_HZ:g} Hz",
             "Check the column and time_unit.",
         )
 
@@ -214,7 +211,7 @@ def _limits(import_map: ImportMap) -> FloatArray:
         column.column: _MAX_MPS2 / abs(column.factor_mps2) + abs(column.offset) for column in import_map.axis_columns()
     }
     if import_map.sampling.time_column is not None:
-        limits.setdefault(import_map.sampling.time_column, _MAX_TIME_S / TIME_UNITS_S[import_map.sampling.time_unit])
+        limits.setdefault(import_map.sampling.time_column, MAX_TIME_S / TIME_UNITS_S[import_map.sampling.time_unit])
     return np.array([limits[name] for name in import_map.columns() if name in limits])
 
 

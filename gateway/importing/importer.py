@@ -143,7 +143,7 @@ def import_file(
             raise RecordingError(
                 f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
             )
-        return _import(path, GapFilledColumns(reader, import_map.sampling), import_map, out, progress)
+        return _import(path, GapFilledColumns(path, reader, import_map.sampling), import_map, out, progress)
 
 
 class _WheelStream:

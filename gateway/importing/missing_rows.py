@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from firmware_protocol.wire import MAX_RATE_HZ
+from gateway.errors import ImportDataError
 from gateway.importing.columns import Block, BlockReader, FileFacts
 from gateway.importing.import_map import TIME_UNITS_S, Sampling
-from gateway.importing.time_column import decimal_grid
+from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, decimal_grid
 from gateway.types import FloatArray, IntArray
 
 # Share of a sample interval by which a step may differ from a whole number of them.
@@ -18,6 +21,8 @@ _TOLERANCE: Final = 0.1
 _FINEST_GRID: Final = 0.02
 # A longer interruption is a new measurement.
 _LONGEST_S: Final = 10.0
+# Rows inserted into one block: the longest interruption at the protocol's highest rate. Bounds the memory.
+MAX_INSERTED_ROWS: Final = int(_LONGEST_S * MAX_RATE_HZ)
 _LEARNED_ROWS: Final = 2000
 
 
@@ -28,9 +33,10 @@ class GapFilledColumns:
         left_out: number of rows inserted in the current pass.
     """
 
-    def __init__(self, reader: BlockReader, sampling: Sampling) -> None:
-        """Read from another reader; without a time column all rows pass unchanged."""
+    def __init__(self, path: Path, reader: BlockReader, sampling: Sampling) -> None:
+        """Read from another reader of the file `path`; without a time column all rows pass unchanged."""
         self.left_out = 0
+        self._path = path
         self._reader = reader
         self._column = sampling.time_column
         self._unit_s = TIME_UNITS_S[sampling.time_unit]
@@ -48,7 +54,7 @@ class GapFilledColumns:
         """Yield the named columns from the first row on.
 
         Raises:
-            ImportDataError: as the reader.
+            ImportDataError: as the reader; or the gaps of a block would take more than MAX_INSERTED_ROWS.
         """
         self.left_out = 0
         if self._column is None or self._column not in names:
@@ -58,11 +64,16 @@ class GapFilledColumns:
         interval, last = 0.0, np.nan
         for number, block in enumerate(self._reader.blocks(names)):
             times = block.values[:, at]
+            # The check of the values rejects such a time; here, its differences would overflow.
+            times = np.where(np.abs(times) <= MAX_TIME_S / self._unit_s, times, np.nan)
             if number == 0:
                 interval = _interval(times)
-            known = times[np.isfinite(times)]
+                if interval * self._unit_s < 1.0 / MAX_SOURCE_HZ:
+                    interval = 0.0
             missing = self._missing(np.concatenate(([last], times)), interval)
-            if len(known):
+            if int(missing.sum()) > MAX_INSERTED_ROWS:
+                raise self._too_many(block, missing, interval)
+            if np.isfinite(times).any():
                 last = float(times[-1])
             yield self._filled(block, missing)
 
@@ -77,6 +88,18 @@ class GapFilledColumns:
         longest = _LONGEST_S / (interval * self._unit_s)
         found: IntArray = np.where(regular & (whole >= 2.0) & (whole <= longest), whole - 1.0, 0.0).astype(np.intp)
         return found
+
+    def _too_many(self, block: Block, missing: IntArray, interval: float) -> ImportDataError:
+        row, total = int(np.argmax(missing)), int(missing.sum())
+        gaps = int(np.count_nonzero(missing))
+        step_s = float(missing[row] + 1) * interval * self._unit_s
+        more = f", and {gaps} such gaps together skip {total}" if gaps > 1 else ""
+        return ImportDataError(
+            f"{self._path}: {block.where(row)}: the time steps by {step_s:.6g} s, which skips {missing[row]} samples"
+            f"{more}; allowed within {len(missing)} rows: {MAX_INSERTED_ROWS}",
+            "Correct the times there. If samples are missing, cut the file at the gap. If no sample is missing, state "
+            "rate_hz instead of time_column.",
+        )
 
     def _filled(self, block: Block, missing: IntArray) -> Block:
         before = self.left_out

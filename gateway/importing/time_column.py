@@ -13,6 +13,10 @@ from gateway.errors import ImportDataError
 from gateway.importing.columns import Block
 from gateway.types import FloatArray
 
+# The ten-thousandfold of the time since 1970.
+MAX_TIME_S: Final = 1e13
+# About 400 times the highest rate of the protocol; a higher one is a wrong unit.
+MAX_SOURCE_HZ: Final = 1e7
 # Share of a sample interval; a step that deviates by more may miss or repeat a sample.
 _STEP_TOLERANCE: Final = 0.5
 # Relative; the protocol has one rate for the whole file.
@@ -143,6 +147,12 @@ class TimeColumn:
             raise ImportDataError(
                 f"{path}: the time does not advance from {block.where(0)} on",
                 "Check the column. If its times are rounded, state rate_hz instead of time_column.",
+            )
+        if 0.0 < self.interval_s < 1.0 / MAX_SOURCE_HZ:
+            raise ImportDataError(
+                f"{path}: from {block.where(0)} on the time steps by {self.interval_s:.3g} s, allowed: "
+                f"{1.0 / MAX_SOURCE_HZ:g} s or more",
+                "Check the column and time_unit, or state rate_hz instead of time_column.",
             )
         self.first_s = float(times_s[0] - known[0] * self.interval_s) if len(times_s) else 0.0
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from firmware_protocol.messages import SampleBlock
 from gateway.cli.import_measurement import report_lines
 from gateway.errors import ImportDataError
+from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
+from gateway.importing.missing_rows import GapFilledColumns
 from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map
 
@@ -110,6 +113,59 @@ def test_interruption_of_a_minute_is_rejected(tmp_path: Path) -> None:
     lines = [f"{k / 10000 + (60.0 if k > 300 else 0.0):.7f},{k % 7}" for k in range(600)]
     with pytest.raises(ImportDataError, match=r"line 303: the time steps by 6e\+05 sample intervals"):
         imported(tmp_path, lines, 'time_column = "t"')
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("time", ["4.391537091621493e+307", "-1e300", "inf", "-inf", "2e13"])
+def test_unusable_time_names_line_and_column(tmp_path: Path, time: str) -> None:
+    lines = [f"{time if k == 150 else k / 9600},{k % 7}" for k in range(400)]
+    with pytest.raises(ImportDataError, match=r"line 152, column 't': \S+ cannot be measured") as caught:
+        imported(tmp_path, lines, 'time_column = "t"')
+    assert "leave the cell empty" in caught.value.remedy
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("unit", ["s", "us"])
+@pytest.mark.parametrize("step", [1e-9, 1e-310])
+def test_steps_too_short_to_be_times_are_rejected(tmp_path: Path, step: float, unit: str) -> None:
+    lines = [f"{1e9 if k == 399 else k * step!r},{k % 7}" for k in range(400)]
+    with pytest.raises(ImportDataError, match=r"from line 2 on the time steps by \S+ s, allowed: 1e-07 s") as caught:
+        imported(tmp_path, lines, f'time_column = "t"\ntime_unit = "{unit}"')
+    assert "Check the column and time_unit" in caught.value.remedy
+
+
+def test_gap_of_too_many_samples_is_rejected(tmp_path: Path) -> None:
+    lines = [f"{(k + (864_000 if k > 300 else 0)) / 96000!r},{k % 7}" for k in range(600)]
+    with pytest.raises(ImportDataError, match=r"line 303: the time steps by 9.00001 s, which skips 864000 s") as caught:
+        imported(tmp_path, lines, 'time_column = "t"')
+    assert "allowed within 600 rows: 256000" in str(caught.value)
+    assert "cut the file at the gap" in caught.value.remedy
+
+
+def test_many_gaps_are_rejected_in_bounded_memory(tmp_path: Path) -> None:
+    # Each time of 7 s is a gap of 67,000 samples, and the next time is back.
+    lines = [f"{7 if k % 24 == 23 else k / 9600!r},{k % 7}" for k in range(6000)]
+    tracemalloc.start()
+    try:
+        with pytest.raises(
+            ImportDataError, match=r"line \d+: .* such gaps together skip \d+; allowed within 6000 rows"
+        ):
+            imported(tmp_path, lines, 'time_column = "t"')
+        _, peak_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak_bytes < 30e6
+
+
+def test_longest_gap_at_the_highest_rate_is_filled(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("t\n" + "\n".join(repr((k + (253_440 if k > 300 else 0)) / 25600) for k in range(600)) + "\n")
+    import_map = parse_map(simple_map(sampling='time_column = "t"', **RADIAL_ONLY), "map")
+    columns = GapFilledColumns(path, CsvColumns(path, import_map.file), import_map.sampling)
+    (block,) = columns.blocks(["t"])
+    assert columns.left_out == 253_440
+    assert len(block.values) == 254_040
+    assert block.where(253_741) == "line 303"
 
 
 def test_coarse_rounding_advises_the_rate_with_its_error(tmp_path: Path) -> None:
