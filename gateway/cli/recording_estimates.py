@@ -26,7 +26,7 @@ from gateway.session.signal_decoding import open_decoder
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.reference_lines import reference_lines
-from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
+from gateway.views.session_summary import ResultSummary, effects_line, removed_line, summary_lines
 from gateway.views.tables.result_table import RowMaker
 from gateway.views.tables.row_spool import open_spool
 from gateway.views.text import clean
@@ -103,7 +103,10 @@ def estimate_recording(
     lines += [f"  {clean(notice_text(notice))}" for notice in (*notices, *watch.found())]
     for table in effects:
         effect_names = [effect.name for effect in table.effects]
-        lines += [clean(f"  {effects_line(one, effect_names)}") for one in wheels if one.position == table.position]
+        for one in wheels:
+            if one.position == table.position:
+                lines.append(clean(f"  {effects_line(one, effect_names)}"))
+                lines += [clean(f"  {line}") for line in (removed_line(one, table),) if line]
     found = alarms.finish()
     for alarm in found:
         for rows in tables:

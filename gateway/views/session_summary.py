@@ -8,9 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
+from gateway.constants import AXIS_NAMES
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult, SinkSnapshot
 from gateway.reasons import Code, Reason
+from gateway.signal.effect_correction import CorrectionTable
 from gateway.views.numbers import MISSING, age, duration, fixed, percent, show
 from gateway.views.readout import DISTANCE
 from gateway.views.wording import joined, text
@@ -135,6 +137,17 @@ def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
         f"{wheel.position}: subtracted from its axes in {count - left} of {count} revolutions: {names}; "
         f"not in the others: {why}"
     )
+
+
+def removed_line(wheel: WheelSummary, table: CorrectionTable) -> str:
+    """Return the size of what known effects removed from each axis, at the wheel's mean speed; empty for nothing."""
+    if wheel.uncorrected >= wheel.revolutions or not math.isfinite(wheel.speed_mean_mps):
+        return ""
+    removed = table.contribution_mps2(wheel.speed_mean_mps / table.radius_m)
+    sizes = ", ".join(
+        f"{axis} {math.sqrt(float(row @ row) / len(row)):.2f}" for axis, row in zip(AXIS_NAMES, removed, strict=True)
+    )
+    return f"{wheel.position}: removed at {3.6 * wheel.speed_mean_mps:.1f} km/h, m/s² rms: {sizes}"
 
 
 def summary_lines(

@@ -7,7 +7,8 @@ import pytest
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult
 from gateway.reasons import Code, Reason
-from gateway.views.session_summary import ResultSummary, effects_line, summary_lines
+from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable
+from gateway.views.session_summary import ResultSummary, effects_line, removed_line, summary_lines
 from gateway.views.wording import text
 
 LOST = Reason(Code.SAMPLES_LOST)
@@ -156,3 +157,16 @@ def test_effects_line_counts_corrected_revolutions(uncorrected: tuple[int, ...],
         summary.add(replace(one, revolution=replace(one.revolution, uncorrected=reason)))
     (wheel,) = summary.wheels()
     assert effects_line(wheel, ["roll tilt", "imbalance"]) == says
+
+
+def test_removed_line_gives_the_size_on_each_axis() -> None:
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1))
+    (wheel,) = summary.wheels()
+    orders = np.zeros((1, 3, 4), dtype=np.complex128)
+    orders[0, 2, 3] = 2.0
+    table = CorrectionTable("FL", np.array([60.0]), orders, (CorrectedEffect("roll tilt"),), 0.3, (1.0, 500.0))
+    line = removed_line(wheel, table)
+    assert line.startswith("FL: removed at ")
+    assert line.endswith("circumferential 0.00, lateral 0.00, radial 1.41")
+    assert removed_line(replace(wheel, uncorrected=1), table) == ""
