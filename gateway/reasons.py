@@ -480,7 +480,6 @@ class Code(StrEnum):
     CLIPPED_UNLIKE_GROUP = "clipped_unlike_group"
     FEW_REVOLUTIONS = "few_revolutions"
     ONE_SPEED = "one_speed"
-    STATE = "state"
     GROUPS_TOO_SHORT = "groups_too_short"
     CONTACT_EDGE_JITTER = "contact_edge_jitter"
     NOISE_ROLLS_OFF = "noise_rolls_off"

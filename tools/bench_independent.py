@@ -209,7 +209,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         found = diagnose(campaign_of(tires, options.depth_mm, options.noise, options.seed))
         print(f"{joined}: {time.process_time() - begun:.0f} s", file=sys.stderr, flush=True)
         rows.append(row_of(tires, found))
-    heads = ("tire", "named", "cannot be told apart", "Bs, %", "Cw, %", "Rs, %", "Ts, %", "before", "after", "floor")
+    heads = ("tire", "named", "indistinguishable", "Bs, %", "Cw, %", "Rs, %", "Ts, %", "before", "after", "floor")
     note = "errors and stated standard errors; in brackets what is not determined; held-out rms in m/s^2"
     print(Table("Closure of the independent tire", note, heads, tuple(rows)).text(markdown=options.markdown))
 

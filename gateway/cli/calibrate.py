@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -91,23 +92,32 @@ def load(
     _write(text, out_path, force=force)
 
 
+def _of_runs(command: Callable[..., None]) -> Callable[..., None]:
+    """Add argument and options of a calibration from runs."""
+    for option in (
+        force_option,
+        click.option(
+            "--out",
+            "out_path",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Write the table to this file; - is standard output.",
+        ),
+        click.option(
+            "--config",
+            "config_path",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            help="Vehicle configuration (TOML) to use instead of those in the recordings.",
+        ),
+        click.argument("runs_path", type=click.Path(path_type=Path), metavar="RUNS"),
+    ):
+        command = option(command)
+    return command
+
+
 @calibrate.command()
-@click.argument("runs_path", type=click.Path(path_type=Path), metavar="RUNS")
-@click.option(
-    "--config",
-    "config_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Vehicle configuration (TOML) to use instead of those in the recordings.",
-)
-@click.option(
-    "--out",
-    "out_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write the table to this file; - is standard output.",
-)
-@force_option
+@_of_runs
 def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force: bool) -> None:
     """Calibrate slip from runs at known slip angles.
 
@@ -119,9 +129,10 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
     gives the slip angle itself, constant slip included. Runs that do not determine it, or contradict each other, are
     refused with the reason.
     """
-    from gateway.config.slip_runs import load_slip_runs
+    from gateway.config.known_runs import load_runs
+    from gateway.config.slip_runs import SlipRunsFile
 
-    runs_file = load_slip_runs(runs_path)
+    runs_file = load_runs(SlipRunsFile, runs_path)
     read = (runs_path, config_path, *(runs_path.parent / run.recording for run in runs_file.run))
     check_outputs((out_path,), read, force=force)
     from gateway.cli.slip_runs import measured_runs, slip_lines, slip_toml
@@ -136,22 +147,7 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
 
 
 @calibrate.command(name="side-force")
-@click.argument("runs_path", type=click.Path(path_type=Path), metavar="RUNS")
-@click.option(
-    "--config",
-    "config_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Vehicle configuration (TOML) to use instead of those in the recordings.",
-)
-@click.option(
-    "--out",
-    "out_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write the table to this file; - is standard output.",
-)
-@force_option
+@_of_runs
 def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None, force: bool) -> None:
     """Calibrate side force and aligning moment from runs at known forces.
 
@@ -162,9 +158,10 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
     The result is the table [tire.side_force_calibration] for the vehicle configuration. With it the estimator
     `side-force` gives side force and aligning moment. Runs that do not determine it are refused with the reason.
     """
-    from gateway.config.force_runs import load_force_runs
+    from gateway.config.force_runs import ForceRunsFile
+    from gateway.config.known_runs import load_runs
 
-    runs_file = load_force_runs(runs_path)
+    runs_file = load_runs(ForceRunsFile, runs_path)
     read = (runs_path, config_path, *(runs_path.parent / run.recording for run in runs_file.run))
     check_outputs((out_path,), read, force=force)
     from gateway.cli.force_runs import fit_side_force, force_lines, force_toml, measured_force_runs

@@ -777,7 +777,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.CLIPPED_UNLIKE_GROUP: "the radial axis is clipped, unlike in others at the same conditions",
     Code.FEW_REVOLUTIONS: "only {revolutions} revolutions: a pattern common to all of them may still be chance",
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
-    Code.STATE: "{load_n:.0f N} at {pressure_pa:.0f kPa}",
     Code.GROUPS_TOO_SHORT: (
         "no spectrum of the signal that does not repeat with the wheel: {groups} of {of} groups are too short"
     ),

@@ -36,7 +36,7 @@ LEAST_SHARE: Final = 3e-6
 """Least amplitude, likewise: the computation's own error."""
 
 SPEEDS_APART: Final = 1.1
-"""Ratio of speeds from which a constant discrepancy is told from one in proportion to omega^2."""
+"""Ratio of speeds from which a constant discrepancy is distinguished from one in proportion to omega^2."""
 
 LOOKED_AT: Final = 6.0
 """Decrease of the cost that a candidate must promise to be fitted: below, prior odds and Occam factor outweigh it."""

@@ -17,7 +17,7 @@ from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.model.sensor_signal import THETA, orders_field
 from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from gateway.constants import AXIS_NAMES
-from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
+from gateway.types import ComplexArray, FloatArray, IntArray
 
 POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
@@ -93,15 +93,6 @@ def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     found.sort(key=lambda entry: -entry.rms_mps2)
     largest = found[0].rms_mps2 if found else 0.0
     return tuple(e for e in found if e.rms_mps2 > max(_NEGLIGIBLE * largest, _SIGMAS * e.std_mps2))
-
-
-def standing_out(residuals: Sequence[GroupResidual]) -> BoolArray:
-    """Return the orders of bands above the noise, (3, ORDERS)."""
-    result = np.zeros((3, ORDERS), dtype=np.bool_)
-    for axis in range(3):
-        for first, last in itertools.pairwise(BANDS):
-            result[axis, first:last] = _stands_out(residuals, axis, first, last)
-    return result
 
 
 def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> bool:

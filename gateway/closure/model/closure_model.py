@@ -118,14 +118,6 @@ class ClosureModel:
                 precision[np.ix_(places, places)] = np.linalg.inv(covariance)
         return precision
 
-    def witness_misfit(self, vector: FloatArray) -> float:
-        """Return the chi-square of the side information."""
-        total = 0.0
-        for witness in self._witnesses:
-            inside = any(effect.name == witness.effect for effect in self.effects)
-            total += witness.misfit(float(vector[self.layout.effect(witness.effect)][0]) if inside else 0.0)
-        return total
-
     def witness_deviance(self) -> float:
         """Return -2 ln of the probability of the side information before the waveforms are seen, up to a constant."""
         total = 0.0
