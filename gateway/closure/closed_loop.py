@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.effects.catalogue import candidates
+from gateway.closure.effects.catalogue import candidates, corrections
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.contact_edge_jitter import beside_edges, edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
@@ -20,6 +20,7 @@ from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import diagnose_time_locked
 from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.posterior import Posterior, posterior_of
+from gateway.closure.inference.reference_model import numbers_of_exact_ring
 from gateway.closure.inference.residual import unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
@@ -61,13 +62,15 @@ def diagnose(
         TreadlinkError: there are too few data, or the baseline model cannot be fitted.
     """
     core = make_core(model)
-    data = whiten(campaign, with_mean=core.mean)
+    data = whiten(campaign, core)
     if data.folds < 2:
         raise TreadlinkError(
             "a diagnosis needs at least two revolutions of one recording", "Record longer at a steady speed."
         )
     effects = angle_effects(candidates(model))
-    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data), expired, _Steps(on_progress))
+    search = SetSearch(
+        campaign, core, data, effects, Discrepancy(campaign, data), corrections(model), expired, _Steps(on_progress)
+    )
     posterior = _searched(campaign, core, data, model, search, on_progress)
     best = posterior.best
     on_progress(_SEARCHED, "computing held-out errors")
@@ -81,8 +84,12 @@ def diagnose(
     time_locked = diagnose_time_locked(campaign.groups, changing=bool(changes))
     edges = edge_findings(campaign.groups)
     on_progress(_TIME_LOCKED, "preparing figures")
-    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)])
-    after, determined = estimates_of([(one.fit, weight) for one, weight in posterior.considered])
+    exact = numbers_of_exact_ring(best.fit)
+    after, determined = estimates_of([(one.fit, weight) for one, weight in posterior.considered], exact)
+    if exact is None and core.model is not BaselineModel.EXACT:
+        # The error of the equations is unknown.
+        determined = dict.fromkeys(determined, False)
+    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)], after if exact is None else exact)
     left: tuple[Unexplained, ...] = (
         *changes,
         *unexplained(best.fit, data),

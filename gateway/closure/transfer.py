@@ -66,7 +66,7 @@ def transfer(
         TreadlinkError: an effect is not in the catalogue or lacks a parameter, or a model cannot be fitted.
     """
     core = make_core(model)
-    data = whiten(campaign, with_mean=core.mean)
+    data = whiten(campaign, core)
     if data.folds < 2:
         raise TreadlinkError(
             "a comparison needs at least two revolutions of one recording", "Record longer at a steady speed."

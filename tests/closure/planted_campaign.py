@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
-from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.catalogue import catalogue, corrections
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
     LATERAL,
@@ -189,7 +189,7 @@ def among(*names: str) -> dict[str, AngleEffect]:
 def fitted(campaign: Campaign, *effects: AngleEffect) -> tuple[Fit, Whitened]:
     """Return the exact ring with effects, fitted, and the data."""
     core = make_core(BaselineModel.EXACT)
-    data = whiten(campaign, with_mean=core.mean)
+    data = whiten(campaign, core)
     model = ClosureModel(campaign, core, effects)
     start, _ = model.priors()
     for effect in effects:
@@ -211,8 +211,8 @@ def searched(
 ) -> tuple[Posterior, SetSearch]:
     """Return the posterior over sets of these effects, and the finished search."""
     core = make_core(model)
-    data = whiten(campaign, with_mean=core.mean)
-    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data), expired)
+    data = whiten(campaign, core)
+    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data), corrections(model), expired)
     search.run(baseline_fit(campaign, core, data))
     return posterior_of(search), search
 

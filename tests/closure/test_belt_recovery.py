@@ -68,7 +68,7 @@ def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[f
 def test_effect_is_found_from_its_start_values(name: str, values: tuple[float, ...], seed: int) -> None:
     effect, truth = catalogue()[name], np.array(values)
     made = campaign(effect, truth, seed)
-    data = whiten(made, with_mean=True)
+    data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
     trial = try_effect(without, data, effect, range(len(data.orders)))
     assert trial is not None
@@ -86,7 +86,7 @@ def test_ripple_keeps_its_whole_order_beside_another_effect() -> None:
     # The sensor is deeper than the model has it: shares of two orders would fit better.
     groups = tuple(replace(group, declared_offset_m=-8e-3) for group in made.groups)
     made = replace(made, groups=groups)
-    data = whiten(made, with_mean=True)
+    data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
     trial = try_effect(without, data, ripple, range(len(data.orders)))
     assert trial is not None
@@ -97,7 +97,7 @@ def test_ripple_keeps_its_whole_order_beside_another_effect() -> None:
 def test_hub_motion_may_grow_with_speed() -> None:
     hub, truth = catalogue()["imbalance and hub motion"], np.array([8e-4, 1e-3, 1.6])
     made = campaign(hub, truth, 17, (40.0, 70.0))
-    data = whiten(made, with_mean=True)
+    data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
     trial = try_effect(without, data, hub, range(len(data.orders)))
     assert trial is not None

@@ -82,7 +82,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def fitted(recording: Path) -> Fitted:
     campaign = read_campaign([recording], jobs=1)
-    data = whiten(campaign, with_mean=True)
+    data = whiten(campaign, ExactCore())
     before = with_mounting(campaign, data)
     trial = try_effect(before, data, effect_of(WAVES), [0])
     assert trial is not None

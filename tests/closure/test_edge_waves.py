@@ -98,7 +98,7 @@ def test_travelling_wave_reverses_the_circumferential_axis() -> None:
 def test_travelling_waves_and_a_packet_ahead_are_found(speeds: tuple[float, ...]) -> None:
     truth = np.array(TRAVELLING)
     made = campaign(effect(), truth, 21, speeds)
-    data = whiten(made, with_mean=True)
+    data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
     trial = try_effect(without, data, effect(), range(len(data.orders)))
     assert trial is not None
@@ -123,7 +123,7 @@ def test_travelling_waves_and_a_packet_ahead_are_found(speeds: tuple[float, ...]
 def test_other_effects_are_not_better_explained_by_waves(name: str, values: tuple[float, ...]) -> None:
     true = angle_effects(catalogue())[name]
     made = campaign(true, np.array(values), 31)
-    data = whiten(made, with_mean=True)
+    data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
     groups = range(len(data.orders))
     ours, theirs = try_effect(without, data, effect(), groups), try_effect(without, data, true, groups)

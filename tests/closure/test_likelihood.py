@@ -9,8 +9,10 @@ import pytest
 
 from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE, Campaign
 from gateway.closure.data.revolution_scatter import settle
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, BaselineModel
 from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, TO_FIELD, as_complex, as_real, whiten
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.model.series_baseline import SeriesCore
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     BLOCKS,
@@ -56,7 +58,7 @@ def test_real_and_complex_coefficients_are_inverse() -> None:
 
 
 def test_whitened_scatter_with_a_place_is_white() -> None:
-    data = whiten(with_profile(campaign_of(ONE_SPEED)), with_mean=True)
+    data = whiten(with_profile(campaign_of(ONE_SPEED)), ExactCore())
     rng = np.random.default_rng(3)
     number = 4000
     values = np.zeros((number, 3, ORDERS), complex)
@@ -72,7 +74,7 @@ def test_whitened_scatter_with_a_place_is_white() -> None:
 
 
 def test_plain_reverses_whitening() -> None:
-    data = whiten(with_profile(campaign_of(ONE_SPEED)), with_mean=True)
+    data = whiten(with_profile(campaign_of(ONE_SPEED)), ExactCore())
     mean = data.mean(0, data.orders[0])
     mean[:, 0] = mean[:, 0].real
     assert data.plain(0, data.white(0, mean)) == pytest.approx(mean, abs=1e-8 * np.abs(mean).max())
@@ -80,9 +82,7 @@ def test_plain_reverses_whitening() -> None:
 
 def test_edge_scatter_lowers_weight_at_the_edges_only() -> None:
     """A curve away from the edges is as visible as without the edges' scatter; one at them is hidden."""
-    plain, placed = (
-        whiten(one, with_mean=True) for one in (campaign_of(ONE_SPEED), with_profile(campaign_of(ONE_SPEED)))
-    )
+    plain, placed = (whiten(one, ExactCore()) for one in (campaign_of(ONE_SPEED), with_profile(campaign_of(ONE_SPEED))))
 
     def seen(where_rad: float) -> float:
         curve = np.exp(-0.5 * np.square((ANGLES - where_rad) / 0.08))
@@ -121,22 +121,22 @@ def test_blocks_that_differ_less_have_smaller_errors(share: float, expected: flo
     (group,) = campaign.groups
     mean = np.mean([block.orders_mps2 for block in group.blocks], axis=0)
     alike = with_blocks(campaign, lambda _, orders: mean + np.sqrt(share) * (orders - mean))
-    variance = whiten(alike, with_mean=True).weights[0][0, RADIAL, 40] ** -2.0
+    variance = whiten(alike, ExactCore()).weights[0][0, RADIAL, 40] ** -2.0
     # The measured scatter of these seeds is within 5 % of the stated one.
     assert variance * REVOLUTIONS == pytest.approx(expected, rel=0.1)
 
 
 def test_absent_axes_and_orders_are_not_compared() -> None:
     campaign = with_blocks(campaign_of(ONE_SPEED), lambda _, orders: np.where(np.arange(ORDERS) < 60, orders, np.nan))
-    data = whiten(campaign, with_mean=True)
+    data = whiten(campaign, ExactCore())
     assert [len(factor) for factor in data.factors[0]] == [119, 0, 119]
     assert data.size == 238
-    assert whiten(campaign, with_mean=False).size == 236
+    assert whiten(campaign, SeriesCore(BaselineModel.PAPER)).size == 236
     assert not data.used[0][LATERAL].any()
 
 
 def test_computation_error_bounds_the_weight() -> None:
     """Without noise a coefficient is still not known better than the resampling's error."""
-    data = whiten(campaign_of((conditions(60.0),), noise_mps2=1e-9), with_mean=True)
+    data = whiten(campaign_of((conditions(60.0),), noise_mps2=1e-9), ExactCore())
     assert 0.0 < data.weights[0].max() < 1e5
     assert data.weights[0][0, RADIAL, 100] > data.weights[0][0, RADIAL, 3]

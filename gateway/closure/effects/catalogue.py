@@ -72,6 +72,11 @@ def candidates(model: BaselineModel) -> dict[str, Effect]:
     }
 
 
+def corrections(model: BaselineModel) -> tuple[str, ...]:
+    """Return the effects that a baseline model lacks by its equations, and the exact ring has; none for the latter."""
+    return tuple(name for name, effect in candidates(model).items() if BaselineModel.EXACT in effect.already_in)
+
+
 def group_of(effect: Effect) -> str:
     """Return the physical group of an effect, the name of its module in words: `sensor response`."""
     return type(effect).__module__.rpartition(".")[2].replace("_", " ")

@@ -45,9 +45,6 @@ FIELD_SIZE: Final = 512
 
 # A parameter whose prior standard deviation is below this share of its prior mean counts as known.
 _KNOWN_PRIOR_SHARE: Final = 0.02
-# Share of an effect's contribution that its equation leaves: 0.2 to 3 % against the simulator, most of which the other
-# parameters of a fit absorb.
-_EQUATION_ERROR_SHARE: Final = 0.01
 
 
 class BaselineModel(StrEnum):
@@ -222,7 +219,6 @@ class Effect(ABC):
         form_of: name of a phenomenon of which only one form can be present; empty for most effects.
         scan: (index of a parameter, values to try), one after the other from the best start so far, for effects whose
             misfit has many minima.
-        equation_share: share of its contribution that its equation leaves unexplained.
     """
 
     name: str
@@ -240,7 +236,6 @@ class Effect(ABC):
     needs_exact: bool = False
     form_of: str = ""
     scan: tuple[tuple[int, tuple[float, ...]], ...] = ()
-    equation_share: float = _EQUATION_ERROR_SHARE
 
     def starts(self, conditions: Sequence[GroupConditions]) -> tuple[tuple[float, ...], ...]:
         """Return parameter vectors, not zero, from which a fit may begin under these conditions."""

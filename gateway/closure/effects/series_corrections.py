@@ -83,8 +83,6 @@ class PressureShape(RingEffect):
     start_values = ((-0.35, -0.6, 0.0, 0.0, 0.0, 0.0), (-0.9, -0.1, 0.0, 0.0, 0.0, 0.0))
     already_in = EXACT_ONLY
     needs_exact = False
-    # Share of the exact ring's own pressure at 3000 to 6000 N that three coefficients, linear over the load, leave.
-    equation_share = 0.03
 
     def options(self, options: RingOptions, parameters: FloatArray, conditions: GroupConditions) -> RingOptions:
         """Return the options with the pressure's shape at this load."""

@@ -21,6 +21,10 @@ from gateway.types import FloatArray
 
 # Reduction of the misfit at which two explanations count as distinguished.
 _DISTINGUISHED: Final = 25.0
+# Most steps of a fit of the rival, and the share of the misfit below which a step ends it: the fits need to be as exact
+# as a choice of recordings.
+_STEPS: Final = 4
+_ROUGH: Final = 0.02
 # Share of an axis's orders that hold nothing but the sensor's own noise.
 _QUIETEST: Final = 0.1
 # Effects independent of speed, load, temperature and direction need another kind of recording.
@@ -92,13 +96,14 @@ def _distinction(
         # Refined here and not in the first fit: the grid's error at the new conditions must be the same in both.
         truth.refine(vector)
         imagined = _as_predicted(larger, truth, vector)
-        data = whiten(imagined, with_mean=truth.core.mean)
+        data = whiten(imagined, truth.core)
         rivals = ClosureModel(imagined, final.model.core, effects)
         start = truth.layout.moved(vector, rivals.layout)
-        everything = fit_model(rivals, data, start).misfit
+        everything = fit_model(rivals, data, start, most_steps=_STEPS, rough=_ROUGH).misfit
         alone = replace(imagined, groups=imagined.groups[:size], states=campaign.states)
         few = ClosureModel(alone, final.model.core, effects)
-        at_hand = fit_model(few, whiten(alone, with_mean=truth.core.mean), _carried_back(rivals, few, start)).misfit
+        before = _carried_back(rivals, few, start)
+        at_hand = fit_model(few, whiten(alone, truth.core), before, most_steps=_STEPS, rough=_ROUGH).misfit
     except (FitFailedError, NoShapeError):
         return None
     return everything - at_hand

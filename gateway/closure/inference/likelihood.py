@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -10,6 +11,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.stats import chi2
 
 from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE, Campaign, Group
+from gateway.closure.model.baseline import Core
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
 REAL: Final = 2 * ORDERS - 1
@@ -19,7 +21,7 @@ REAL: Final = 2 * ORDERS - 1
 # signal's. Because of them the held-out error of a recording without effects is slightly below the noise floor.
 _OWN_SHARE: Final = 3e-5
 _FLAT_SHARE: Final = 1e-6
-# Number of orders over which the spectrum is smoothed before the share is applied.
+# Number of orders over which the spectrum is smoothed before a share is applied.
 _SMOOTHED: Final = 5
 # Blocks from which their scatter is compared with that of revolutions, and the least ratio of the two.
 _LEAST_BLOCKS: Final = 3
@@ -49,7 +51,8 @@ class Whitened:
         counts: (blocks,) revolutions of each group's blocks.
         used: (3, ORDERS) of each group, the coefficients that are compared.
         factors: of each group for every axis the matrix (m, REAL) that whitens the error of the group's mean.
-        weights: (blocks, 3, ORDERS) of each group, 1 / standard deviation of a real coefficient, 0 for unused orders.
+        weights: (blocks, 3, ORDERS) of each group, 1 / standard deviation of a real coefficient by the scatter, 0 for
+            unused orders.
     """
 
     orders: tuple[ComplexArray, ...]
@@ -119,7 +122,7 @@ def as_complex(real: FloatArray) -> ComplexArray:
     return result
 
 
-def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
+def whiten(campaign: Campaign, core: Core) -> Whitened:
     """Return the campaign's data with weights.
 
     The covariance of a group's mean is the scatter of revolutions over their number, times what neighbouring blocks
@@ -129,18 +132,18 @@ def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
 
     Args:
         campaign: the data.
-        with_mean: False leaves out order 0.
+        core: baseline model. Without a mean, order 0 is left out; the error of its equations is that of the data too.
     """
     orders, counts, used, factors, weights = [], [], [], [], []
     for group in campaign.groups:
         data = np.stack([block.orders_mps2 for block in group.blocks])
         count = np.array([block.count for block in group.blocks], dtype=np.float64)
         known = np.isfinite(data).all(axis=0) & np.isfinite(group.variance)
-        if not with_mean:
+        if not core.mean:
             # A tilt leaks the radial mean, which the model lacks, into the other axes.
             known[:, 0] = False
         variance = np.where(known, group.variance, 0.0) * _dependence(group)
-        floor = _floor(group)
+        floor = _floor(group, math.hypot(_OWN_SHARE, core.equation_share))
         known &= variance + floor > 0.0
         orders.append(np.where(known, np.nan_to_num(data), 0.0))
         counts.append(count)
@@ -148,7 +151,7 @@ def whiten(campaign: Campaign, *, with_mean: bool) -> Whitened:
         factors.append(
             tuple(_factor(known[a], variance[a] / count.sum(), floor[a], _profile(group, a)) for a in range(3))
         )
-        spread = variance / count[:, None, None] + floor
+        spread = variance / count[:, None, None] + _floor(group, _OWN_SHARE)
         weights.append(np.where(known, 1.0 / np.sqrt(np.where(known, spread, 1.0)), 0.0))
     return Whitened(tuple(orders), tuple(counts), tuple(used), tuple(factors), tuple(weights))
 
@@ -177,14 +180,14 @@ def _factor(known: BoolArray, variance: FloatArray, floor: FloatArray, profile: 
     return result
 
 
-def _floor(group: Group) -> FloatArray:
-    """Return the variance of the computational errors, (3, ORDERS)."""
+def _floor(group: Group, share: float) -> FloatArray:
+    """Return the variance of errors that are a share of each order, (3, ORDERS)."""
     conditions = group.conditions
     size = np.nan_to_num(np.abs(np.stack([block.orders_mps2 for block in group.blocks]))).mean(axis=0)
     kernel = np.ones(_SMOOTHED) / _SMOOTHED
     smooth = np.stack([np.convolve(np.square(row), kernel, mode="same") for row in size])
     steady = conditions.radius_m * conditions.omega_radps**2
-    result: FloatArray = _OWN_SHARE**2 * smooth + (_FLAT_SHARE * steady) ** 2
+    result: FloatArray = share**2 * smooth + (_FLAT_SHARE * steady) ** 2
     return result
 
 

@@ -23,7 +23,9 @@ _HALF_ANGLE: Final = "contact_half_angle_rad"
 _UNITS: Final = {"tread_stiffness_npm2": "N/m^2", _HALF_ANGLE: "rad"}
 
 
-def estimates_of(sets: Sequence[tuple[Fit, float]]) -> tuple[dict[str, Fitted], dict[str, bool]]:
+def estimates_of(
+    sets: Sequence[tuple[Fit, float]], better: Mapping[str, Fitted] | None = None
+) -> tuple[dict[str, Fitted], dict[str, bool]]:
     """Return every estimate, and whether the data determine it.
 
     The state with the most revolutions goes by the plain names, `Bs`; others by `Bs (3500 N, 210 kPa)`. A value is the
@@ -31,6 +33,7 @@ def estimates_of(sets: Sequence[tuple[Fit, float]]) -> tuple[dict[str, Fitted], 
 
     Args:
         sets: fit and probability of each set of effects; probabilities add up to 1.
+        better: estimates by a model that explains more of the same data. The distance to them is an error too.
     """
     found: dict[str, Fitted] = {}
     determined: dict[str, bool] = {}
@@ -50,6 +53,8 @@ def estimates_of(sets: Sequence[tuple[Fit, float]]) -> tuple[dict[str, Fitted], 
         known = groups[index].load_known and groups[index].pressure_known
         values, errors = _mixture(sets, index)
         for name, value in values.items():
+            if better is not None and name + suffix in better:
+                errors[name] = math.hypot(errors[name], value - better[name + suffix].value)
             found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state)
             determined[name + suffix] = _is_determined(name, values, errors, known)
     return found, determined

@@ -38,6 +38,7 @@ class SetSearch:
         data: whitened.
         effects: candidates by name.
         discrepancy: of the campaign.
+        corrections: effects that the equations of the baseline model lack. Each alone is biased and promises little.
         expired: True when the time that the search may take is over.
         on_step: called with the number of effects of the set that is being worked on.
         found: sets with their evidence.
@@ -51,6 +52,7 @@ class SetSearch:
     data: Whitened
     effects: Mapping[str, AngleEffect]
     discrepancy: Discrepancy
+    corrections: tuple[str, ...] = ()
     expired: Callable[[], bool] = lambda: False
     on_step: Callable[[int], None] = lambda _: None
     found: dict[Names, Evaluated] = field(default_factory=dict)
@@ -72,7 +74,7 @@ class SetSearch:
             ).tolist()
         )
         self._evaluate(start, None)
-        self._chains(start)
+        self._chains(self._corrected(start))
         best = self.best
         while not self._stop():
             self._neighbours(best)
@@ -104,6 +106,23 @@ class SetSearch:
                 self.rejected.add(names)
                 return None
         return self.found[names]
+
+    def _corrected(self, start: Fit) -> Fit:
+        """Return the fit with all corrections of the baseline model if it is the better one."""
+        effects = tuple(self.effects[name] for name in self.corrections if name in self.effects)
+        if not effects:
+            return start
+        self.on_step(len(effects))
+        model = ClosureModel(self.campaign, self.core, effects)
+        vector, _ = model.priors()
+        for effect in effects:
+            vector[model.layout.effect(effect.name)] = effect.start_values[0]
+        try:
+            fit = fit_model(model, self.data, vector, from_afar=True)
+        except FitFailedError:
+            return start
+        found = self._evaluate(fit, None)
+        return fit if found is not None and found.log_evidence > self.found[frozenset()].log_evidence else start
 
     def _chains(self, start: Fit) -> None:
         """Add the best effects one after the other, without a discrepancy; from the best first ones."""

@@ -43,6 +43,7 @@ class Core(Protocol):
         gravity: whether gravity is in the model.
         drift: whether the change of speed within a revolution is.
         mean: whether it predicts order 0 of the radial axis.
+        equation_share: error of its equations as a share of each order.
     """
 
     model: BaselineModel
@@ -53,6 +54,7 @@ class Core(Protocol):
     gravity: bool
     drift: bool
     mean: bool
+    equation_share: float
 
     def shape(
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float

@@ -65,6 +65,7 @@ class ExactCore:
     gravity = True
     drift = True
     mean = True
+    equation_share = 0.0
 
     def __init__(self, grids: tuple[int, ...] = _GRIDS) -> None:
         """Start with an empty cache of solutions.

@@ -1,0 +1,42 @@
+"""Numbers of the exact ring on the same data: the error of the reference models' equations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gateway.closure.effects.catalogue import candidates
+from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.inference.number_estimates import estimates_of
+from gateway.closure.inference.set_evidence import evaluate
+from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.result import Fitted
+
+
+def numbers_of_exact_ring(fit: Fit) -> Mapping[str, Fitted] | None:
+    """Return the estimates of the exact ring with the effects of a fit that starts from a series.
+
+    A series leaves errors of its equations, which its parameters absorb where no residual shows them.
+
+    Returns:
+        None if the fit is one of the exact ring, or the exact ring cannot be fitted.
+    """
+    model = fit.model
+    if model.core.model is BaselineModel.EXACT:
+        return None
+    possible = candidates(BaselineModel.EXACT)
+    core = make_core(BaselineModel.EXACT)
+    there = ClosureModel(model.campaign, core, tuple(effect for effect in model.effects if effect.name in possible))
+    vector, _ = there.priors()
+    for effect in there.effects:
+        vector[there.layout.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
+    data = whiten(model.campaign, core)
+    try:
+        found = evaluate(fit_model(there, data, vector, from_afar=True), data, Discrepancy(model.campaign, data), None)
+    except FitFailedError:
+        return None
+    estimates, _ = estimates_of([(found.fit, 1.0)])
+    return estimates
