@@ -5,8 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.closure.effects.effect import GroupConditions
+from gateway.closure.effects.catalogue import candidates, corrections
+from gateway.closure.effects.effect import BaselineModel, GroupConditions
+from gateway.closure.inference.fit import fit_model
+from gateway.closure.inference.likelihood import whiten
 from gateway.closure.inference.number_estimates import estimates_of
+from gateway.closure.inference.reference_model import numbers_of_exact_ring
+from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.closure.model.closure_model import ClosureModel
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
@@ -84,8 +90,9 @@ def test_radius_error_is_propagated() -> None:
     found, _ = estimates_of([(fit, 1.0)])
     for name in TRUTH:
         assert found[name].std / found[name].value == pytest.approx(2.0 * 0.01 / (1.0 + LARGER), rel=0.01), name
-    for name in ("Rs/Cw", "contact_half_angle_rad"):
-        assert found[name].std < 1e-9 * found[name].value, name
+    assert found["Rs/Cw"].std < 1e-9 * found["Rs/Cw"].value
+    # The solver's grid alone.
+    assert found["contact_half_angle_rad"].std == pytest.approx(4e-4 * found["contact_half_angle_rad"].value)
 
 
 def test_mixture_of_sets_widens_the_errors() -> None:
@@ -130,6 +137,37 @@ def test_unexplained_widens_the_errors_of_its_state() -> None:
         assert disturbed[there].value == pytest.approx(TRUTH[name], abs=3.0 * disturbed[there].std), name
     # Bending is the number that a narrow bump resembles.
     assert disturbed[f"Bs ({heavy}"].std > 2.0 * plain[f"Bs ({heavy}"].std
+
+
+def test_distance_to_a_better_model_is_part_of_the_error() -> None:
+    campaign = campaign_of(TWO_SPEEDS, larger_belt, noise_mps2=0.2)
+    after, _ = estimates_of([(fitted(campaign, RADIUS)[0], 1.0)])
+    plain = fitted(campaign)[0]
+    alone, _ = estimates_of([(plain, 1.0)])
+    before, _ = estimates_of([(plain, 1.0)], after)
+    for name in TRUTH:
+        apart = before[name].value - after[name].value
+        assert before[name].value == alone[name].value
+        assert before[name].std == pytest.approx(np.hypot(alone[name].std, apart)), name
+        assert abs(before[name].value - TRUTH[name]) < 2.0 * before[name].std, name
+
+
+def test_series_carries_the_error_of_its_equations() -> None:
+    """A series with all its corrections matches the ring to the noise; its numbers are off by many of their errors."""
+    model = BaselineModel.SERIES
+    campaign, core = campaign_of(TWO_SPEEDS, noise_mps2=0.5), make_core(model)
+    effects = angle_effects(candidates(model))
+    there = ClosureModel(campaign, core, tuple(effects[name] for name in corrections(model)))
+    start, _ = there.priors()
+    for effect in there.effects:
+        start[there.layout.effect(effect.name)] = effect.start_values[0]
+    fit = fit_model(there, whiten(campaign, core), start, from_afar=True)
+    exact = numbers_of_exact_ring(fit)
+    assert exact is not None
+    found, _ = estimates_of([(fit, 1.0)], exact)
+    for name in NUMBERS:
+        assert found[name].value == pytest.approx(TRUTH[name], abs=2.0 * found[name].std), name
+    assert numbers_of_exact_ring(fitted(campaign)[0]) is None
 
 
 def test_number_worse_than_a_third_is_not_determined() -> None:

@@ -20,6 +20,8 @@ NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 _WORST_SHARE: Final = 0.3
 _LEAST_BENDING: Final = 1e-3
 _HALF_ANGLE: Final = "contact_half_angle_rad"
+# Error of a contact edge between the nodes of the solver's grid, as a share of the half angle.
+_EDGE_SHARE: Final = 4e-4
 _UNITS: Final = {"tread_stiffness_npm2": "N/m^2", _HALF_ANGLE: "rad"}
 
 
@@ -131,7 +133,9 @@ def _errors(fit: Fit, covariance: FloatArray, index: int, values: Mapping[str, f
         moved[place] += step
         for name, value in _values(fit, moved, index).items():
             gradients[name][place] = (value - values[name]) / step
-    return {name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)) for name, gradient in gradients.items()}
+    found = {name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)) for name, gradient in gradients.items()}
+    found[_HALF_ANGLE] = math.hypot(found[_HALF_ANGLE], _EDGE_SHARE * values[_HALF_ANGLE])
+    return found
 
 
 def before_and_after(before: Mapping[str, Fitted], after: Mapping[str, Fitted]) -> dict[str, tuple[Fitted, Fitted]]:
