@@ -10,12 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.closure.data.campaign_data import ORDERS
-from gateway.closure.data.condition_groups import alike, folded, modes, telling, tire_states
+from gateway.closure.data.condition_groups import alike, far_apart, folded, modes, telling, tire_states
 from gateway.closure.data.revolution_deviations import deviation_rate_hz, deviations
 from gateway.closure.data.revolution_orders import carried_order, waveform_orders
 from gateway.closure.data.revolution_scatter import settle
 from gateway.signal.nonsynchronous_spectrum import welch_spectrum
 from gateway.signal.order_spectrum import order_coefficients
+from tests.closure.planted_campaign import conditions
 
 N = 1024
 THETA = -math.pi + 2 * math.pi * np.arange(N) / N
@@ -85,6 +86,21 @@ class TestGrouping:
 class TestInformative:
     def taken(self, recording, state, omega, count, most):
         return telling(*map(np.asarray, (recording, state)), np.asarray(omega), np.asarray(count, float), most).tolist()
+
+    def test_far_apart_groups_cover_speeds_loads_and_directions(self):
+        groups = [
+            conditions(speed, load_n=load, reverse=reverse)
+            for speed, load, reverse in (
+                (60.0, 4500.0, False),
+                (61.0, 4500.0, False),
+                (62.0, 4500.0, False),
+                (100.0, 4500.0, False),
+                (60.0, 6000.0, False),
+                (60.0, 4500.0, True),
+            )
+        ]
+        assert far_apart(np.arange(6), groups, 4).tolist() == [0, 3, 4, 5]
+        assert far_apart(np.arange(3), groups, 4).tolist() == [0, 1, 2]
 
     def test_few_groups_are_all_taken(self):
         assert self.taken([0, 0, 1], [0, 0, 1], [50, 60, 50], [10, 20, 30], 12) == [0, 1, 2]

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
+from gateway.closure.effects.effect import GroupConditions
 from gateway.types import BoolArray, FloatArray, IntArray
 
 SPEED_WIDTH: Final = 0.03
@@ -20,6 +22,8 @@ STATE_PRESSURE_WIDTH: Final = 0.01
 _ANGLE_WIDTH: Final = 0.08
 # Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
 _APART: Final = 0.2
+# Difference of temperatures that counts as much as that of speeds.
+_WARMER_K: Final = 10.0
 
 
 def modes(values: FloatArray, width: float) -> IntArray:
@@ -113,6 +117,28 @@ def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count
         score[taken] = -1.0
         taken.append(int(np.argmax(score)))
     return np.array(sorted(taken), dtype=np.intp)
+
+
+def far_apart(places: IntArray, conditions: Sequence[GroupConditions], most: int) -> IntArray:
+    """Return at most `most` of these indices, ascending: those whose conditions are farthest apart from each other.
+
+    Args:
+        places: (n,) indices of `conditions`.
+        conditions: of every group.
+        most: indices to keep.
+    """
+    if len(places) <= most:
+        return places
+    here = [conditions[place] for place in places.tolist()]
+    log = np.log([[one.omega_radps, one.load_n, one.pressure_pa] for one in here]) / _APART
+    warmth = np.nan_to_num([one.temperature_degc for one in here]) / _WARMER_K
+    features = np.column_stack((log, warmth, [float(one.reverse) for one in here]))
+    taken = [0]
+    while len(taken) < most:
+        away = np.abs(features[:, None] - features[taken]).sum(axis=2).min(axis=1)
+        away[taken] = -1.0
+        taken.append(int(np.argmax(away)))
+    return np.sort(places[taken])
 
 
 def folded(count: int, folds: int) -> list[slice]:

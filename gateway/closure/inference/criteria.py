@@ -73,6 +73,9 @@ up to some ten."""
 SCANNED_GROUPS: Final = 4
 """Groups of revolutions in which candidates are tried; evidence is always that of all groups."""
 
+MOST_SCANNED: Final = 6
+"""Most groups of revolutions in which candidates are tried, those of the most different conditions."""
+
 RIVAL_SHARE: Final = 0.3
 """Share of an effect's promise that another must have promised to be tried in its place."""
 

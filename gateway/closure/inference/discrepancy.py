@@ -16,7 +16,7 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.inference import criteria
@@ -141,23 +141,28 @@ class _Solved:
     Attributes:
         covariance: posterior covariance of its coefficients.
         information: of its coefficients, (parts REAL, parts REAL).
-        roots: of each group the matrix (m, m) that whitens its own share too, None where it has none.
+        triangles: of each group the Cholesky factor (m, m) of the scatter and its own share, None where it has none.
         through: of each group the matrix (m, REAL) from whitened rows to what the coefficients see.
         log_determinant: of the covariance over that of the scatter.
     """
 
     covariance: FloatArray
     information: FloatArray
-    roots: tuple[FloatArray | None, ...]
+    triangles: tuple[FloatArray | None, ...]
     through: tuple[FloatArray, ...]
     log_determinant: float
 
     def inner(self, place: _Place, rows: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
         """Return the product of rows and others' under the scatter and the groups' own share, (p, q)."""
         total = np.zeros((len(rows[0]), len(others[0])))
-        for index, columns, root in zip(place.groups, place.columns, self.roots, strict=True):
+        for index, columns, triangle in zip(place.groups, place.columns, self.triangles, strict=True):
             left, right = rows[index][:, columns], others[index][:, columns]
-            total += left @ right.T if root is None else (left @ root.T) @ (right @ root.T).T
+            if triangle is None:
+                total += left @ right.T
+                continue
+            seen = solve_triangular(triangle, left.T, lower=True, check_finite=False)
+            same = others is rows
+            total += seen.T @ (seen if same else solve_triangular(triangle, right.T, lower=True, check_finite=False))
         return total
 
 
@@ -279,20 +284,19 @@ def _solved(place: _Place, amplitudes: FloatArray) -> _Solved:
         own = slice(part * REAL, (part + 1) * REAL)
         lower[own, own] = cholesky(prior + np.eye(REAL) * (_JITTER * float(np.trace(prior)) / REAL), lower=True)
     information = np.zeros((place.parts, REAL, place.parts, REAL))
-    roots: list[FloatArray | None] = []
+    triangles: list[FloatArray | None] = []
     through = []
     log_determinant = 0.0
     for number, factor in enumerate(place.factors):
-        root, passed = None, factor
+        triangle, passed = None, factor
         if len(place.groups) > 1:
             # What the groups do not share. Where there is one group, it is no different from what they share.
             shared = sum(scale**2 * prior for scale, prior in zip(place.scales[:, number], priors, strict=True))
             spread = np.eye(len(factor)) + criteria.OWN_SHARE * (factor @ shared @ factor.T)
-            triangle = cholesky(spread, lower=True)
-            root = solve_triangular(triangle, np.eye(len(factor)), lower=True)
-            passed = root.T @ (root @ factor)
+            triangle = cholesky(spread, lower=True, check_finite=False)
+            passed = cho_solve((triangle, True), factor, check_finite=False)
             log_determinant += 2.0 * float(np.log(np.diagonal(triangle)).sum())
-        roots.append(root)
+        triangles.append(triangle)
         through.append(passed)
         gram = factor.T @ passed
         scales = place.scales[:, number]
@@ -303,7 +307,7 @@ def _solved(place: _Place, amplitudes: FloatArray) -> _Solved:
     chol = cholesky(inner, lower=True)
     half = solve_triangular(chol, lower.T, lower=True)
     log_determinant += 2.0 * float(np.log(np.diagonal(chol)).sum())
-    return _Solved(half.T @ half, flat, tuple(roots), tuple(through), log_determinant)
+    return _Solved(half.T @ half, flat, tuple(triangles), tuple(through), log_determinant)
 
 
 @lru_cache(maxsize=32)

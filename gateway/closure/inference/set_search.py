@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.data.condition_groups import telling
+from gateway.closure.data.condition_groups import far_apart, telling
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import Trial, refit, start_of, try_effect
 from gateway.closure.inference.discrepancy import Discrepancy
@@ -65,12 +65,16 @@ class SetSearch:
         """Search from the baseline model's fit; return the best set."""
         groups = self.campaign.groups
         self._scanned = tuple(
-            telling(
-                np.array([group.recording for group in groups]),
-                np.array([group.state for group in groups]),
-                np.array([group.conditions.omega_radps for group in groups]),
-                np.array([float(sum(block.count for block in group.blocks)) for group in groups]),
-                criteria.SCANNED_GROUPS,
+            far_apart(
+                telling(
+                    np.array([group.recording for group in groups]),
+                    np.array([group.state for group in groups]),
+                    np.array([group.conditions.omega_radps for group in groups]),
+                    np.array([float(sum(block.count for block in group.blocks)) for group in groups]),
+                    criteria.SCANNED_GROUPS,
+                ),
+                [group.conditions for group in groups],
+                criteria.MOST_SCANNED,
             ).tolist()
         )
         self._evaluate(start, None)
