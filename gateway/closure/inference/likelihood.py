@@ -17,10 +17,10 @@ from gateway.types import BoolArray, ComplexArray, FloatArray
 REAL: Final = 2 * ORDERS - 1
 """Real coefficients of one axis: the cosine terms of all orders, then the sine terms from order 1 on."""
 
-# Errors of resampling, rounding and the solver's grid beyond noise: a share of the order's own size and of the
-# signal's. Because of them the held-out error of a recording without effects is slightly below the noise floor.
+# Errors of resampling, rounding and the solver's grid beyond noise: a share of the order's own size, and a thirtieth of
+# it of R omega^2. Because of them the held-out error of a recording without effects is slightly below the noise floor.
 _OWN_SHARE: Final = 3e-5
-_FLAT_SHARE: Final = 1e-6
+_FLAT: Final = 1.0 / 30.0
 # Number of orders over which the spectrum is smoothed before a share is applied.
 _SMOOTHED: Final = 5
 # Blocks from which their scatter is compared with that of revolutions, and the least ratio of the two.
@@ -187,7 +187,7 @@ def _floor(group: Group, share: float) -> FloatArray:
     kernel = np.ones(_SMOOTHED) / _SMOOTHED
     smooth = np.stack([np.convolve(np.square(row), kernel, mode="same") for row in size])
     steady = conditions.radius_m * conditions.omega_radps**2
-    result: FloatArray = share**2 * smooth + (_FLAT_SHARE * steady) ** 2
+    result: FloatArray = share**2 * (smooth + (_FLAT * steady) ** 2)
     return result
 
 

@@ -17,7 +17,7 @@ from gateway.closure.model.baseline import Core, NoShapeError, Shape, moved
 from gateway.closure.model.parameter_vector import Layout
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal, field_orders, mounting_matrix, with_signal
-from gateway.closure.model.tire_state import references, shift, slopes
+from gateway.closure.model.tire_state import half_angles_rad, references, shift, slopes
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.types import ComplexArray, FloatArray, IntArray
 
@@ -74,6 +74,7 @@ class ClosureModel:
         self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects)
         at = references(campaign)
         self._shifts = [shift(core.names, group.conditions, at[group.state]) for group in campaign.groups]
+        self._half_angles_rad = half_angles_rad(campaign)
 
     def priors(self, near: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
         """Return mean and standard deviation of every parameter before the waveforms are used, (P,) each.
@@ -143,7 +144,7 @@ class ClosureModel:
         """Return the belt's shape of one group."""
         group, tire = self.campaign.groups[index], self.tire(vector, index)
         with _standing():
-            return self.core.shape(tire, group.conditions, self.options(vector, index), group.half_angle_rad)
+            return self.core.shape(tire, group.conditions, self.options(vector, index), self._half_angles_rad[index])
 
     def _shape_near(self, vector: FloatArray, index: int, name: str) -> Shape:
         """Return the belt's shape of one group, with an approximate change by an effect."""
@@ -155,8 +156,8 @@ class ClosureModel:
         before = without.rounded()
         after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
         with _standing():
-            shape = self.core.shape(tire, group.conditions, without, group.half_angle_rad)
-            change = self.core.change(tire, group.conditions, before, after, group.half_angle_rad)
+            shape = self.core.shape(tire, group.conditions, without, self._half_angles_rad[index])
+            change = self.core.change(tire, group.conditions, before, after, self._half_angles_rad[index])
         return moved(shape, change, 1.0)
 
     def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
@@ -219,7 +220,7 @@ class ClosureModel:
         """Return the derivatives of one group's shape by the tire's parameters."""
         group, options = self.campaign.groups[index], self.options(vector, index)
         with _standing():
-            return self.core.tangent(self.tire(vector, index), group.conditions, options, group.half_angle_rad)
+            return self.core.tangent(self.tire(vector, index), group.conditions, options, self._half_angles_rad[index])
 
     def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: GroupConditions) -> ComplexArray:
         here = base_signal(self.core, shape, conditions)

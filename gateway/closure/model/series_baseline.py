@@ -65,8 +65,8 @@ _TO_SPECTRUM: Final[FloatArray] = 0.5 * FIELD_SIZE * np.where(_ORDER % 2.0, -1.0
 class SeriesCore:
     """The linear ring: Bs, Cw, Rs, Ts and, when corrected, the contact's half angle are a state's parameters."""
 
-    # With all corrections, what is left of the exact ring at 3000 to 6000 N: 1e-4 of order 0, up to 5e-3 of orders 1 to
-    # 5, 3e-4 to 1e-3 of those up to 25.
+    # With all corrections, what is left of the exact ring at 3000 to 6000 N: 1e-4 of order 0, up to 8e-3 of orders 1 to
+    # 5, 3e-4 to 2e-3 of those up to 25, 6e-5 of R omega^2 of higher ones.
     equation_share = 1e-3
 
     def __init__(self, model: BaselineModel) -> None:
