@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -43,6 +44,18 @@ def test_small_tilt_has_a_realistic_trial() -> None:
     after = refit(trial, data)
     assert trial.cost * fit.scale == pytest.approx(after.cost * after.scale, abs=5.0)
     assert trial.promise > 10.0
+
+
+def test_trial_beside_an_impossible_belt_fails_alone() -> None:
+    """A fit may have left the belt a compliance below zero, at which no ring has a shape."""
+    campaign = campaign_of(ONE_SPEED)
+    extension = angle_effect("belt extension")
+    fit, data = fitted(campaign, extension)
+    vector = fit.vector.copy()
+    vector[fit.model.layout.effect("belt extension")] = -1e-3
+    beyond = replace(fit, vector=vector)
+    for name in ("shear flexibility", "gain"):
+        assert try_effect(beyond, data, angle_effect(name), [0]) is None
 
 
 def tilt_and_gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:

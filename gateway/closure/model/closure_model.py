@@ -152,10 +152,10 @@ class ClosureModel:
         if effect is None:
             return self.shape(vector, index)
         group, tire = self.campaign.groups[index], self.tire(vector, index)
-        without = self.options(vector, index, without=name)
-        before = without.rounded()
-        after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
         with _standing():
+            without = self.options(vector, index, without=name)
+            before = without.rounded()
+            after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
             shape = self.core.shape(tire, group.conditions, without, self._half_angles_rad[index])
             change = self.core.change(tire, group.conditions, before, after, self._half_angles_rad[index])
         return moved(shape, change, 1.0)
@@ -218,9 +218,10 @@ class ClosureModel:
 
     def _tangents(self, vector: FloatArray, index: int) -> tuple[Shape, ...]:
         """Return the derivatives of one group's shape by the tire's parameters."""
-        group, options = self.campaign.groups[index], self.options(vector, index)
+        conditions = self.campaign.groups[index].conditions
         with _standing():
-            return self.core.tangent(self.tire(vector, index), group.conditions, options, self._half_angles_rad[index])
+            options = self.options(vector, index)
+            return self.core.tangent(self.tire(vector, index), conditions, options, self._half_angles_rad[index])
 
     def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: GroupConditions) -> ComplexArray:
         here = base_signal(self.core, shape, conditions)
