@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.exporting.export_table import DTYPES, Block, Column, Kind, length
+from gateway.exporting.export_table import DTYPES, Block, Column, ExportWriter, Kind, Target, WheelTable, length
 
 # Rows that are stored together; a column of them is read at once.
 _STORED_ROWS: Final = 1 << 14
@@ -93,3 +93,27 @@ class ColumnFile:
         texts = [str(text).encode() for text in values]
         self.longest_text[column.name] = max(self.longest_text[column.name], max(map(len, texts), default=0))
         return b"".join(len(text).to_bytes(4, "little") + text for text in texts)
+
+
+class ColumnwiseExport(ExportWriter):
+    """Writer of a format that stores column after column: rows wait in a temporary file for each wheel."""
+
+    def __init__(self, target: Target) -> None:
+        """Take the open file."""
+        self.target = target
+        self.tables: tuple[WheelTable, ...] = ()
+        self.files: dict[str, ColumnFile] = {}
+
+    def begin(self, tables: Sequence[WheelTable]) -> None:
+        """Open a temporary file for every wheel."""
+        self.tables = tuple(tables)
+        self.files = {table.wheel: ColumnFile(table.columns, self.target.scratch) for table in tables}
+
+    def write(self, table: WheelTable, block: Block) -> None:
+        """Append rows to the temporary file."""
+        self.files[table.wheel].append(block)
+
+    def discard(self) -> None:
+        """Close the temporary files."""
+        for file in self.files.values():
+            file.close()

@@ -12,8 +12,8 @@ from typing import Final
 
 from gateway import __version__
 from gateway.errors import OutputError
-from gateway.exporting.column_file import ColumnFile
-from gateway.exporting.export_table import DTYPES, Block, Cell, Column, ExportWriter, Kind, Target, WheelTable
+from gateway.exporting.column_file import ColumnFile, ColumnwiseExport
+from gateway.exporting.export_table import DTYPES, Cell, Column, Kind, WheelTable
 
 TIME: Final = "time_s"
 """Column that becomes the row times of a timetable."""
@@ -28,23 +28,8 @@ _NUMBERS: Final = {Kind.REAL: (6, _DOUBLE), Kind.INTEGER: (14, _INT64), Kind.FLA
 _NAME_BYTES: Final = 64
 
 
-class MatExport(ExportWriter):
+class MatExport(ColumnwiseExport):
     """Variables by wheel, each a structure with `Time`, `Data`, `Units`, `Descriptions` and `Conditions`."""
-
-    def __init__(self, target: Target) -> None:
-        """Take the open file."""
-        self._target = target
-        self._tables: tuple[WheelTable, ...] = ()
-        self._files: dict[str, ColumnFile] = {}
-
-    def begin(self, tables: Sequence[WheelTable]) -> None:
-        """Open a temporary file for every wheel."""
-        self._tables = tuple(tables)
-        self._files = {table.wheel: ColumnFile(table.columns, self._target.scratch) for table in tables}
-
-    def write(self, table: WheelTable, block: Block) -> None:
-        """Append rows to the temporary file."""
-        self._files[table.wheel].append(block)
 
     def end(self) -> None:
         """Write the file.
@@ -53,10 +38,10 @@ class MatExport(ExportWriter):
             OutputError: a wheel has more data than a variable of the format can hold.
         """
         title = f"MATLAB 5.0 MAT-file, written by treadlink {__version__}".encode().ljust(116)
-        self._target.file.write(title + bytes(8) + struct.pack("<H", 0x0100) + b"IM")
-        names = identifiers(table.wheel for table in self._tables)
-        for table in self._tables:
-            variable = _variable(names[table.wheel], table, self._files[table.wheel])
+        self.target.file.write(title + bytes(8) + struct.pack("<H", 0x0100) + b"IM")
+        names = identifiers(table.wheel for table in self.tables)
+        for table in self.tables:
+            variable = _variable(names[table.wheel], table, self.files[table.wheel])
             if variable.size > MOST_BYTES:
                 raise OutputError(
                     f"the table of {table.wheel} takes {variable.size / 1e9:.1f} GB, and a variable of a MAT file of "
@@ -64,13 +49,8 @@ class MatExport(ExportWriter):
                     "Export to Parquet, MF4 or npz, or fewer data: one wheel, or orders instead of samples.",
                 )
             for data in variable.parts:
-                self._target.file.write(data)
+                self.target.file.write(data)
         self.discard()
-
-    def discard(self) -> None:
-        """Remove the temporary files."""
-        for file in self._files.values():
-            file.close()
 
 
 def identifiers(names: Iterable[str]) -> dict[str, str]:

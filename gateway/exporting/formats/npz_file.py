@@ -10,48 +10,28 @@ from typing import Final
 
 import numpy as np
 
-from gateway.exporting.column_file import ColumnFile
-from gateway.exporting.export_table import DTYPES, Block, Column, ExportWriter, Kind, Target, WheelTable, described
+from gateway.exporting.column_file import ColumnwiseExport
+from gateway.exporting.export_table import DTYPES, Column, Kind, WheelTable, described
 
 ABOUT: Final = "about"
 """Name of the array with units, descriptions and conditions: one JSON text."""
 
 
-class NpzExport(ExportWriter):
+class NpzExport(ColumnwiseExport):
     """Archive for `numpy.load`, compressed; text is stored in fixed width, unknown numbers are NaN."""
-
-    def __init__(self, target: Target) -> None:
-        """Take the open file."""
-        self._target = target
-        self._tables: tuple[WheelTable, ...] = ()
-        self._files: dict[str, ColumnFile] = {}
-
-    def begin(self, tables: Sequence[WheelTable]) -> None:
-        """Open a temporary file for every wheel."""
-        self._tables = tuple(tables)
-        self._files = {table.wheel: ColumnFile(table.columns, self._target.scratch) for table in tables}
-
-    def write(self, table: WheelTable, block: Block) -> None:
-        """Append rows to the temporary file."""
-        self._files[table.wheel].append(block)
 
     def end(self) -> None:
         """Write the archive."""
-        with zipfile.ZipFile(self._target.file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-            about = np.array(json.dumps(_about(self._tables)))
+        with zipfile.ZipFile(self.target.file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            about = np.array(json.dumps(_about(self.tables)))
             _put(archive, ABOUT, about.dtype, (), [about.tobytes()])
-            for table in self._tables:
+            for table in self.tables:
                 for column in table.columns:
                     self._put_column(archive, table.wheel, column)
         self.discard()
 
-    def discard(self) -> None:
-        """Remove the temporary files."""
-        for file in self._files.values():
-            file.close()
-
     def _put_column(self, archive: zipfile.ZipFile, wheel: str, column: Column) -> None:
-        file = self._files[wheel]
+        file = self.files[wheel]
         name = f"{wheel.replace('/', '_')}/{column.name.replace('/', '_over_')}"
         if column.kind is not Kind.TEXT:
             dtype = DTYPES[column.kind].newbyteorder("<")
