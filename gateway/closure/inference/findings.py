@@ -59,16 +59,16 @@ def _impossible(posterior: Posterior, seen: set[str]) -> list[Finding]:
     """Return the effects that would be in the best set if their values were possible."""
     found: list[Finding] = []
     better = sorted(
-        (one for one in posterior.every.values() if one.objection is not None),
+        (one for one in posterior.every.values() if one.objections),
         key=lambda one: (-one.log_evidence, sorted(one.names)),
     )
     for one in better:
-        if one.objection is None or one.log_evidence < posterior.best.log_evidence or len(found) >= _MOST_LISTED:
+        if one.log_evidence < posterior.best.log_evidence or len(found) >= _MOST_LISTED:
             break
-        name, reason = one.objection
-        if name not in seen:
-            seen.add(name)
-            found.append(_of_set(one, name, Verdict.REFUSED, reason=reason, probability=0.0))
+        for name, reason in one.objections:
+            if name not in seen:
+                seen.add(name)
+                found.append(_of_set(one, name, Verdict.REFUSED, reason=reason, probability=0.0))
     return found
 
 

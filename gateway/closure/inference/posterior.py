@@ -10,6 +10,9 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.inference import criteria
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.residual import group_residuals
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names, SetSearch
 
@@ -29,12 +32,14 @@ class Posterior:
         masses: probability of each; they add up to 1.
         sets: possible sets whose effects are all supported (`criteria.REPORTED`), most probable first.
         weights: probability of each among these; they add up to 1.
+        temperature: by which the evidence of the data was divided, since the best set leaves more than noise.
     """
 
     every: Mapping[Names, Evaluated]
     masses: Mapping[Names, float]
     sets: tuple[Evaluated, ...]
     weights: tuple[float, ...]
+    temperature: float = 1.0
 
     @property
     def best(self) -> Evaluated:
@@ -52,8 +57,8 @@ class Posterior:
 
     def log_odds(self, name: str) -> float:
         """Return the logarithm of the odds that an effect is present, from the best sets with and without it."""
-        with_it = [one.log_evidence for one in self.every.values() if name in counted(one)]
-        without = [one.log_evidence for one in self.every.values() if name not in counted(one)]
+        with_it = [_tempered(one, self.temperature) for one in self.every.values() if name in counted(one)]
+        without = [_tempered(one, self.temperature) for one in self.every.values() if name not in counted(one)]
         return max(with_it) - max(without) if with_it and without else math.nan
 
     @property
@@ -95,7 +100,7 @@ class Posterior:
     def with_effect(self, name: str) -> Evaluated:
         """Return the best set with an effect, a possible one if there is any."""
         inside = [one for one in self.every.values() if name in one.names]
-        return max(inside, key=lambda one: (name in counted(one), one.objection is None, one.log_evidence))
+        return max(inside, key=lambda one: (name in counted(one), not one.objections, one.log_evidence))
 
     def without(self, name: str) -> Evaluated:
         """Return the best set without an effect."""
@@ -103,33 +108,57 @@ class Posterior:
 
 
 def counted(one: Evaluated) -> Names:
-    """Return the effects of a set but the impossible one."""
-    return one.names if one.objection is None else one.names - {one.objection[0]}
+    """Return the effects of a set but the impossible ones."""
+    return one.names - {name for name, _ in one.objections}
 
 
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
-    return over(search.found)
+    possible = [one for one in search.found.values() if not one.objections]
+    best = min(possible, key=lambda one: (-one.log_evidence, sorted(one.names)))
+    return over(search.found, residual_ratio(best.fit, search.data))
 
 
-def over(every: Mapping[Names, Evaluated]) -> Posterior:
-    """Return the posterior over sets of effects, the set without any among them."""
+def residual_ratio(fit: Fit, data: Whitened) -> float:
+    """Return the mean square of what a fit leaves over that of the noise of the groups' means, at least 1."""
+    excess = noise = 0.0
+    for residual in group_residuals(fit, data):
+        excess += float(np.square(residual.rms_mps2()).sum())
+        noise += float(residual.variance.sum())
+    return 1.0 + excess / noise if noise > 0.0 else 1.0
+
+
+def over(every: Mapping[Names, Evaluated], temperature: float = 1.0) -> Posterior:
+    """Return the posterior over sets of effects, the set without any among them.
+
+    Args:
+        every: sets with their evidence.
+        temperature: by which the evidence of the data is divided, prior odds excepted. A model known to be wrong by so
+            much more than the noise knows that much less (Miller and Dunson 2019, coarsened posterior).
+    """
     ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
     stand_in = math.log(criteria.STAND_IN_ODDS)
-    scores = np.array([one.log_evidence + (stand_in if one.objection is not None else 0.0) for one in ordered])
+    of_set = {one.names: _tempered(one, temperature) for one in ordered}
+    scores = np.array([of_set[one.names] + (stand_in if one.objections else 0.0) for one in ordered])
     masses = np.exp(scores - scores.max())
     masses /= masses.sum()
     mass_of = {one.names: float(mass) for one, mass in zip(ordered, masses.tolist(), strict=True)}
     supported = [
         one
         for one in ordered
-        if one.objection is None
+        if not one.objections
         and all(_probability(every, mass_of, frozenset([name])) >= criteria.REPORTED for name in one.names)
     ]
-    own = np.array([one.log_evidence for one in supported])
+    own = np.array([of_set[one.names] for one in supported])
     weights = np.exp(own - own.max())
     weights /= weights.sum()
-    return Posterior(dict(every), mass_of, tuple(supported), tuple(weights.tolist()))
+    return Posterior(dict(every), mass_of, tuple(supported), tuple(weights.tolist()), temperature)
+
+
+def _tempered(one: Evaluated, temperature: float) -> float:
+    """Return the log evidence of a set, that of the data divided by the temperature."""
+    odds = len(one.names) * math.log(criteria.PRIOR_ODDS)
+    return odds + (one.log_evidence - odds) / temperature
 
 
 def _probability(every: Mapping[Names, Evaluated], masses: Mapping[Names, float], wanted: Names) -> float:

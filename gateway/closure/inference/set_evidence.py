@@ -32,13 +32,13 @@ class Evaluated:
         names: of the effects.
         fit: with the discrepancy in the covariance, at the optimum of its linearisation.
         log_evidence: of the data, up to a constant of the data; prior odds of the set included.
-        objection: the effect whose values are impossible, with the reason; None when all are possible.
+        objections: effects whose values are impossible, with the reason, in the order of the model.
     """
 
     names: frozenset[str]
     fit: Fit
     log_evidence: float
-    objection: tuple[str, Reason] | None = None
+    objections: tuple[tuple[str, Reason], ...] = ()
 
 
 def evaluate(
@@ -104,20 +104,23 @@ def _absent(fit: Fit) -> float:
     return gain
 
 
-def impossible(fit: Fit) -> tuple[str, Reason] | None:
-    """Return the effect whose parameters are out of their physical range, with the reason."""
+def impossible(fit: Fit) -> tuple[tuple[str, Reason], ...]:
+    """Return the effects whose parameters are out of their physical range, with the reason."""
     std = np.sqrt(np.diagonal(fit.covariance))
+    found: list[tuple[str, Reason]] = []
     for effect in fit.model.effects:
         where = fit.model.layout.effect(effect.name)
         values, errors = fit.vector[where], std[where]
         for parameter, value, error in zip(effect.parameters, values.tolist(), errors.tolist(), strict=True):
             slack = criteria.BEYOND_BOUND * error
             if not parameter.low - slack <= value <= parameter.high + slack:
-                return effect.name, outside_range(parameter, value)
-        reason = effect.reason_against(values, errors)
-        if reason is not None:
-            return effect.name, reason
-    return None
+                found.append((effect.name, outside_range(parameter, value)))
+                break
+        else:
+            reason = effect.reason_against(values, errors)
+            if reason is not None:
+                found.append((effect.name, reason))
+    return tuple(found)
 
 
 def _settled(fit: Fit, applied: Applied, steps: int) -> tuple[Fit, Applied]:
