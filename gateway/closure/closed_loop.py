@@ -9,6 +9,7 @@ from typing import Final
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import candidates, corrections
 from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference import criteria
 from gateway.closure.inference.contact_edge_jitter import beside_edges, edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
@@ -121,7 +122,12 @@ def diagnose(
         spectra=time_locked.spectra,
         trends=trends_of(start, best.fit, data),
         empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
-        notes=(*_notes(campaign, with_mean=core.mean), *_ended(search), *time_locked.notes),
+        notes=(
+            *_notes(campaign, with_mean=core.mean),
+            *_ended(search),
+            *_tempered(posterior),
+            *time_locked.notes,
+        ),
         folds_of=_folds_of(campaign),
         correction=contribution_table(best.fit, tuple(findings)),
         load_known=all(group.load_known for group in campaign.groups),
@@ -196,6 +202,11 @@ def _check_directions(campaign: Campaign, wrong: list[int]) -> None:
 
 def _ended(search: SetSearch) -> tuple[Reason, ...]:
     return () if search.complete else (Reason(Code.SEARCH_ENDED_EARLY, sets=len(search.found)),)
+
+
+def _tempered(posterior: Posterior) -> tuple[Reason, ...]:
+    ratio = posterior.temperature
+    return () if ratio < criteria.TEMPERED else (Reason(Code.EVIDENCE_TEMPERED, residual_ratio=ratio),)
 
 
 _RANK: Final = {Verdict.NAMED: 0, Verdict.INDISTINGUISHABLE: 1, Verdict.REFUSED: 2}

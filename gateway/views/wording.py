@@ -716,6 +716,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.HOLLOW_ROAD: "the road would be hollow with a radius of {radius_m:.3g m}, larger than any inner drum (5 m)",
     Code.PROBABILITY_TOO_LOW: "its probability is {probability:.2g}, and {needed:.2g} is needed",
+    Code.EVIDENCE_TEMPERED: (
+        "what is left unexplained has {residual_ratio:.3g} times the power of the noise of the means; evidence counts "
+        "less by that factor"
+    ),
     Code.SEARCH_ENDED_EARLY: (
         "the search for effects ended at its time limit after {sets} sets: others may be more probable"
     ),

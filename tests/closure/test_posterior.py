@@ -12,11 +12,12 @@ from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import LATERAL, BaselineModel, GroupConditions
 from gateway.closure.inference import criteria
 from gateway.closure.inference.findings import findings_of
-from gateway.closure.inference.posterior import Posterior
+from gateway.closure.inference.posterior import Posterior, over
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Verdict
 from gateway.reasons import Code, Reason
+from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
     COLD_AND_WARM,
@@ -97,6 +98,28 @@ def test_impossible_set_has_no_weight() -> None:
     assert (finding.verdict, finding.probability) == (Verdict.REFUSED, 0.0)
     assert finding.reason is not None
     assert finding.reason.code is Code.IMPLAUSIBLE_PARAMETER
+
+
+def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
+    """A pattern that no effect describes has five times the power of the noise of the mean."""
+    effects = {"small": Sideways("small")}
+
+    def strange(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[LATERAL] += 6.0 * np.cos(17.0 * theta + np.sin(theta))
+        return read
+
+    alone, search = searched(campaign_of(ONE_SPEED, sideways(1.3), axes=ALL_AXES), effects)
+    assert alone.identified() == ("small",)
+    assert alone.temperature < 1.1
+    beside, _ = searched(campaign_of(ONE_SPEED, strange, axes=ALL_AXES), effects)
+    # 18 (m/s^2)^2 on 333 coefficients of 0.01 each.
+    assert beside.temperature == pytest.approx(1.0 + 18.0 / 3.33, rel=0.1)
+    doubted = over(search.found, beside.temperature)
+    assert doubted.identified() == ()
+    assert doubted.log_odds("small") < 0.3 * alone.log_odds("small")
+    # The prior odds stay.
+    assert over(search.found, 1e9).probability(["small"]) == pytest.approx(0.05, abs=0.002)
 
 
 def test_weak_effect_is_refused_with_its_probability() -> None:
