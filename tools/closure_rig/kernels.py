@@ -1,0 +1,45 @@
+"""Posterior of recordings under other correlation lengths of the discrepancy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from accuracy.tables import Table
+
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.catalogue import candidates
+from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference import criteria
+from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.inference.number_estimates import NUMBERS, estimates_of
+from gateway.closure.inference.posterior import posterior_of
+from gateway.closure.inference.set_search import SetSearch, baseline_fit
+from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.session.campaign import read_campaign
+
+# About 0.6 and 1.6 times the lengths in use.
+LENGTHS_RAD: Final = ((0.02, 0.07, 0.25), criteria.LENGTHS_RAD, (0.05, 0.2, 0.6))
+
+
+def kernel_table(recordings: Sequence[Path]) -> Table:
+    """Return probabilities and numbers from the exact ring under each set of lengths."""
+    campaign = read_campaign(recordings, jobs=1)
+    rows = tuple(_row(campaign, lengths_rad) for lengths_rad in LENGTHS_RAD)
+    return Table("Other correlation lengths", "probabilities above 0.05", ("lengths, rad", "effects", *NUMBERS), rows)
+
+
+def _row(campaign: Campaign, lengths_rad: tuple[float, ...]) -> tuple[str, ...]:
+    core = make_core(BaselineModel.EXACT)
+    data = whiten(campaign, core)
+    effects = angle_effects(candidates(BaselineModel.EXACT))
+    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data, lengths_rad))
+    search.run(baseline_fit(campaign, core, data))
+    posterior = posterior_of(search)
+    found, _ = estimates_of([(one.fit, weight) for one, weight in posterior.considered])
+    listed = [name for name in posterior.names if posterior.probability([name]) >= criteria.REPORTED]
+    names = ", ".join(f"{name} {posterior.probability([name]):.3f}" for name in listed)
+    numbers = (f"{found[name].value:.4g} ± {found[name].std:.2g}" for name in NUMBERS)
+    return ", ".join(f"{length:g}" for length in lengths_rad), names or "none", *numbers
