@@ -437,6 +437,7 @@ class Code(StrEnum):
     PROBABILITY_TOO_LOW = "probability_too_low"
     SEARCH_ENDED_EARLY = "search_ended_early"
     EVIDENCE_TEMPERED = "evidence_tempered"
+    LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
     SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"
     LEAVES_RESIDUAL_AT_EDGES = "leaves_residual_at_edges"
     SMALLER_THAN_EDGE_RESIDUAL = "smaller_than_edge_residual"

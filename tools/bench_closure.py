@@ -2,8 +2,8 @@
 
 `run` draws tires, sensors and undeclared effects from a seed. The exact ring makes the recordings, once for all
 versions; labels stay sealed until the diagnosis is made. `score` prints and draws how often each version is right.
-`kernels` repeats the inference on recordings with other correlation lengths of the discrepancy. Without any of them, ten
-cases are run and scored.
+`kernels` repeats the inference on recordings with other correlation lengths of the discrepancy. Without any of
+them, ten cases are run and scored.
 
 Run: python tools/bench_closure.py run --cases DIR --results FILE.jsonl [--gateway DIR] [--count N] [--jobs N]
      python tools/bench_closure.py score FILE.jsonl [OTHER.jsonl] [--figures DIR]

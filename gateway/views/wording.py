@@ -716,8 +716,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.HOLLOW_ROAD: "the road would be hollow with a radius of {radius_m:.3g m}, larger than any inner drum (5 m)",
     Code.PROBABILITY_TOO_LOW: "its probability is {probability:.2g}, and {needed:.2g} is needed",
+    Code.LEAVES_MORE_THAN_WITHOUT: (
+        "with it the fit leaves {with_it:.3g} times the noise of the means, without it {without:.3g} times"
+    ),
     Code.EVIDENCE_TEMPERED: (
-        "what is left unexplained has {residual_ratio:.3g} times the power of the noise of the means; evidence counts "
+        "what is left unexplained has {residual_ratio:.3g} times the rms of the noise of the means; evidence counts "
         "less by that factor"
     ),
     Code.SEARCH_ENDED_EARLY: (

@@ -17,7 +17,8 @@ STAND_IN_ODDS: Final = 0.01
 """Odds that something outside the catalogue looks like an effect at impossible values: below those of any effect."""
 
 TEMPERED: Final = 2.0
-"""Ratio of residual to noise power from which a note says that the evidence was divided by it."""
+"""Power of what a set leaves over that of the noise from which an effect must reduce it to count, and ratio of their
+rms from which a note says that the evidence was divided by it."""
 
 LENGTHS_RAD: Final = (0.03, 0.12, 0.4)
 """Correlation lengths of the discrepancy: a tread block, a contact edge, the belt's lowest free shapes."""

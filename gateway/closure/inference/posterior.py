@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.residual import group_residuals
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names, SetSearch
+from gateway.reasons import Code, Reason
 
 # Weight below which a set changes no number.
 _NEGLIGIBLE: Final = 1e-4
@@ -114,9 +115,28 @@ def counted(one: Evaluated) -> Names:
 
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
-    possible = [one for one in search.found.values() if not one.objections]
+    ratios = {names: residual_ratio(one.fit, search.data) for names, one in search.found.items()}
+    found = {names: _explaining(one, ratios) for names, one in search.found.items()}
+    possible = [one for one in found.values() if not one.objections]
     best = min(possible, key=lambda one: (-one.log_evidence, sorted(one.names)))
-    return over(search.found, residual_ratio(best.fit, search.data))
+    return over(found, math.sqrt(ratios[best.names]))
+
+
+def _explaining(one: Evaluated, ratios: Mapping[Names, float]) -> Evaluated:
+    """Return a set that leaves more than noise with an objection to each effect without which less is left.
+
+    Such an effect owes its evidence to the discrepancy: it moves the fit away from the data.
+    """
+    own = ratios[one.names]
+    if own < criteria.TEMPERED:
+        return one
+    known = {name for name, _ in one.objections}
+    more = [
+        (name, Reason(Code.LEAVES_MORE_THAN_WITHOUT, with_it=math.sqrt(own), without=math.sqrt(ratios[rest])))
+        for name in sorted(one.names - known)
+        if (rest := one.names - {name}) in ratios and ratios[rest] <= own
+    ]
+    return replace(one, objections=(*one.objections, *more)) if more else one
 
 
 def residual_ratio(fit: Fit, data: Whitened) -> float:
@@ -133,8 +153,9 @@ def over(every: Mapping[Names, Evaluated], temperature: float = 1.0) -> Posterio
 
     Args:
         every: sets with their evidence.
-        temperature: by which the evidence of the data is divided, prior odds excepted. A model known to be wrong by so
-            much more than the noise knows that much less (Miller and Dunson 2019, coarsened posterior).
+        temperature: by which the evidence of the data is divided, prior odds excepted: rms of what the best set leaves
+            over that of the noise. A model known to be wrong by so much knows that much less (Miller and Dunson 2019,
+            coarsened posterior). It is the ratio of rms, not of power, since the discrepancy widens the errors already.
     """
     ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
     stand_in = math.log(criteria.STAND_IN_ODDS)
