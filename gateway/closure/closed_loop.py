@@ -9,7 +9,7 @@ from typing import Final
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.inference.contact_edge_jitter import beside_edges, edge_findings
+from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
 from gateway.closure.inference.findings import findings_of
@@ -78,7 +78,7 @@ def diagnose(
     findings = doubted(findings_of(posterior, effects, errors.rms_of), best.fit.model.effects, campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
-    time_locked = diagnose_time_locked(campaign.groups, changing=bool(changes))
+    time_locked = diagnose_time_locked(campaign.groups)
     edges = edge_findings(campaign.groups)
     on_progress(_TIME_LOCKED, "preparing figures")
     before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)])
@@ -101,7 +101,7 @@ def diagnose(
         held_out=held_out,
         findings=tuple(
             sorted(
-                (*findings, *edges, *beside_edges(time_locked.findings, edges)),
+                (*findings, *edges, *time_locked.findings),
                 key=lambda finding: _RANK[finding.verdict],
             )
         ),

@@ -78,3 +78,21 @@ RIVAL_SHARE: Final = 0.3
 
 AT_NOISE: Final = 1.5
 """Misfit per coefficient at which a chain leaves nothing to find: its rivals are found by exchange."""
+
+DENSITY_ERROR: Final = 0.1
+"""Relative error of an effect's spectrum, quadrature or envelope: its equation is an idealisation."""
+
+STRANGE_BINS: Final = 0.01
+"""Share of frequencies at which a spectrum contains something unknown, of any size: a few lines or a narrow band."""
+
+FREE_SIZE: Final = 1.0
+"""Standard deviation of ln of a strange band's size on each axis of each group: it has no law, to a factor of three."""
+
+SURPLUS: Final = 10.0
+"""Power over density beyond which a bin counts no more in a linear trial: a line does not choose where a band lies."""
+
+EDGE_SPREAD: Final = 0.3
+"""Standard deviation of ln of contact-edge jitter between recordings: load and contact length change it by a third."""
+
+EDGE_SHAPE: Final = 0.25
+"""Share of the scatter near the contact edges that moving them back may leave: more is scatter of another shape."""

@@ -5,20 +5,43 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from gateway.closure.inference import criteria
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names, SetSearch
+from gateway.reasons import Reason
 
 # Weight below which a set changes no number.
 _NEGLIGIBLE: Final = 1e-4
 
 
+class Weighed(Protocol):
+    """A set of effects with its evidence, whatever part of the signal it is of."""
+
+    @property
+    def names(self) -> Names:
+        """Names of its effects."""
+        ...
+
+    @property
+    def log_evidence(self) -> float:
+        """Log evidence of the data, prior odds included, up to a constant of the data."""
+        ...
+
+    @property
+    def objection(self) -> tuple[str, Reason] | None:
+        """The effect whose values are impossible, with the reason; None when all are possible."""
+        ...
+
+
+SetT = TypeVar("SetT", bound=Weighed)
+
+
 @dataclass(frozen=True)
-class Posterior:
+class PosteriorOver(Generic[SetT]):
     """Sets of effects with their probabilities.
 
     An effect with impossible values stands for something that the catalogue lacks: its set keeps its probability, and
@@ -31,18 +54,18 @@ class Posterior:
         weights: probability of each among these; they add up to 1.
     """
 
-    every: Mapping[Names, Evaluated]
+    every: Mapping[Names, SetT]
     masses: Mapping[Names, float]
-    sets: tuple[Evaluated, ...]
+    sets: tuple[SetT, ...]
     weights: tuple[float, ...]
 
     @property
-    def best(self) -> Evaluated:
+    def best(self) -> SetT:
         """The most probable possible set."""
         return self.sets[0]
 
     @property
-    def baseline(self) -> Evaluated:
+    def baseline(self) -> SetT:
         """The set without effects."""
         return self.every[frozenset()]
 
@@ -63,7 +86,7 @@ class Posterior:
         return tuple(sorted(found, key=lambda name: (-self.probability([name]), name)))
 
     @property
-    def considered(self) -> tuple[tuple[Evaluated, float], ...]:
+    def considered(self) -> tuple[tuple[SetT, float], ...]:
         """Sets that matter to the numbers, with weights that add up to 1."""
         kept = [(one, weight) for one, weight in zip(self.sets, self.weights, strict=True) if weight > _NEGLIGIBLE]
         total = sum(weight for _, weight in kept)
@@ -92,17 +115,21 @@ class Posterior:
                 groups.append(tuple(group))
         return tuple(groups)
 
-    def with_effect(self, name: str) -> Evaluated:
+    def with_effect(self, name: str) -> SetT:
         """Return the best set with an effect, a possible one if there is any."""
         inside = [one for one in self.every.values() if name in one.names]
         return max(inside, key=lambda one: (name in counted(one), one.objection is None, one.log_evidence))
 
-    def without(self, name: str) -> Evaluated:
+    def without(self, name: str) -> SetT:
         """Return the best set without an effect."""
         return max((one for one in self.every.values() if name not in one.names), key=lambda one: one.log_evidence)
 
 
-def counted(one: Evaluated) -> Names:
+Posterior: TypeAlias = PosteriorOver[Evaluated]
+"""Posterior over sets of effects that are locked to the wheel angle."""
+
+
+def counted(one: Weighed) -> Names:
     """Return the effects of a set but the impossible one."""
     return one.names if one.objection is None else one.names - {one.objection[0]}
 
@@ -112,7 +139,7 @@ def posterior_of(search: SetSearch) -> Posterior:
     return over(search.found)
 
 
-def over(every: Mapping[Names, Evaluated]) -> Posterior:
+def over(every: Mapping[Names, SetT]) -> PosteriorOver[SetT]:
     """Return the posterior over sets of effects, the set without any among them."""
     ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
     stand_in = math.log(criteria.STAND_IN_ODDS)
@@ -129,8 +156,8 @@ def over(every: Mapping[Names, Evaluated]) -> Posterior:
     own = np.array([one.log_evidence for one in supported])
     weights = np.exp(own - own.max())
     weights /= weights.sum()
-    return Posterior(dict(every), mass_of, tuple(supported), tuple(weights.tolist()))
+    return PosteriorOver(dict(every), mass_of, tuple(supported), tuple(weights.tolist()))
 
 
-def _probability(every: Mapping[Names, Evaluated], masses: Mapping[Names, float], wanted: Names) -> float:
+def _probability(every: Mapping[Names, Weighed], masses: Mapping[Names, float], wanted: Names) -> float:
     return min(1.0, sum(mass for names, mass in masses.items() if counted(every[names]) & wanted))

@@ -10,10 +10,9 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from gateway.closure.inference.narrow_lines import rare_ratio
+from gateway.closure.inference import criteria
 from gateway.closure.inference.nonsynchronous_density import Site
 from gateway.closure.inference.nonsynchronous_spectra import held_scaling
-from gateway.closure.inference.nonsynchronous_tests import several_speeds
 from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.types import BoolArray, FloatArray
@@ -72,12 +71,11 @@ class Part:
         return self.high_hz - self.low_hz <= _LINE_HZ
 
 
-def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
+def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
     """Return the lines and bands above the model of one group.
 
     Args:
         site: the group.
-        group: its index.
         density: (3, m) density of the fitted model.
         noise: (3, m) its part that is sensor noise.
         level: (3,) noise level before any low-pass.
@@ -95,7 +93,7 @@ def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, l
     )
     found: list[Part] = []
     for axis in np.flatnonzero(spectra.present).tolist():
-        found += _parts(site, group, axis, power[axis], density[axis], allowed[axis])
+        found += _parts(site, axis, power[axis], density[axis], allowed[axis])
     return [part for part in found if not _beside(part, found, spectra.wheel_hz)]
 
 
@@ -108,13 +106,26 @@ def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
     )
 
 
+def rare_ratio(freedom: float, quantile: float) -> float:
+    """Return the level that a mean of exponential values exceeds as rarely as a normal value exceeds `quantile`.
+
+    The mean is over `freedom` values of mean 1.
+    """
+    spread = 1.0 / (9.0 * freedom)
+    return float((1.0 - spread + quantile * spread**0.5) ** 3)
+
+
+def several_speeds(sites: Sequence[Site]) -> bool:
+    """Return whether the groups differ in speed."""
+    speeds = [site.spectra.speed_mps for site in sites]
+    return max(speeds) > criteria.SPEEDS_APART * min(speeds)
+
+
 def _running_max(values: FloatArray, half: int) -> FloatArray:
     return maximum_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
 
 
-def _parts(
-    site: Site, group: int, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray
-) -> list[Part]:
+def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray) -> list[Part]:
     spectra = site.spectra
     frequency, step = spectra.frequency_hz, spectra.step_hz
     freedom = float(spectra.freedom.sum())
@@ -160,7 +171,7 @@ def _parts(
                 rms = math.sqrt(total)
                 low_hz, high_hz = frequency[part][[0, -1]].tolist()
                 multiple = _at_multiples(frequency[part], excess, centre, spectra.wheel_hz)
-                found.append(Part(group, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
+                found.append(Part(site.index, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
                 first, last = min(first, part.start), max(last, part.stop - 1)
                 break
         free[max(0, first - 2 - half) : last + 3 + half] = False
