@@ -339,6 +339,7 @@ class Code(StrEnum):
     VIEW_BEHIND = "view_behind"
     # - Recordings of a campaign
     AXIS_CONSTANT = "axis_constant"
+    SAMPLES_STUCK = "samples_stuck"
     DIFFERENT_SENSORS = "different_sensors"
     RECORDING_DAMAGED = "recording_damaged"
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"

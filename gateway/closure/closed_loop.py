@@ -24,6 +24,7 @@ from gateway.closure.inference.residual import unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
+from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
@@ -87,6 +88,7 @@ def diagnose(
         *changes,
         *unexplained(best.fit, data),
         *beside_changes(time_locked.unexplained, changes),
+        *unexplained_revolutions(campaign.groups),
     )
     start = posterior.baseline.fit
     on_progress(1.0, "done")

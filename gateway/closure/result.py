@@ -137,7 +137,9 @@ class Unexplained:
 
     Attributes:
         axis: "circumferential", "lateral" or "radial".
-        lock: "angle" (repeats with the wheel) or "time" (remains when the mean revolution is subtracted).
+        lock: "angle" (repeats with the wheel), "time" (remains when the mean revolution is subtracted), "place" (at one
+            angle, with another waveform each turn), "turns" (differs between odd and even turns) or "samples" (error
+            by samples that repeat the one before).
         orders: (lowest, highest) order of the wheel, None when not locked to it.
         hz: (lowest, highest) frequency at the campaign's speeds, None where only orders are known.
         angle_rad: (from, to) material angle that holds most of it, None when spread out or not locked.

@@ -555,6 +555,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.VIEW_BEHIND: "the screen is too slow: lines are left out. Dropped data is counted",
     # - Recordings of a campaign
     Code.AXIS_CONSTANT: "the {axis} axis reads one value throughout {count} revolutions, dead or stuck: left out",
+    Code.SAMPLES_STUCK: (
+        "data fault: {samples} samples ({share:.2%}) repeat the one before on every axis, in {runs} stretches of three "
+        "or more, far beyond chance; check sensor, hub and link"
+    ),
     Code.DIFFERENT_SENSORS: "the recordings are of different sensors: {sensors}",
     Code.RECORDING_DAMAGED: "{damage}. The readable part is used",
     Code.RECORDING_ORDER_UNKNOWN: (

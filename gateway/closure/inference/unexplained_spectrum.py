@@ -17,9 +17,8 @@ from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.types import BoolArray, FloatArray
 
-# Window widths in bins, and the quantile that noise exceeds about once in 1e8.
+# Window widths in bins.
 _WIDTHS: Final = (1, 5, 15, 45, 135)
-_QUANTILE: Final = 5.6
 _ENDS: Final = 2.0
 # What is explained is explained to this share; sidebands of it, by the belt's own shape, reach this high.
 _EXPLAINED_TO: Final = 0.2
@@ -29,8 +28,6 @@ _SIDEBAND_TURNS: Final = 3.0
 _BESIDE_A_LINE: Final = 0.15
 _BESIDE_TURNS: Final = 10.0
 _MOST_PARTS: Final = 16
-# Standard errors above which a residual is listed.
-_SIGMAS: Final = 3.0
 _LINE_HZ: Final = 8.0
 _SAME_HZ: Final = 1.0
 _SAME_ORDER: Final = 0.06
@@ -137,7 +134,7 @@ def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowe
             break
         behind = freedom * (1.9 if width == 1 else width)
         mean = np.convolve(ratio, np.ones(width) / width, mode="same")
-        looks.append((width, mean, rare_ratio(behind, _QUANTILE), rare_ratio(behind, _ENDS)))
+        looks.append((width, mean, rare_ratio(behind, criteria.RARE), rare_ratio(behind, _ENDS)))
     free = np.ones(len(ratio), dtype=bool)
     found: list[Part] = []
     for _ in range(_MOST_PARTS):
@@ -165,7 +162,7 @@ def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowe
             excess = power[part] - density[part]
             total = float(excess.sum()) * step
             error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
-            if total > 0.5 * _SIGMAS * error:
+            if total > 0.5 * criteria.SIGMAS_LISTED * error:
                 weight = np.maximum(excess, 0.0)
                 centre = float(weight @ frequency[part]) / float(weight.sum())
                 rms = math.sqrt(total)
@@ -248,9 +245,9 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         here = [part for part in own if part.group == group]
         rms.append(math.sqrt(sum(part.rms_mps2**2 for part in here)))
         std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in here)) / rms[-1])
-    exponent, unsure = held_scaling([sites[group].spectra for group in groups], rms, std)
+    exponent, unsure = held_scaling([sites[group].spectra.speed_mps for group in groups], rms, std)
     several = several_speeds(sites)
-    scaling = _scaling(exponent, unsure, several=several)
+    scaling = scaling_of(exponent, unsure, several=several)
     size = math.sqrt(float(np.mean(np.square(rms))))
     error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
     line = all(part.line for part in own)
@@ -296,7 +293,8 @@ def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int
     return len(_speeds(parts, sites)), there
 
 
-def _scaling(exponent: float, unsure: float, *, several: bool) -> Scaling:
+def scaling_of(exponent: float, unsure: float, *, several: bool) -> Scaling:
+    """Return the growth with speed of an exponent and its standard error; NaN where only one speed shows it."""
     if not math.isfinite(exponent):
         return Scaling(ScalingStatus.SEEN_AT_ONE_SPEED if several else ScalingStatus.ONE_SPEED)
     if unsure > 0.5:
