@@ -103,3 +103,31 @@ and some thousand places are looked at."""
 
 SIGMAS_LISTED: Final = 3.0
 """Standard errors above which the size of something listed is taken as known."""
+
+EXPLAINED_TO: Final = 0.2
+"""Share of an effect's density within which a remainder is not listed: two of its errors (`DENSITY_ERROR`)."""
+
+FILTER_TO: Final = 0.3
+"""Share of the noise that a low-pass removes within which a remainder is not listed: its form is simplified."""
+
+SIDEBANDS: Final = 0.03
+"""Share of an effect's density that its sidebands at multiples of the wheel's frequency reach: the belt turns."""
+
+BESIDE_A_LINE: Final = 0.15
+"""Share of a strong line below which parts beside it are its sidebands, left by resampling each revolution to time."""
+
+OVER_SCATTER: Final = 4.0
+"""Ratio of a change's power to that of scatter from which it is listed: a steady ramp counts in that scatter too, so
+that about five revolutions a block are needed."""
+
+RARE_CHANGE: Final = 1e-8
+"""Probability that scatter alone reaches a change in one band of one group."""
+
+CHANGE_OF_SIGNAL: Final = 3e-3
+"""Share of the signal (rms) below which a change belongs to the signal's own drift."""
+
+CHANGE_OF_RESIDUAL: Final = 0.1
+"""Share of the mean residual (rms) below which a change belongs to that residual."""
+
+CHANGE_OF_LARGEST: Final = 0.1
+"""Share of the largest change of any axis below which a change is not listed."""

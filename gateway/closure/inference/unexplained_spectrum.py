@@ -20,12 +20,7 @@ from gateway.types import BoolArray, FloatArray
 # Window widths in bins.
 _WIDTHS: Final = (1, 5, 15, 45, 135)
 _ENDS: Final = 2.0
-# What is explained is explained to this share; sidebands of it, by the belt's own shape, reach this high.
-_EXPLAINED_TO: Final = 0.2
-_FILTER_TO: Final = 0.3
-_SIDEBANDS: Final = 0.03
 _SIDEBAND_TURNS: Final = 3.0
-_BESIDE_A_LINE: Final = 0.15
 _BESIDE_TURNS: Final = 10.0
 _MOST_PARTS: Final = 16
 _LINE_HZ: Final = 8.0
@@ -84,9 +79,9 @@ def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatA
     filtered = np.maximum(level[:, None] - noise, 0.0)
     allowed = (
         density
-        + _FILTER_TO * np.minimum(filtered, noise)
-        + _EXPLAINED_TO * explained
-        + _SIDEBANDS * _running_max(explained, reach)
+        + criteria.FILTER_TO * np.minimum(filtered, noise)
+        + criteria.EXPLAINED_TO * explained
+        + criteria.SIDEBANDS * _running_max(explained, reach)
     )
     found: list[Part] = []
     for axis in np.flatnonzero(spectra.present).tolist():
@@ -97,7 +92,7 @@ def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatA
 def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
     """Return whether a part is a sideband of a strong line, left by the resampling of each revolution to time."""
     return any(
-        part.rms_mps2 < _BESIDE_A_LINE * other.rms_mps2
+        part.rms_mps2 < criteria.BESIDE_A_LINE * other.rms_mps2
         and abs(part.centre_hz - other.centre_hz) < _BESIDE_TURNS * wheel_hz
         for other in others
     )
