@@ -13,6 +13,7 @@ from gateway.closure.data.campaign_data import ORDERS, Block, EdgeTiming, Group,
 from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
 from gateway.closure.result import ScalingStatus
+from gateway.views.report.phrases import place_text, residual_remarks, residual_sentence
 
 GRID = 1024
 COUNT = 80
@@ -123,3 +124,16 @@ def test_cells_cover_the_revolution() -> None:
     assert scatter.power_m2ps4.shape == (3, CELLS)
     assert scatter.power_m2ps4.mean() == pytest.approx(4.0, rel=0.05)
     assert scatter.alternating_m2ps4.mean() == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("lock", "words"),
+    [("place", "at one angle with another waveform"), ("turns", "odd and even turns"), ("samples", "data fault")],
+)
+def test_report_says_what_single_turns_show(lock: str, words: str) -> None:
+    repeated = replace(group(burst(1.2, 2.0)), repeats=Repeats(20, 90, 40_000, (0.1, 0.0, 0.8)))
+    entry = replace(unexplained_revolutions([repeated])[0], lock=lock)
+    assert words in residual_sentence(entry)
+    assert words in residual_remarks(entry)[0]
+    assert "circumferential" in residual_sentence(entry)
+    assert place_text(entry)

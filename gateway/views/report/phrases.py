@@ -139,7 +139,12 @@ def residual_remarks(left: Unexplained) -> list[str]:
     if left.changes:
         return [f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"]
     if left.lock in SINGLE_TURNS:
-        return [f"{SINGLE_TURNS[left.lock]}; most in {left.largest_in}"]
+        also = (
+            [f"also {', '.join(f'{value:.2g} m/s² {axis}' for axis, value in left.other_axes)}"]
+            if left.other_axes
+            else []
+        )
+        return [SINGLE_TURNS[left.lock], *also, f"most in {left.largest_in}"]
     if left.lock != "time":
         return []
     parts = []
@@ -150,10 +155,12 @@ def residual_remarks(left: Unexplained) -> list[str]:
     elif left.speeds is not None:
         seen, there = left.speeds
         parts.append(f"at the same frequency at {'every speed' if seen == there else f'{seen} of {there} speeds'}")
-    if left.other_axes:
-        also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in left.other_axes)
-        parts.append(f"also {also}")
-    return parts
+    return [*parts, *_other_axes(left)]
+
+
+def _other_axes(left: Unexplained) -> list[str]:
+    also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in left.other_axes)
+    return [f"also {also}"] if also else []
 
 
 def residual_sentence(left: Unexplained) -> str:
@@ -166,8 +173,9 @@ def residual_sentence(left: Unexplained) -> str:
             "angle, camber or temperature may change: record one state at a time"
         )
     if left.lock in SINGLE_TURNS:
+        also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in left.other_axes)
         return (
-            f"{left.axis} axis, {place_text(left)}: {size} over the turn, {SINGLE_TURNS[left.lock]}, most in "
+            f"{left.axis} axis, {place_text(left)}: {size} over the turn{also}; {SINGLE_TURNS[left.lock]}; most in "
             f"{left.largest_in}; scaling: {scaling_text(left.scaling)}"
         )
     if left.lock != "time":
