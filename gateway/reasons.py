@@ -339,6 +339,7 @@ class Code(StrEnum):
     VIEW_BEHIND = "view_behind"
     # - Recordings of a campaign
     AXIS_CONSTANT = "axis_constant"
+    SAMPLES_STUCK = "samples_stuck"
     DIFFERENT_SENSORS = "different_sensors"
     RECORDING_DAMAGED = "recording_damaged"
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
@@ -431,7 +432,6 @@ class Code(StrEnum):
 
     # Diagnosis: acceptance tests
     IMPLAUSIBLE_PARAMETER = "implausible_parameter"
-    UNUSUAL_PARAMETER = "unusual_parameter"
     FADES_WITHIN_ONE_WAVE = "fades_within_one_wave"
     HOLLOW_ROAD = "hollow_road"
     PROBABILITY_TOO_LOW = "probability_too_low"
@@ -440,19 +440,7 @@ class Code(StrEnum):
     LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
     SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"
     LEAVES_RESIDUAL_AT_EDGES = "leaves_residual_at_edges"
-    SMALLER_THAN_EDGE_RESIDUAL = "smaller_than_edge_residual"
     NOTHING_REMAINS = "nothing_remains"
-    AXIS_HAS_OTHER_SHARE = "axis_has_other_share"
-    AXIS_SHOULD_BE_QUIET = "axis_should_be_quiet"
-    AXIS_SHOWS_SAME_BAND = "axis_shows_same_band"
-    RECORDING_HAS_OTHER_SIZE = "recording_has_other_size"
-    WRONG_SPEED_EXPONENT = "wrong_speed_exponent"
-    NEEDS_AXIS_OR_SPEED = "needs_axis_or_speed"
-    WRONG_QUADRATURE = "wrong_quadrature"
-    BELOW_SURROUNDINGS = "below_surroundings"
-    ENVELOPE_TOO_STEADY = "envelope_too_steady"
-    LEAVES_DENSITY = "leaves_density"
-    BROADBAND_NOISE_LEFT = "broadband_noise_left"
     ORDER_OR_FREQUENCY = "order_or_frequency"
 
     # Diagnosis: deciding recordings
@@ -462,7 +450,6 @@ class Code(StrEnum):
     RECORD_AT_LOAD = "record_at_load"
     RECORD_AT_PRESSURE = "record_at_pressure"
     RECORD_AT_REST = "record_at_rest"
-    RECORD_AT_ANOTHER_SPEED = "record_at_another_speed"
     RECORD_ROAD_AT_ANOTHER_SPEED = "record_road_at_another_speed"
     RECORD_LIVE = "record_live"
     RECORD_LIVE_FOR_LONGER = "record_live_for_longer"
@@ -483,7 +470,6 @@ class Code(StrEnum):
     FEW_REVOLUTIONS = "few_revolutions"
     ONE_SPEED = "one_speed"
     GROUPS_TOO_SHORT = "groups_too_short"
-    CONTACT_EDGE_JITTER = "contact_edge_jitter"
     NOISE_ROLLS_OFF = "noise_rolls_off"
 
 

@@ -10,7 +10,7 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import candidates, corrections
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference import criteria
-from gateway.closure.inference.contact_edge_jitter import beside_edges, edge_findings
+from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
 from gateway.closure.inference.findings import findings_of
@@ -26,6 +26,7 @@ from gateway.closure.inference.residual import unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
+from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
@@ -82,7 +83,7 @@ def diagnose(
     findings = doubted(findings_of(posterior, effects, errors.rms_of), best.fit.model.effects, campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
-    time_locked = diagnose_time_locked(campaign.groups, changing=bool(changes))
+    time_locked = diagnose_time_locked(campaign.groups)
     edges = edge_findings(campaign.groups)
     on_progress(_TIME_LOCKED, "preparing figures")
     exact = numbers_of_exact_ring(best.fit)
@@ -95,6 +96,7 @@ def diagnose(
         *changes,
         *unexplained(best.fit, data),
         *beside_changes(time_locked.unexplained, changes),
+        *unexplained_revolutions(campaign.groups),
     )
     start = posterior.baseline.fit
     on_progress(1.0, "done")
@@ -109,7 +111,7 @@ def diagnose(
         held_out=held_out,
         findings=tuple(
             sorted(
-                (*findings, *edges, *beside_edges(time_locked.findings, edges)),
+                (*findings, *edges, *time_locked.findings),
                 key=lambda finding: _RANK[finding.verdict],
             )
         ),

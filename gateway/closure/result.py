@@ -95,7 +95,7 @@ class Finding:
         verdict: the outcome.
         parameters: by name.
         chi2: reduction of the misfit (chi-square) on all data.
-        held_out_gain: reduction of the misfit on held-out revolutions, sum over folds; NaN where locked to the angle.
+        held_out_gain: reduction of the misfit on held-out revolutions, sum over folds; NaN where not computed.
         held_out_std: its standard error over folds.
         rms_mps2: size of its contribution, rms over the signal of the axes it acts on.
         rms_before_mps2: held-out rms before it was added; NaN for refused effects.
@@ -107,8 +107,8 @@ class Finding:
         summary: a description of the effect.
         equation: its contribution.
         lock: "angle", "time", or "contact" for what scatters from one contact to the next.
-        probability: that the effect is present, NaN where not locked to the angle.
-        log_odds: logarithm of its odds by the best sets with and without it, NaN likewise.
+        probability: that the effect is present.
+        log_odds: logarithm of its odds by the best sets with and without it; NaN for an impossible one.
     """
 
     name: str
@@ -137,7 +137,9 @@ class Unexplained:
 
     Attributes:
         axis: "circumferential", "lateral" or "radial".
-        lock: "angle" (repeats with the wheel) or "time" (remains when the mean revolution is subtracted).
+        lock: "angle" (repeats with the wheel), "time" (remains when the mean revolution is subtracted), "place" (at one
+            angle, with another waveform each turn), "turns" (differs between odd and even turns) or "samples" (error
+            by samples that repeat the one before).
         orders: (lowest, highest) order of the wheel, None when not locked to it.
         hz: (lowest, highest) frequency at the campaign's speeds, None where only orders are known.
         angle_rad: (from, to) material angle that holds most of it, None when spread out or not locked.

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.block_decoder import FrameBatch
-from gateway.closure.data.campaign_data import Group, Remark
+from firmware_protocol.block_decoder import FrameBatch, SampleGroup
+from firmware_protocol.messages import Hello, MessageType
+from gateway.closure.data.campaign_data import Group, Remark, Repeats
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.revolution import SensorReading
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
@@ -25,6 +27,7 @@ from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import assumed_conditions, stated_conditions
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
+from gateway.signal.repeated_samples import RepeatedSamples
 from gateway.views.wording import notice_text
 
 # With several wheels and none chosen, revolutions read on to learn the names of all wheels.
@@ -110,6 +113,8 @@ class _Collector:
         self.sensors = SensorsHeard()
         self.statements = StatementWatch(positions(vehicle))
         self.links: set[str] = set()
+        self.repeated: dict[tuple[int, int], RepeatedSamples] = {}
+        self.readings: dict[tuple[int, int], SensorReading] = {}
         self._wheel = order.wheel
         self._naming = _NAMING_REVOLUTIONS
 
@@ -128,6 +133,33 @@ class _Collector:
         self.clock.take(link, batch, arrivals_ns)
         self.sensors.take(batch)
         self.statements.batch(link, batch)
+        for hub, number, places in batch.by_source():
+            for place in places[batch.type[places] == MessageType.HELLO].tolist():
+                hello = batch.message(place)
+                if isinstance(hello, Hello):
+                    self.readings.setdefault((hub, number), SensorReading.from_hello(hello))
+        for group in batch.sample_groups():
+            self._repeated(group)
+
+    def _repeated(self, group: SampleGroup) -> None:
+        source = group.hub, group.wheel
+        reading, channels = self.readings.get(source), group.counts.shape[2]
+        if reading is None or len(reading.columns) != channels:
+            return
+        counter = self.repeated.setdefault(source, RepeatedSamples(channels, reading.saturation_counts))
+        follows = np.diff(group.first_sample.astype(np.int64)) == group.counts.shape[1]
+        for part in np.split(group.counts, np.flatnonzero(~follows) + 1):
+            counter.add(part.reshape(-1, channels))
+
+    def repeats(self, source: tuple[int, int] | None) -> Repeats | None:
+        """Return the repeated samples of a wheel, None without."""
+        found = self.repeated[source].result() if source in self.repeated else None
+        if source is None or found is None:
+            return None
+        reading = self.readings[source]
+        error = np.zeros(3)
+        error[list(reading.columns)] = found.error_counts * np.abs(reading.scale_mps2)
+        return Repeats(found.runs, found.samples, found.total, (float(error[0]), float(error[1]), float(error[2])))
 
     @property
     def has_host_times(self) -> bool:
@@ -211,6 +243,12 @@ def _reduced(
     groups = make_groups(table, declared, order.folds, store.reject) if len(table) else []
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
+    repeats = collected.repeats(address)
+    remarks = store.notes()
+    if repeats is not None:
+        groups = [replace(group, repeats=repeats) for group in groups]
+        share = repeats.samples / repeats.total
+        remarks.append(Reason(Code.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
     sensors = collected.sensors.at(vehicle, position)
     return RecordingRead(
         wheels=tuple(collected.wheels),
@@ -231,7 +269,7 @@ def _reduced(
         damage=damage,
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         notices=notices,
-        remarks=tuple(store.notes()),
+        remarks=tuple(remarks),
     )
 
 

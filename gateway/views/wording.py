@@ -555,6 +555,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.VIEW_BEHIND: "the screen is too slow: lines are left out. Dropped data is counted",
     # - Recordings of a campaign
     Code.AXIS_CONSTANT: "the {axis} axis reads one value throughout {count} revolutions, dead or stuck: left out",
+    Code.SAMPLES_STUCK: (
+        "data fault: {samples} samples ({share:.2%}) repeat the one before on every axis, in {runs} stretches of three "
+        "or more, far beyond chance; check sensor, hub and link"
+    ),
     Code.DIFFERENT_SENSORS: "the recordings are of different sensors: {sensors}",
     Code.RECORDING_DAMAGED: "{damage}. The readable part is used",
     Code.RECORDING_ORDER_UNKNOWN: (
@@ -708,9 +712,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.IMPLAUSIBLE_PARAMETER: (
         "{parameter} would be {value:.4g}{unit: }, outside its plausible range of {low:.4g} to {high:.4g}{unit: }"
     ),
-    Code.UNUSUAL_PARAMETER: (
-        "{parameter} would be {value:.4g}{unit: }, which is unusual, and only one speed was recorded"
-    ),
     Code.FADES_WITHIN_ONE_WAVE: (
         "the packet at the {edge} edge fades within {waves:.2f} of a wavelength: a bump, not a wave"
     ),
@@ -730,23 +731,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LEAVES_RESIDUAL_AT_EDGES: (
         "it leaves {residual_share:.0f %} of the scatter at the contact edges, so it stands in for another cause"
     ),
-    Code.SMALLER_THAN_EDGE_RESIDUAL: "it is smaller than the residual that correcting the contact edges may leave",
     Code.NOTHING_REMAINS: "nothing of it remains beside the other effects",
-    Code.AXIS_HAS_OTHER_SHARE: "the {axis} axis shows {ratio:.2f} times the expected size",
-    Code.AXIS_SHOULD_BE_QUIET: "the {axis} axis should not show it, but does, at {ratio:.2f} times the size",
-    Code.AXIS_SHOWS_SAME_BAND: "the {axis} axis should not show this band, but does, at {ratio:.2f} times the size",
-    Code.RECORDING_HAS_OTHER_SIZE: "{recording} shows {ratio:.2f} times the size expected from the other recordings",
-    Code.WRONG_SPEED_EXPONENT: "it grows with speed to the power {exponent:.2f} ± {exponent_std:.2f} instead of 1",
-    Code.NEEDS_AXIS_OR_SPEED: "without a circumferential axis, one speed does not distinguish it from other causes",
-    Code.WRONG_QUADRATURE: (
-        "the radial and circumferential axes are in quadrature to {ratio:.2f} ± {ratio_std:.2f} of the expected amount"
-    ),
-    Code.BELOW_SURROUNDINGS: "it does not exceed the neighbouring frequencies",
-    Code.ENVELOPE_TOO_STEADY: (
-        "its envelope is too steady for noise (normalized fourth moment {fourth_moment:.2f}, noise has 2)"
-    ),
-    Code.LEAVES_DENSITY: "it leaves {residual_share:.0f %} of the spectral density where it should be most of it",
-    Code.BROADBAND_NOISE_LEFT: "broadband noise beside it is not explained by any effect",
     Code.ORDER_OR_FREQUENCY: (
         "the residual is {noise_floors:.1f} times the noise floor, and one speed does not distinguish an "
         "order from a fixed frequency"
@@ -760,7 +745,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORD_AT_REST: (
         "record at rest with the axle level and the tire lifted: the lateral axis then reads the zero-g offset alone"
     ),
-    Code.RECORD_AT_ANOTHER_SPEED: "record again at another speed",
     Code.RECORD_ROAD_AT_ANOTHER_SPEED: (
         "record again at another speed: road vibration grows with it, sensor noise does not"
     ),
@@ -786,9 +770,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
     Code.GROUPS_TOO_SHORT: (
         "no spectrum of the signal that does not repeat with the wheel: {groups} of {of} groups are too short"
-    ),
-    Code.CONTACT_EDGE_JITTER: (
-        "contact-edge jitter of about {rms_m:.2g mm} rms is part of the signal that does not repeat"
     ),
     Code.NOISE_ROLLS_OFF: "the noise rolls off at about {corner_hz:.0f Hz}, as behind a low-pass filter",
 }

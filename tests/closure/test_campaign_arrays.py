@@ -253,7 +253,7 @@ class TestDeviations:
             omega_radps=omega,
             omega_dot_radps2=np.zeros(len(omega)),
             rate_hz=rate,
-        )
+        ).runs
         return runs, rate
 
     @pytest.mark.parametrize("spread", [0.0, 0.01])

@@ -89,6 +89,41 @@ class EdgeTiming:
 
 
 @dataclass(frozen=True, slots=True)
+class AngleScatter:
+    """Power of single revolutions' deviations from their mean, in equal cells of angle from -pi.
+
+    Attributes:
+        power_m2ps4: (3, cells) mean over revolutions.
+        alternating_m2ps4: (3, cells) mean square of the difference of odd and even revolutions, on a scale on which
+            noise has the same power.
+        freedom: (3,) independent complex values of one cell of one revolution; 0 for absent axes.
+        count: revolutions.
+    """
+
+    power_m2ps4: FloatArray
+    alternating_m2ps4: FloatArray
+    freedom: FloatArray
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """Samples that repeat the one before on all axes more often than by chance.
+
+    Attributes:
+        runs: stretches of three or more equal samples.
+        samples: samples that repeat the one before, in these.
+        total: samples.
+        error_mps2: (3,) root mean square of the error over all samples, by the step to the next sound one.
+    """
+
+    runs: int
+    samples: int
+    total: int
+    error_mps2: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Group:
     """Revolutions of one recording under one set of conditions (speed within 3 %).
 
@@ -110,6 +145,8 @@ class Group:
             (scaled with omega^2 if the speed drifts), uniformly sampled in time; NaN rows for absent axes.
         deviation_rate_hz: its rate.
         edges: jitter of the contact's edges; blocks and deviations are corrected for it where it is evident.
+        by_angle: power of the deviations by angle; None for too few revolutions.
+        repeats: repeated samples of the group's recording; None without.
     """
 
     label: str
@@ -128,6 +165,8 @@ class Group:
     deviations_mps2: tuple[FloatArray, ...] = ()
     deviation_rate_hz: float = 0.0
     edges: EdgeTiming = EdgeTiming()
+    by_angle: AngleScatter | None = None
+    repeats: Repeats | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from scipy.ndimage import median_filter
 from gateway.closure.data.campaign_data import ORDERS, Block, Group
 from gateway.closure.data.condition_groups import alike, folded
 from gateway.closure.data.contact_edge_timing import TERMS, bent_back, compare_edges, orders_bent_back
-from gateway.closure.data.revolution_deviations import deviation_rate_hz, deviations
+from gateway.closure.data.revolution_deviations import Deviations, deviation_rate_hz, deviations
 from gateway.closure.data.revolution_orders import RevolutionTable, carried_order
 from gateway.closure.data.revolution_scatter import settle
 from gateway.closure.effects.effect import GroupConditions
@@ -163,9 +163,10 @@ def _group(
         declared_roll_rad=declared.roll_rad,
         # Along the rolling direction, the pitch of a sensor that moves backwards has the opposite sign.
         declared_pitch_rad=-declared.pitch_rad if declared.reverse else declared.pitch_rad,
-        deviations_mps2=left,
+        deviations_mps2=left.runs,
         deviation_rate_hz=left_hz,
         edges=edges.timing,
+        by_angle=left.by_angle,
     )
 
 
@@ -209,19 +210,19 @@ def _deviations(
     early_rad: FloatArray,
     half_angle_rad: float,
     rate_hz: float,
-) -> tuple[tuple[FloatArray, ...], float]:
+) -> tuple[Deviations, float]:
     kept, duration_s = [], 0.0
     for at, place in enumerate(places.tolist()):
         if place in table.waveforms_mps2 and duration_s < _DEVIATIONS_S:
             kept.append(at)
             duration_s += float(table["period_s"][place])
     if len(kept) < 2:
-        return (), 0.0
+        return Deviations(), 0.0
     rows = places[kept]
     period_s = table["period_s"][rows]
     left_hz = deviation_rate_hz(rate_hz, GRID_SIZE / float(period_s.max()))
     waveforms = np.stack([table.waveforms_mps2[place] for place in rows.tolist()]).astype(np.float64)
-    runs = deviations(
+    left = deviations(
         bent_back(waveforms, angle_grid(waveforms.shape[-1]), early_rad[kept], half_angle_rad).astype(np.float32),
         index=table["index"][rows].astype(np.intp),
         shift_rad=shift_rad[kept],
@@ -230,4 +231,4 @@ def _deviations(
         omega_dot_radps2=table["omega_dot_radps2"][rows],
         rate_hz=left_hz,
     )
-    return runs, left_hz if runs else 0.0
+    return left, left_hz if left.runs else 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, map_coordinates, spline_filter1d
 
+from gateway.closure.data.angle_scatter import angle_scatter
+from gateway.closure.data.campaign_data import AngleScatter
 from gateway.closure.data.revolution_scatter import regress, regressors
 from gateway.signal.angle_resampling import angle_grid
 from gateway.types import BoolArray, FloatArray
@@ -29,6 +32,19 @@ def deviation_rate_hz(rate_hz: float, grid_rate_hz: float) -> float:
     return min(HIGHEST_RATE_HZ, _CARRIED * rate_hz, _CARRIED * grid_rate_hz)
 
 
+@dataclass(frozen=True, slots=True)
+class Deviations:
+    """Deviations of single revolutions from the mean of their group.
+
+    Attributes:
+        runs: a (3, k) float32 array on the time axis for each uninterrupted run of revolutions; none for too few.
+        by_angle: their power by angle; None likewise.
+    """
+
+    runs: tuple[FloatArray, ...] = ()
+    by_angle: AngleScatter | None = None
+
+
 def deviations(
     waveforms_mps2: NDArray[np.float32],
     *,
@@ -38,8 +54,8 @@ def deviations(
     omega_radps: FloatArray,
     omega_dot_radps2: FloatArray,
     rate_hz: float,
-) -> tuple[FloatArray, ...]:
-    """Return the revolutions of each run minus their mean as predicted at their speed.
+) -> Deviations:
+    """Return the revolutions minus their mean as predicted at their speed.
 
     The power is corrected for the degrees of freedom of the mean: it is that of the deviation from the true mean.
 
@@ -51,21 +67,19 @@ def deviations(
         omega_radps: (n,).
         omega_dot_radps2: (n,).
         rate_hz: sampling rate of the result, from `deviation_rate_hz`; the response is flat to 0.4 of it.
-
-    Returns:
-        a (3, k) float32 array for each run.
     """
     count, _, grid = waveforms_mps2.shape
     if count < 2:
-        return ()
+        return Deviations()
     spectra = np.fft.rfft(waveforms_mps2.astype(np.float64), axis=-1)
     spectra *= np.exp(-1j * np.arange(grid // 2 + 1) * shift_rad[:, None, None])
     present: BoolArray = np.logical_and.reduce(np.isfinite(spectra), axis=(0, 2))
     spectra[:, ~present] = 0.0
     fitted, used = regress(spectra, regressors(omega_radps, omega_dot_radps2), np.ones(count, dtype=bool))
     if count <= used:
-        return ()
+        return Deviations()
     left = np.fft.irfft(spectra - fitted, n=grid, axis=-1) * math.sqrt(count / (count - used))
+    by_angle = angle_scatter(left, present, index)
     # From theta in [-pi, pi) to the time since the contact: the second half of the grid comes first.
     left = np.roll(left, -(grid // 2), axis=-1)
     breaks = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), count]
@@ -76,7 +90,7 @@ def deviations(
         run = _even(times, left[part].transpose(1, 0, 2).reshape(3, -1), rate_hz, present)
         if run is not None:
             runs.append(run)
-    return tuple(runs)
+    return Deviations(tuple(runs), by_angle)
 
 
 def _times(period_s: FloatArray, omega_radps: FloatArray, omega_dot_radps2: FloatArray, grid: int) -> FloatArray:

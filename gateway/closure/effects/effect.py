@@ -307,12 +307,8 @@ class RingEffect(Effect):
 class SpectrumEffect(Effect):
     """Effect on the power spectral density of what remains when the angle-locked mean is removed.
 
-    Attributes:
-        usual: (parameter, low, high) of a usual range within the plausible one, which is required where a campaign has
-            one speed only.
+    Its first parameter is its size, whose square the density is in proportion to.
     """
-
-    usual: tuple[str, float, float] | None = None
 
     @abstractmethod
     def density(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:

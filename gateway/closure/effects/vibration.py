@@ -155,8 +155,6 @@ class CavityResonance(SpectrumEffect):
     )
     # Narrow peaks every few Hz over the range of tires.
     start_values = tuple((0.2, centre, 6.0, 0.9) for centre in np.arange(153.0, 300.0, 6.0).tolist())
-    # Car tires; at one speed nothing else separates it from another resonance.
-    usual = ("centre_hz", 180.0, 260.0)
 
     def density(self, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the one-sided density, (3, m), (m/s^2)^2 per Hz."""

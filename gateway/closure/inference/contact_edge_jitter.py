@@ -4,29 +4,34 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from gateway.closure.data.campaign_data import Group
 from gateway.closure.effects.contact import CONTACT_EDGE_JITTER
+from gateway.closure.inference import criteria
 from gateway.closure.inference.findings import fitted_parameter
 from gateway.closure.inference.parameter_range import outside_range
+from gateway.closure.inference.posterior import over
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
-# Reduction of the deviance that is no chance result, as for angle-locked effects.
-_LEAST_EVIDENCE: Final = 25.0
-# Residual near the corrected edges, relative to what the correction removed, above which the cause is another.
-_LEFT_SHARE: Final = 0.25
-# Tolerated difference of one group's rms from that of all, beyond its errors: on a short contact one edge moves with
-# the other.
-_LARGEST_RATIO: Final = 2.5
-_SIGMAS: Final = 3.0
-# Relative residual of corrected edges: 2 to 7 % for jitter of millimetres.
-_LEFT_OF_EDGES: Final = 0.1
+# Sizes and factors of sizes over which likelihoods are summed.
+_SIZES: Final = 160
+_FACTORS: Final = 41
+_REACH: Final = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Cause:
+    """A cause of the scatter at the contact edges, with its evidence; as in `posterior.Weighed`."""
+
+    names: frozenset[str]
+    log_evidence: float
+    objections: tuple[tuple[str, Reason], ...] = ()
 
 
 def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
@@ -34,68 +39,84 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     seen = [group for group in groups if group.edges.freedom and group.edges.noise_rad2 > 0.0]
     if not seen:
         return ()
-    gains = _gains(seen)
-    chi2 = sum(group.edges.chi2 for group in seen)
-    gain = float(gains.sum())
-    spread = float(np.std(gains, ddof=1)) * math.sqrt(len(gains)) if len(gains) > 1 else math.inf
-    if chi2 < _LEAST_EVIDENCE or gain <= _SIGMAS * spread:
-        return ()
     weight = np.array([sum(group.edges.freedom) for group in seen])
     square = np.array([group.edges.scatter_rad2 * group.conditions.radius_m**2 for group in seen])
     std = np.array([_square_std(group) for group in seen])
     mean = float(weight @ square / weight.sum())
     mean_std = math.sqrt(float(np.square(weight * std).sum())) / float(weight.sum())
-    reason = _objection(seen, square, std, mean)
-    explained = sum(group.edges.explained_m2ps4 for group in seen)
+    name = CONTACT_EDGE_JITTER.name
+    nothing, alike, free = _log_evidences(seen)
+    reason = _objection(seen, mean)
+    if reason is None and free + math.log(criteria.STAND_IN_ODDS) > alike:
+        largest = seen[int(np.argmax(np.abs(square - mean) / std))]
+        reason = Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=largest.label)
+    causes = (
+        _Cause(frozenset(), nothing),
+        _Cause(frozenset({name}), alike + math.log(criteria.PRIOR_ODDS), () if reason is None else ((name, reason),)),
+    )
+    posterior = over({cause.names: cause for cause in causes})
+    probability = posterior.probability([name])
+    named = name in posterior.identified()
+    if probability < criteria.REPORTED and (reason is None or max(alike, free) < nothing):
+        return ()
+    if reason is None and not named:
+        reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
     return (
         Finding(
-            name=CONTACT_EDGE_JITTER.name,
-            verdict=Verdict.REFUSED if reason else Verdict.NAMED,
+            name=name,
+            verdict=Verdict.NAMED if named else Verdict.REFUSED,
             parameters=_parameters(seen, mean, mean_std),
-            chi2=chi2,
-            held_out_gain=gain,
-            held_out_std=spread,
-            rms_mps2=math.sqrt(max(0.0, explained) / len(seen)),
+            chi2=sum(group.edges.chi2 for group in seen),
+            held_out_gain=math.nan,
+            held_out_std=math.nan,
+            rms_mps2=math.sqrt(max(0.0, sum(group.edges.explained_m2ps4 for group in seen)) / len(seen)),
             reason=reason,
             summary=CONTACT_EDGE_JITTER.summary,
             equation=CONTACT_EDGE_JITTER.equation,
             lock="contact",
+            probability=probability,
+            log_odds=posterior.log_odds(name),
         ),
     )
 
 
-def beside_edges(findings: Sequence[Finding], edges: Sequence[Finding]) -> tuple[Finding, ...]:
-    """Return findings of the time-locked signal, rejected if the residual of moving edges may be as large.
+def _log_evidences(groups: Sequence[Group]) -> tuple[float, float, float]:
+    """Return the log evidence of steady edges, of jitter alike in all groups, and of scatter free in each group.
 
-    Args:
-        findings: findings from deviations of revolutions with corrected edges.
-        edges: result of `edge_findings`.
+    The order of magnitude of the jitter is not known. Between groups it differs by `criteria.EDGE_SPREAD`, that of
+    another cause by `criteria.FREE_SIZE`. The noise is known to `criteria.DENSITY_ERROR`.
     """
-    doubt = _LEFT_OF_EDGES * max((edge.rms_mps2 for edge in edges), default=0.0)
-    reason = Reason(Code.SMALLER_THAN_EDGE_RESIDUAL)
-    return tuple(
-        replace(finding, verdict=Verdict.REFUSED, reason=reason, rivals=(), decide_with=None)
-        if finding.verdict is not Verdict.REFUSED and finding.rms_mps2 < doubt
-        else finding
-        for finding in findings
-    )
-
-
-def _gains(groups: Sequence[Group]) -> FloatArray:
-    """Return the reduction of each fold's deviance with the jitter fitted to the group's other folds."""
-    folds = max(len(group.edges.freedom) for group in groups)
-    gains = np.zeros(folds)
+    low = 0.01 * CONTACT_EDGE_JITTER.parameters[0].prior_std
+    high = math.hypot(*(parameter.high for parameter in CONTACT_EDGE_JITTER.parameters))
+    sizes = np.geomspace(low, high, _SIZES)
+    normal = np.linspace(-_REACH, _REACH, _FACTORS)
+    weight = np.exp(-0.5 * np.square(normal))
+    log_weight = np.log(weight / weight.sum())
+    none = 0.0
+    spread = np.zeros((2, _SIZES))
     for group in groups:
-        edges = group.edges
-        freedom, power = np.array(edges.freedom), np.array(edges.power_rad2)
-        none = edges.deviances(0.0)
-        for fold in range(len(freedom)):
-            others = np.arange(len(freedom)) != fold
-            known = float(freedom[others].sum())
-            if known > 0.0:
-                rest = max(0.0, float(freedom[others] @ power[others]) / known - edges.noise_rad2)
-                gains[fold] += none[fold] - edges.deviances(rest)[fold]
-    return gains[gains != 0.0] if gains.any() else gains
+        none += float(_log_likelihood(group, np.zeros(1))[0])
+        for row, width in enumerate((criteria.EDGE_SPREAD, criteria.FREE_SIZE)):
+            every = sizes[:, None] * np.exp(width * normal)
+            spread[row] += np.logaddexp.reduce(
+                _log_likelihood(group, every.ravel()).reshape(every.shape) + log_weight, 1
+            )
+    alike, free = (float(np.logaddexp.reduce(one)) - math.log(_SIZES) for one in spread)
+    return none, alike, free
+
+
+def _log_likelihood(group: Group, rms_m: FloatArray) -> FloatArray:
+    """Return the log likelihood of a group's mean squares by jitter of these sizes, (n,)."""
+    edges = group.edges
+    normal = np.linspace(-_REACH, _REACH, _FACTORS)
+    weight = np.exp(-0.5 * np.square(normal))
+    noise = edges.noise_rad2 * np.exp(criteria.DENSITY_ERROR * normal)
+    expected = noise + np.square(rms_m / group.conditions.radius_m)[:, None]
+    total = sum(edges.freedom)
+    mean = sum(f * p for f, p in zip(edges.freedom, edges.power_rad2, strict=True))
+    every = -0.5 * (total * np.log(expected) + mean / expected) + np.log(weight / weight.sum())
+    result: FloatArray = np.logaddexp.reduce(every, axis=1)
+    return result
 
 
 def _square_std(group: Group) -> float:
@@ -105,14 +126,12 @@ def _square_std(group: Group) -> float:
     return total * math.sqrt(2.0 / sum(edges.freedom)) * group.conditions.radius_m**2
 
 
-def _objection(groups: Sequence[Group], square: FloatArray, std: FloatArray, mean: float) -> Reason | None:
+def _objection(groups: Sequence[Group], mean: float) -> Reason | None:
+    """Return why the scatter at the edges is not that of moving edges; None if it may be."""
     explained = sum(group.edges.explained_m2ps4 for group in groups)
     left = sum(group.edges.left_m2ps4 for group in groups)
-    if left > _LEFT_SHARE * explained > 0.0:
+    if left > criteria.EDGE_SHAPE * explained > 0.0:
         return Reason(Code.LEAVES_RESIDUAL_AT_EDGES, residual_share=left / (left + explained))
-    for group, own, error in zip(groups, square.tolist(), std.tolist(), strict=True):
-        if own + _SIGMAS * error < mean / _LARGEST_RATIO**2 or own - _SIGMAS * error > mean * _LARGEST_RATIO**2:
-            return Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=group.label)
     for parameter, value in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), strict=True):
         if value > parameter.high:
             return outside_range(parameter, value)

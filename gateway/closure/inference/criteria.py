@@ -16,6 +16,10 @@ PRIOR_ODDS: Final = 0.05 / 0.95
 STAND_IN_ODDS: Final = 0.01
 """Odds that something outside the catalogue looks like an effect at impossible values: below those of any effect."""
 
+FAR_LESS: Final = 0.5
+"""Share of the power that a set leaves beyond noise: a set of no more effects that leaves less explains the data
+better, whatever the evidence of their discrepancies."""
+
 TEMPERED: Final = 2.0
 """Power of what a set leaves over that of the noise from which an effect must reduce it to count, and ratio of their
 rms from which a note says that the evidence was divided by it."""
@@ -85,3 +89,56 @@ RIVAL_SHARE: Final = 0.3
 
 AT_NOISE: Final = 1.5
 """Misfit per coefficient at which a chain leaves nothing to find: its rivals are found by exchange."""
+
+DENSITY_ERROR: Final = 0.1
+"""Relative error of an effect's spectrum, quadrature or envelope: its equation is an idealisation."""
+
+STRANGE_BINS: Final = 0.01
+"""Share of frequencies at which a spectrum contains something unknown, of any size: a few lines or a narrow band."""
+
+FREE_SIZE: Final = 1.0
+"""Standard deviation of ln of a strange band's size on each axis of each group: it has no law, to a factor of three."""
+
+SURPLUS: Final = 10.0
+"""Power over density beyond which a bin counts no more in a linear trial: a line does not choose where a band lies."""
+
+EDGE_SPREAD: Final = 0.3
+"""Standard deviation of ln of contact-edge jitter between recordings: load and contact length change it by a third."""
+
+EDGE_SHAPE: Final = 0.25
+"""Share of the scatter near the contact edges that moving them back may leave: more is scatter of another shape."""
+
+RARE: Final = 5.6
+"""Standard deviations of a normal variate beyond which scatter is listed as unexplained: noise reaches it once in 1e8,
+and some thousand places are looked at."""
+
+SIGMAS_LISTED: Final = 3.0
+"""Standard errors above which the size of something listed is taken as known."""
+
+EXPLAINED_TO: Final = 0.2
+"""Share of an effect's density within which a remainder is not listed: two of its errors (`DENSITY_ERROR`)."""
+
+FILTER_TO: Final = 0.3
+"""Share of the noise that a low-pass removes within which a remainder is not listed: its form is simplified."""
+
+SIDEBANDS: Final = 0.03
+"""Share of an effect's density that its sidebands at multiples of the wheel's frequency reach: the belt turns."""
+
+BESIDE_A_LINE: Final = 0.15
+"""Share of a strong line below which parts beside it are its sidebands, left by resampling each revolution to time."""
+
+OVER_SCATTER: Final = 4.0
+"""Ratio of a change's power to that of scatter from which it is listed: a steady ramp counts in that scatter too, so
+that about five revolutions a block are needed."""
+
+RARE_CHANGE: Final = 1e-8
+"""Probability that scatter alone reaches a change in one band of one group."""
+
+CHANGE_OF_SIGNAL: Final = 3e-3
+"""Share of the signal (rms) below which a change belongs to the signal's own drift."""
+
+CHANGE_OF_RESIDUAL: Final = 0.1
+"""Share of the mean residual (rms) below which a change belongs to that residual."""
+
+CHANGE_OF_LARGEST: Final = 0.1
+"""Share of the largest change of any axis below which a change is not listed."""

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.stats import f as fisher
 
 from gateway.closure.data.campaign_data import Group
+from gateway.closure.inference import criteria
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.residual import BANDS, POWER_SHARE, joined
@@ -21,20 +22,9 @@ from gateway.types import ComplexArray, FloatArray
 
 SCALING: Final = Scaling(ScalingStatus.NON_STATIONARY)
 
-# Ratio of the change's power to that expected from the scatter of revolutions, from which scatter is ruled out. Even a
-# steady ramp over the five blocks counts in that scatter too, so about 5 revolutions per block are needed.
-_OVER_SCATTER: Final = 4.0
-# Probability that scatter alone reaches this ratio in one band of one group, and the degrees of freedom to which the
-# scatter is known.
-_RARE: Final = 1e-8
+# Degrees of freedom to which the scatter is known, and least revolutions of a block.
 _FREEDOM: Final = 48
 _LEAST_REVOLUTIONS: Final = 3
-# Below this share of the signal and of the mean residual (rms), a change belongs to the signal already present there.
-_OF_SIGNAL: Final = 3e-3
-_OF_RESIDUAL: Final = 0.1
-# Share of the largest change, of any axis, that is still listed (rms).
-_NEGLIGIBLE: Final = 0.1
-_SIGMAS: Final = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,8 +63,10 @@ class _Change:
         scatter = float(self.scatter[axis, orders].sum())
         over = float(self.power[axis, orders].sum()) / scatter if scatter > 0.0 else 0.0
         freedom = (self.blocks - 1) * (2 * (last - first) - (first == 0))
-        rare = over > _OVER_SCATTER and float(fisher.sf(over, freedom, _FREEDOM)) < _RARE
-        return rare and rms > max(_SIGMAS * std, _OF_RESIDUAL * mean, _OF_SIGNAL * signal)
+        rare = over > criteria.OVER_SCATTER and float(fisher.sf(over, freedom, _FREEDOM)) < criteria.RARE_CHANGE
+        return rare and rms > max(
+            criteria.SIGMAS_LISTED * std, criteria.CHANGE_OF_RESIDUAL * mean, criteria.CHANGE_OF_SIGNAL * signal
+        )
 
 
 def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
@@ -90,7 +82,7 @@ def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
             found.append(_entry(campaign.groups, changes, axis, joined(bands)))
     largest = max((entry.rms_mps2 for entry in found), default=0.0)
     found.sort(key=lambda entry: -entry.rms_mps2)
-    return tuple(entry for entry in found if entry.rms_mps2 > _NEGLIGIBLE * largest)
+    return tuple(entry for entry in found if entry.rms_mps2 > criteria.CHANGE_OF_LARGEST * largest)
 
 
 def beside_changes(left: Sequence[Unexplained], changes: Sequence[Unexplained]) -> tuple[Unexplained, ...]:

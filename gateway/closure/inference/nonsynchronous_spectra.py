@@ -141,17 +141,17 @@ def _wide_bins(frequency_hz: FloatArray) -> tuple[IntArray, IntArray]:
     return first, np.diff(np.append(first, len(frequency_hz))).astype(np.intp)
 
 
-def held_scaling(
-    spectra: Sequence[GroupSpectra], values: Sequence[float], stds: Sequence[float]
-) -> tuple[float, float]:
+def held_scaling(speeds_mps: Sequence[float], values: Sequence[float], stds: Sequence[float]) -> tuple[float, float]:
     """Return the exponent of size against speed, and its standard error; NaN at one speed.
 
     Args:
-        spectra: groups.
+        speeds_mps: of the groups.
         values: size in each group, positive.
         stds: standard error of each size.
     """
-    speed = np.log([one.speed_mps for one in spectra])
+    if not speeds_mps:
+        return float("nan"), float("nan")
+    speed = np.log(speeds_mps)
     size = np.array(values)
     error = np.maximum(np.array(stds) / size, 0.02)
     weight = 1.0 / np.square(error)

@@ -4,25 +4,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from gateway.closure.inference import criteria
-from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.residual import group_residuals
+from gateway.closure.inference.misspecification import doubted_sets
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names, SetSearch
-from gateway.reasons import Code, Reason
+from gateway.reasons import Reason
 
 # Weight below which a set changes no number.
 _NEGLIGIBLE: Final = 1e-4
 
 
+class Weighed(Protocol):
+    """A set of effects with its evidence, whatever part of the signal it is of."""
+
+    @property
+    def names(self) -> Names:
+        """Names of its effects."""
+        ...
+
+    @property
+    def log_evidence(self) -> float:
+        """Log evidence of the data, prior odds included, up to a constant of the data."""
+        ...
+
+    @property
+    def objections(self) -> tuple[tuple[str, Reason], ...]:
+        """The effects whose values are impossible, with the reason."""
+        ...
+
+
+SetT = TypeVar("SetT", bound=Weighed)
+
+
 @dataclass(frozen=True)
-class Posterior:
+class PosteriorOver(Generic[SetT]):
     """Sets of effects with their probabilities.
 
     An effect with impossible values stands for something that the catalogue lacks: its set keeps its probability, and
@@ -36,19 +56,19 @@ class Posterior:
         temperature: by which the evidence of the data was divided, since the best set leaves more than noise.
     """
 
-    every: Mapping[Names, Evaluated]
+    every: Mapping[Names, SetT]
     masses: Mapping[Names, float]
-    sets: tuple[Evaluated, ...]
+    sets: tuple[SetT, ...]
     weights: tuple[float, ...]
     temperature: float = 1.0
 
     @property
-    def best(self) -> Evaluated:
+    def best(self) -> SetT:
         """The most probable possible set."""
         return self.sets[0]
 
     @property
-    def baseline(self) -> Evaluated:
+    def baseline(self) -> SetT:
         """The set without effects."""
         return self.every[frozenset()]
 
@@ -69,7 +89,7 @@ class Posterior:
         return tuple(sorted(found, key=lambda name: (-self.probability([name]), name)))
 
     @property
-    def considered(self) -> tuple[tuple[Evaluated, float], ...]:
+    def considered(self) -> tuple[tuple[SetT, float], ...]:
         """Sets that matter to the numbers, with weights that add up to 1."""
         kept = [(one, weight) for one, weight in zip(self.sets, self.weights, strict=True) if weight > _NEGLIGIBLE]
         total = sum(weight for _, weight in kept)
@@ -98,64 +118,37 @@ class Posterior:
                 groups.append(tuple(group))
         return tuple(groups)
 
-    def with_effect(self, name: str) -> Evaluated:
+    def with_effect(self, name: str) -> SetT:
         """Return the best set with an effect, a possible one if there is any."""
         inside = [one for one in self.every.values() if name in one.names]
         return max(inside, key=lambda one: (name in counted(one), not one.objections, one.log_evidence))
 
-    def without(self, name: str) -> Evaluated:
+    def without(self, name: str) -> SetT:
         """Return the best set without an effect."""
         return max((one for one in self.every.values() if name not in one.names), key=lambda one: one.log_evidence)
 
 
-def counted(one: Evaluated) -> Names:
+Posterior: TypeAlias = PosteriorOver[Evaluated]
+"""Posterior over sets of effects that are locked to the wheel angle."""
+
+
+def counted(one: Weighed) -> Names:
     """Return the effects of a set but the impossible ones."""
     return one.names - {name for name, _ in one.objections}
 
 
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
-    ratios = {names: residual_ratio(one.fit, search.data) for names, one in search.found.items()}
-    found = {names: _explaining(one, ratios) for names, one in search.found.items()}
-    possible = [one for one in found.values() if not one.objections]
-    best = min(possible, key=lambda one: (-one.log_evidence, sorted(one.names)))
-    return over(found, math.sqrt(ratios[best.names]))
+    found, temperature = doubted_sets(search.found, search.data)
+    return over(found, temperature)
 
 
-def _explaining(one: Evaluated, ratios: Mapping[Names, float]) -> Evaluated:
-    """Return a set that leaves more than noise with an objection to each effect without which less is left.
-
-    Such an effect owes its evidence to the discrepancy: it moves the fit away from the data.
-    """
-    own = ratios[one.names]
-    if own < criteria.TEMPERED:
-        return one
-    known = {name for name, _ in one.objections}
-    more = [
-        (name, Reason(Code.LEAVES_MORE_THAN_WITHOUT, with_it=math.sqrt(own), without=math.sqrt(ratios[rest])))
-        for name in sorted(one.names - known)
-        if (rest := one.names - {name}) in ratios and ratios[rest] <= own
-    ]
-    return replace(one, objections=(*one.objections, *more)) if more else one
-
-
-def residual_ratio(fit: Fit, data: Whitened) -> float:
-    """Return the mean square of what a fit leaves over that of the noise of the groups' means, at least 1."""
-    excess = noise = 0.0
-    for residual in group_residuals(fit, data):
-        excess += float(np.square(residual.rms_mps2()).sum())
-        noise += float(residual.variance.sum())
-    return 1.0 + excess / noise if noise > 0.0 else 1.0
-
-
-def over(every: Mapping[Names, Evaluated], temperature: float = 1.0) -> Posterior:
+def over(every: Mapping[Names, SetT], temperature: float = 1.0) -> PosteriorOver[SetT]:
     """Return the posterior over sets of effects, the set without any among them.
 
     Args:
         every: sets with their evidence.
-        temperature: by which the evidence of the data is divided, prior odds excepted: rms of what the best set leaves
-            over that of the noise. A model known to be wrong by so much knows that much less (Miller and Dunson 2019,
-            coarsened posterior). It is the ratio of rms, not of power, since the discrepancy widens the errors already.
+        temperature: by which the evidence of the data is divided, prior odds excepted.
     """
     ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
     stand_in = math.log(criteria.STAND_IN_ODDS)
@@ -173,14 +166,14 @@ def over(every: Mapping[Names, Evaluated], temperature: float = 1.0) -> Posterio
     own = np.array([of_set[one.names] for one in supported])
     weights = np.exp(own - own.max())
     weights /= weights.sum()
-    return Posterior(dict(every), mass_of, tuple(supported), tuple(weights.tolist()), temperature)
+    return PosteriorOver(dict(every), mass_of, tuple(supported), tuple(weights.tolist()), temperature)
 
 
-def _tempered(one: Evaluated, temperature: float) -> float:
+def _tempered(one: Weighed, temperature: float) -> float:
     """Return the log evidence of a set, that of the data divided by the temperature."""
     odds = len(one.names) * math.log(criteria.PRIOR_ODDS)
     return odds + (one.log_evidence - odds) / temperature
 
 
-def _probability(every: Mapping[Names, Evaluated], masses: Mapping[Names, float], wanted: Names) -> float:
+def _probability(every: Mapping[Names, Weighed], masses: Mapping[Names, float], wanted: Names) -> float:
     return min(1.0, sum(mass for names, mass in masses.items() if counted(every[names]) & wanted))

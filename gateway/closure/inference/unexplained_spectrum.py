@@ -10,28 +10,19 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from gateway.closure.inference.narrow_lines import rare_ratio
+from gateway.closure.inference import criteria
 from gateway.closure.inference.nonsynchronous_density import Site
 from gateway.closure.inference.nonsynchronous_spectra import held_scaling
-from gateway.closure.inference.nonsynchronous_tests import several_speeds
 from gateway.closure.result import Scaling, ScalingStatus, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.types import BoolArray, FloatArray
 
-# Window widths in bins, and the quantile that noise exceeds about once in 1e8.
+# Window widths in bins.
 _WIDTHS: Final = (1, 5, 15, 45, 135)
-_QUANTILE: Final = 5.6
 _ENDS: Final = 2.0
-# What is explained is explained to this share; sidebands of it, by the belt's own shape, reach this high.
-_EXPLAINED_TO: Final = 0.2
-_FILTER_TO: Final = 0.3
-_SIDEBANDS: Final = 0.03
 _SIDEBAND_TURNS: Final = 3.0
-_BESIDE_A_LINE: Final = 0.15
 _BESIDE_TURNS: Final = 10.0
 _MOST_PARTS: Final = 16
-# Standard errors above which a residual is listed.
-_SIGMAS: Final = 3.0
 _LINE_HZ: Final = 8.0
 _SAME_HZ: Final = 1.0
 _SAME_ORDER: Final = 0.06
@@ -72,12 +63,11 @@ class Part:
         return self.high_hz - self.low_hz <= _LINE_HZ
 
 
-def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
+def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatArray) -> list[Part]:
     """Return the lines and bands above the model of one group.
 
     Args:
         site: the group.
-        group: its index.
         density: (3, m) density of the fitted model.
         noise: (3, m) its part that is sensor noise.
         level: (3,) noise level before any low-pass.
@@ -89,32 +79,45 @@ def parts_left(site: Site, group: int, density: FloatArray, noise: FloatArray, l
     filtered = np.maximum(level[:, None] - noise, 0.0)
     allowed = (
         density
-        + _FILTER_TO * np.minimum(filtered, noise)
-        + _EXPLAINED_TO * explained
-        + _SIDEBANDS * _running_max(explained, reach)
+        + criteria.FILTER_TO * np.minimum(filtered, noise)
+        + criteria.EXPLAINED_TO * explained
+        + criteria.SIDEBANDS * _running_max(explained, reach)
     )
     found: list[Part] = []
     for axis in np.flatnonzero(spectra.present).tolist():
-        found += _parts(site, group, axis, power[axis], density[axis], allowed[axis])
+        found += _parts(site, axis, power[axis], density[axis], allowed[axis])
     return [part for part in found if not _beside(part, found, spectra.wheel_hz)]
 
 
 def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
     """Return whether a part is a sideband of a strong line, left by the resampling of each revolution to time."""
     return any(
-        part.rms_mps2 < _BESIDE_A_LINE * other.rms_mps2
+        part.rms_mps2 < criteria.BESIDE_A_LINE * other.rms_mps2
         and abs(part.centre_hz - other.centre_hz) < _BESIDE_TURNS * wheel_hz
         for other in others
     )
+
+
+def rare_ratio(freedom: float, quantile: float) -> float:
+    """Return the level that a mean of exponential values exceeds as rarely as a normal value exceeds `quantile`.
+
+    The mean is over `freedom` values of mean 1.
+    """
+    spread = 1.0 / (9.0 * freedom)
+    return float((1.0 - spread + quantile * spread**0.5) ** 3)
+
+
+def several_speeds(sites: Sequence[Site]) -> bool:
+    """Return whether the groups differ in speed."""
+    speeds = [site.spectra.speed_mps for site in sites]
+    return max(speeds) > criteria.SPEEDS_APART * min(speeds)
 
 
 def _running_max(values: FloatArray, half: int) -> FloatArray:
     return maximum_filter1d(values, 2 * half + 1, axis=1, mode="nearest")
 
 
-def _parts(
-    site: Site, group: int, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray
-) -> list[Part]:
+def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowed: FloatArray) -> list[Part]:
     spectra = site.spectra
     frequency, step = spectra.frequency_hz, spectra.step_hz
     freedom = float(spectra.freedom.sum())
@@ -126,7 +129,7 @@ def _parts(
             break
         behind = freedom * (1.9 if width == 1 else width)
         mean = np.convolve(ratio, np.ones(width) / width, mode="same")
-        looks.append((width, mean, rare_ratio(behind, _QUANTILE), rare_ratio(behind, _ENDS)))
+        looks.append((width, mean, rare_ratio(behind, criteria.RARE), rare_ratio(behind, _ENDS)))
     free = np.ones(len(ratio), dtype=bool)
     found: list[Part] = []
     for _ in range(_MOST_PARTS):
@@ -154,13 +157,13 @@ def _parts(
             excess = power[part] - density[part]
             total = float(excess.sum()) * step
             error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
-            if total > 0.5 * _SIGMAS * error:
+            if total > 0.5 * criteria.SIGMAS_LISTED * error:
                 weight = np.maximum(excess, 0.0)
                 centre = float(weight @ frequency[part]) / float(weight.sum())
                 rms = math.sqrt(total)
                 low_hz, high_hz = frequency[part][[0, -1]].tolist()
                 multiple = _at_multiples(frequency[part], excess, centre, spectra.wheel_hz)
-                found.append(Part(group, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
+                found.append(Part(site.index, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
                 first, last = min(first, part.start), max(last, part.stop - 1)
                 break
         free[max(0, first - 2 - half) : last + 3 + half] = False
@@ -237,9 +240,9 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         here = [part for part in own if part.group == group]
         rms.append(math.sqrt(sum(part.rms_mps2**2 for part in here)))
         std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in here)) / rms[-1])
-    exponent, unsure = held_scaling([sites[group].spectra for group in groups], rms, std)
+    exponent, unsure = held_scaling([sites[group].spectra.speed_mps for group in groups], rms, std)
     several = several_speeds(sites)
-    scaling = _scaling(exponent, unsure, several=several)
+    scaling = scaling_of(exponent, unsure, several=several)
     size = math.sqrt(float(np.mean(np.square(rms))))
     error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
     line = all(part.line for part in own)
@@ -285,7 +288,8 @@ def _number_of_speeds(sites: Sequence[Site], parts: Sequence[Part]) -> tuple[int
     return len(_speeds(parts, sites)), there
 
 
-def _scaling(exponent: float, unsure: float, *, several: bool) -> Scaling:
+def scaling_of(exponent: float, unsure: float, *, several: bool) -> Scaling:
+    """Return the growth with speed of an exponent and its standard error; NaN where only one speed shows it."""
     if not math.isfinite(exponent):
         return Scaling(ScalingStatus.SEEN_AT_ONE_SPEED if several else ScalingStatus.ONE_SPEED)
     if unsure > 0.5:

@@ -1,20 +1,28 @@
-"""Whittle likelihood of averaged periodograms, maximised by scoring."""
+"""Whittle likelihood of averaged periodograms with strange bins in it, maximised by scoring, and its evidence."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.special import gammaln
 
+from gateway.closure.inference import criteria
 from gateway.closure.inference.nonsynchronous_density import Parts, Site, wide_density
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 
 # Standard deviation of ln of the noise density of one sensor between recordings.
 _LEVEL_STD: Final = 0.1
-_ENDS: Final = 1e-4
+_ENDS: Final = 1e-3
 _HALVINGS: Final = 6
+# ln of a sensor's noise density in (m/s^2)^2 per Hz: 5 mg per root Hz, to a factor of four.
+_NOISE: Final = 2.0 * math.log(5e-3 * STANDARD_GRAVITY_MPS2)
+_NOISE_STD: Final = 2.0 * math.log(4.0)
+_SOUND: Final = criteria.DENSITY_ERROR**-2
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,11 +31,28 @@ class Observed:
 
     Attributes:
         power: (3, b) density.
-        freedom: (3, b) number of independent values; 0 for unused bins.
+        freedom: (3, b) number of independent values; 0 for absent axes.
+        constant: of its log likelihood, sound and strange, (2, 3, b).
     """
 
     power: FloatArray
     freedom: FloatArray
+    constant: FloatArray
+
+    @classmethod
+    def of(cls, site: Site) -> Observed:
+        """Return the means over all folds in wide bins."""
+        spectra = site.spectra
+        power = np.add.reduceat(spectra.mean_power(), spectra.first, axis=-1) / spectra.count
+        freedom: FloatArray = np.outer(spectra.present, float(spectra.freedom.sum()) * spectra.count).astype(np.float64)
+        k = np.maximum(freedom, 1.0)
+        constant: FloatArray = np.stack(
+            [
+                k * np.log(k) + gammaln(k + nu + 1.0) - gammaln(nu + 1.0) - gammaln(k) + (nu + 1.0) * np.log(nu)
+                for nu in (_SOUND, 1.0)
+            ]
+        )
+        return cls(np.asarray(power, dtype=np.float64), freedom, constant)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,9 +63,10 @@ class SpectrumFit:
         parts: components of the model.
         levels: (g, 3) ln of the noise density in each group.
         common: (3,) their means over groups.
-        shared: (K,) parameters of the effects, the jitter, the low-pass.
+        shared: (K,) parameters of the components, then of the low-pass.
         covariance: (K, K) covariance of `shared`.
         deviance: -2 ln likelihood, up to a constant of the data; without priors.
+        log_evidence: Laplace's approximation, up to a constant of the data; without prior odds of the parts.
     """
 
     parts: Parts
@@ -49,57 +75,60 @@ class SpectrumFit:
     shared: FloatArray
     covariance: FloatArray
     deviance: float
-
-
-def deviance(sites: Sequence[Site], observed: Sequence[Observed], fit: SpectrumFit) -> float:
-    """Return -2 ln likelihood of data under a model that was fitted to these or to other data."""
-    return _state(sites, observed, fit.parts, fit.levels, fit.shared)
+    log_evidence: float
 
 
 def start_fit(sites: Sequence[Site], observed: Sequence[Observed]) -> SpectrumFit:
     """Return white noise alone, at the median of each axis."""
     levels = np.zeros((len(sites), 3))
-    for g, (site, one) in enumerate(zip(sites, observed, strict=True)):
+    for g, one in enumerate(observed):
         for axis in range(3):
             used = one.freedom[axis] > 0.0
             if used.any():
-                levels[g, axis] = np.log(np.median(one.power[axis, used] / site.floor_wide[axis, used]))
+                levels[g, axis] = np.log(np.median(one.power[axis, used]))
     common: FloatArray = np.asarray(np.median(levels, axis=0), dtype=np.float64)
-    white = SpectrumFit(Parts(), levels, common, np.empty(0), np.empty((0, 0)), np.inf)
+    white = SpectrumFit(Parts(), levels, common, np.empty(0), np.empty((0, 0)), np.inf, -np.inf)
     return fit_spectra(sites, observed, white)
 
 
 def fit_spectra(
     sites: Sequence[Site], observed: Sequence[Observed], start: SpectrumFit, rounds: int = 25
 ) -> SpectrumFit:
-    """Return the maximum-likelihood fit, starting from `start`."""
+    """Return the fit of the highest posterior density, starting from `start`."""
     parts, levels, common, shared = start.parts, start.levels, start.common, start.shared
-    low, high, mean, spread = _bounds(parts)
+    prior = parts.prior
     size = levels.size
 
     def objective(levels: FloatArray, common: FloatArray, shared: FloatArray) -> float:
-        data = _state(sites, observed, parts, levels, shared)
         return (
-            data
+            _deviance(sites, observed, parts, levels, shared)
             + float(np.square((levels - common) / _LEVEL_STD).sum())
-            + float(np.square((shared - mean) / spread).sum())
+            + float(np.square((common - _NOISE) / _NOISE_STD).sum())
+            + float(np.square((shared - prior.mean) / prior.std).sum())
         )
 
     now = objective(levels, common, shared)
-    hessian = np.eye(size + 3 + len(shared))
     damping = 1e-3
+    at = size + 3
+    hessian, gradient = _normal(sites, observed, parts, levels, common, shared)
     for _ in range(rounds):
-        hessian, gradient = _normal(sites, observed, parts, levels, common, shared)
-        at = size + 3
-        hessian[at:, at:] += np.diag(1.0 / np.square(spread))
-        gradient[at:] += (mean - shared) / np.square(spread)
+        scaled = hessian.copy()
+        scaled[range(at, len(scaled)), range(at, len(scaled))] += 1.0 / np.square(prior.std)
+        pull = gradient.copy()
+        pull[at:] += (prior.mean - shared) / np.square(prior.std)
+        # A parameter at an end that its score points beyond stays there.
+        held = at + np.flatnonzero(
+            ((shared <= prior.low) & (pull[at:] < 0.0)) | ((shared >= prior.high) & (pull[at:] > 0.0))
+        )
+        scaled[held], scaled[:, held], pull[held] = 0.0, 0.0, 0.0
+        scaled[held, held] = 1.0
         better = False
         for _ in range(_HALVINGS):
-            step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
+            step = np.linalg.solve(scaled + damping * np.diag(np.diag(scaled)), pull)
             tried = (
                 levels + np.clip(step[:size].reshape(levels.shape), -2.0, 2.0),
                 common + np.clip(step[size:at], -2.0, 2.0),
-                np.clip(shared + step[at:], low, high),
+                np.clip(shared + step[at:], prior.low, prior.high),
             )
             value = objective(*tried)
             if value < now:
@@ -111,40 +140,48 @@ def fit_spectra(
         damping *= 0.1
         gained, now = now - value, value
         levels, common, shared = tried
+        hessian, gradient = _normal(sites, observed, parts, levels, common, shared)
         if gained < _ENDS:
             break
-    inverse = np.linalg.inv(hessian + 1e-12 * np.diag(np.diag(hessian)))
-    covariance: FloatArray = np.asarray(inverse[size + 3 :, size + 3 :], dtype=np.float64)
-    return SpectrumFit(parts, levels, common, shared, covariance, _state(sites, observed, parts, levels, shared))
+    precision = hessian.copy()
+    precision[range(at, len(precision)), range(at, len(precision))] += 1.0 / np.square(prior.std)
+    covariance: FloatArray = np.asarray(np.linalg.inv(precision)[at:, at:], dtype=np.float64)
+    evidence = -0.5 * (now + float(np.linalg.slogdet(precision)[1])) - float(np.log(prior.std).sum())
+    for place, decades in parts.sizes:
+        # Sizes are scale parameters: the fit's normal prior only keeps it stable. Below its own error a size is none.
+        scale = max(float(shared[place]), math.sqrt(float(covariance[place, place])))
+        evidence += math.log(float(prior.std[place]) * math.sqrt(2.0 * math.pi) / (scale * decades))
+    deviance = _deviance(sites, observed, parts, levels, shared)
+    return SpectrumFit(parts, levels, common, shared, covariance, deviance, evidence)
 
 
-def _bounds(parts: Parts) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return lower and upper ends, means and spreads of the shared parameters.
+def _likelihood(one: Observed, density: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return log likelihood of each bin, its derivative by ln of the density, and the information on that.
 
-    The ends lie beyond the plausible range, so that a fit can show an implausible value.
+    The power over the density is a gamma variate times an error of the density, of inverse-gamma distribution: small
+    in a sound bin, of any size in a strange one.
     """
-    ends = []
-    for effect in parts.effects:
-        for number, one in enumerate(effect.parameters):
-            if number == 0:
-                ends.append((0.0, 4.0 * one.high, one.prior_mean, 10.0 * one.prior_std))
-            else:
-                ends.append((0.7 * one.low, 1.4 * one.high, one.prior_mean, 3.0 * one.prior_std))
-    if parts.jitter:
-        ends += [(-np.inf, np.inf, 0.0, 1.0)] * (parts.shared - len(ends) - parts.low_pass)
-    if parts.low_pass:
-        ends.append((0.0, 1.0, 0.0, 1.0))
-    low, high, mean, spread = np.array(ends, dtype=np.float64).reshape(-1, 4).T
-    return low, high, mean, spread
+    ratio = one.freedom * one.power / density
+    log_power = one.freedom * np.log(density)
+    total = one.freedom[None] + np.array([_SOUND, 1.0])[:, None, None] + 1.0
+    beside = np.array([_SOUND, 1.0])[:, None, None] + ratio
+    log_of = one.constant - log_power - total * np.log(beside)
+    log_of += np.log(np.array([1.0 - criteria.STRANGE_BINS, criteria.STRANGE_BINS]))[:, None, None]
+    whole = np.logaddexp(log_of[0], log_of[1])
+    share = np.exp(log_of - whole)
+    slope = total * ratio / beside - one.freedom
+    nu = np.array([_SOUND, 1.0])[:, None, None]
+    known = one.freedom * (nu + 1.0) / (one.freedom + nu + 2.0)
+    used = one.freedom > 0.0
+    return np.where(used, whole, 0.0), np.where(used, (share * slope).sum(axis=0), 0.0), (share * known).sum(axis=0)
 
 
-def _state(
+def _deviance(
     sites: Sequence[Site], observed: Sequence[Observed], parts: Parts, levels: FloatArray, shared: FloatArray
 ) -> float:
     total = 0.0
     for site, one, level in zip(sites, observed, levels, strict=True):
-        density = wide_density(site, parts, level, shared)[0]
-        total += 2.0 * float((one.freedom * (np.log(density) + one.power / density)).sum())
+        total -= 2.0 * float(_likelihood(one, wide_density(site, parts, level, shared)[0])[0].sum())
     return total
 
 
@@ -167,10 +204,10 @@ def _normal(
     own = 1.0 / _LEVEL_STD**2
     for g, (site, one) in enumerate(zip(sites, observed, strict=True)):
         density, noise, rows = wide_density(site, parts, levels[g], shared)
-        surplus = one.freedom * (one.power / density - 1.0)
+        _, surplus, known = _likelihood(one, density)
         for axis in range(3):
             relative = np.concatenate((noise[axis][None], rows[:, axis])) / density[axis]
-            block = (relative * one.freedom[axis]) @ relative.T
+            block = (relative * known[axis]) @ relative.T
             score = relative @ surplus[axis]
             place, mean = 3 * g + axis, size + axis
             hessian[place, place] += block[0, 0] + own
@@ -184,6 +221,6 @@ def _normal(
             hessian[mean, mean] += own
             hessian[place, mean] -= own
             hessian[mean, place] -= own
-    # An absent axis has only its prior.
-    hessian[range(size, at), range(size, at)] += 1e-6
+    hessian[range(size, at), range(size, at)] += _NOISE_STD**-2
+    gradient[size:at] += (_NOISE - common) / _NOISE_STD**2
     return hessian, gradient

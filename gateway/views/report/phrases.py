@@ -44,6 +44,13 @@ SCALINGS: Final = {
 
 NON_STATIONARY: Final = "changes during the recording"
 
+SINGLE_TURNS: Final = {
+    "place": "at one angle with another waveform each turn: a part that rubs, rattles or slips there",
+    "turns": "differs between odd and even turns",
+    "samples": "error by samples that repeat the one before on every axis: a data fault of sensor, hub or link",
+}
+"""Phrases for a residual of single turns, by its lock."""
+
 GROWN: Final = 1.02
 """Ratio of the held-out error after to that before above which it has increased."""
 
@@ -115,6 +122,8 @@ def place_text(left: Unexplained) -> str:
     """Return the place of a residual in one phrase: Hz where it is time-locked, else orders and angle."""
     if left.lock == "time" and left.hz is not None:
         return f"{span_text(left.hz)} Hz"
+    if left.lock == "samples":
+        return "repeated samples"
     parts = []
     if left.orders is not None:
         parts.append(("order " if left.orders[0] == left.orders[1] else "orders ") + orders_text(left.orders))
@@ -129,6 +138,13 @@ def residual_remarks(left: Unexplained) -> list[str]:
     """Return the remarks on a residual beyond its figures; none for a stationary one locked to the wheel."""
     if left.changes:
         return [f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"]
+    if left.lock in SINGLE_TURNS:
+        also = (
+            [f"also {', '.join(f'{value:.2g} m/s² {axis}' for axis, value in left.other_axes)}"]
+            if left.other_axes
+            else []
+        )
+        return [SINGLE_TURNS[left.lock], *also, f"most in {left.largest_in}"]
     if left.lock != "time":
         return []
     parts = []
@@ -139,10 +155,12 @@ def residual_remarks(left: Unexplained) -> list[str]:
     elif left.speeds is not None:
         seen, there = left.speeds
         parts.append(f"at the same frequency at {'every speed' if seen == there else f'{seen} of {there} speeds'}")
-    if left.other_axes:
-        also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in left.other_axes)
-        parts.append(f"also {also}")
-    return parts
+    return [*parts, *_other_axes(left)]
+
+
+def _other_axes(left: Unexplained) -> list[str]:
+    also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in left.other_axes)
+    return [f"also {also}"] if also else []
 
 
 def residual_sentence(left: Unexplained) -> str:
@@ -153,6 +171,12 @@ def residual_sentence(left: Unexplained) -> str:
         return (
             f"{left.axis} axis, {place_text(left)}: {NON_STATIONARY}, by {size} about its mean{most}; load, slip "
             "angle, camber or temperature may change: record one state at a time"
+        )
+    if left.lock in SINGLE_TURNS:
+        also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in left.other_axes)
+        return (
+            f"{left.axis} axis, {place_text(left)}: {size} over the turn{also}; {SINGLE_TURNS[left.lock]}; most in "
+            f"{left.largest_in}; scaling: {scaling_text(left.scaling)}"
         )
     if left.lock != "time":
         where = "spread over the revolution"

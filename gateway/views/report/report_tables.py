@@ -206,14 +206,21 @@ def refused_rows(diagnosis: Diagnosis) -> list[EffectRow]:
     return [_effect(finding) for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED]
 
 
+_LOCKS: Final = {
+    "angle": "wheel angle",
+    "time": "time",
+    "place": "one angle, each turn anew",
+    "turns": "every second turn",
+    "samples": "data fault",
+}
+
+
 def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
     """Return the unexplained residuals, in the diagnosis's order."""
     return [
         UnexplainedRow(
             clean(left.axis),
-            {"angle": "wheel angle", "time": "time"}.get(left.lock, clean(left.lock))
-            if left.lock_known
-            else "not known",
+            _LOCKS.get(left.lock, clean(left.lock)) if left.lock_known else "not known",
             orders_text(left.orders),
             span_text(left.hz),
             span_text(left.angle_rad, _DEGREES),

@@ -10,6 +10,7 @@ from gateway.views.numbers import fixed
 from gateway.views.report.phrases import (
     GROWN,
     NON_STATIONARY,
+    SINGLE_TURNS,
     counted,
     effect_title,
     effects_listed,
@@ -105,7 +106,9 @@ class _Lines:
                 size += f" (+{more})"
             text = f"{clean(left.axis)}, {place_text(left)}"
             yield self._row("unexplained" if index == 0 else "", text, size)
-            if left.changes or not left.lock_known:
+            if left.lock in SINGLE_TURNS:
+                yield from self._rows("", SINGLE_TURNS[left.lock])
+            elif left.changes or not left.lock_known:
                 yield self._row("", NON_STATIONARY if left.changes else "time-locked or angle-locked: not known")
 
     def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:

@@ -1,0 +1,39 @@
+"""Power of single revolutions by angle, and of the part that alternates from revolution to revolution."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.closure.data.campaign_data import AngleScatter
+from gateway.types import BoolArray, FloatArray
+
+CELLS: Final = 64
+"""Angles of a profile: 0.1 rad each, the width of a burst that a wheel's turn smears."""
+
+# Fewer revolutions do not show what is rare.
+_LEAST: Final = 12
+
+
+def angle_scatter(left: FloatArray, present: BoolArray, index: NDArray[np.integer]) -> AngleScatter | None:
+    """Return the power of deviations by angle; None for too few revolutions.
+
+    Args:
+        left: (n, 3, grid) deviations of revolutions from their mean, theta from -pi.
+        present: (3,) axes.
+        index: (n,) running numbers of the revolutions.
+    """
+    count = len(left)
+    if count < _LEAST:
+        return None
+    cells = np.square(left).reshape(count, 3, CELLS, -1).mean(axis=-1)
+    power = cells.mean(axis=0)
+    # The scatter of a cell's power from turn to turn, in the median cell, which holds noise.
+    spread = np.median(cells.std(axis=0) / np.maximum(power, 1e-30), axis=1)
+    sign = np.where(np.asarray(index) % 2, -1.0, 1.0)
+    swing = np.tensordot(sign - sign.mean(), left, axes=1) / np.sqrt(count)
+    alternating = np.square(swing).reshape(3, CELLS, -1).mean(axis=-1)
+    freedom = np.where(present, 1.0 / np.square(np.maximum(spread, 1e-3)), 0.0)
+    return AngleScatter(power, alternating, freedom, count)

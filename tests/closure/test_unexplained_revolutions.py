@@ -1,0 +1,139 @@
+"""Unexplained signals of single revolutions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.closure.data.angle_scatter import CELLS, angle_scatter
+from gateway.closure.data.campaign_data import ORDERS, Block, EdgeTiming, Group, Repeats
+from gateway.closure.effects.effect import GroupConditions
+from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
+from gateway.closure.result import ScalingStatus
+from gateway.views.report.phrases import place_text, residual_remarks, residual_sentence
+
+GRID = 1024
+COUNT = 80
+THETA = -math.pi + 2.0 * math.pi * np.arange(GRID) / GRID
+
+
+def group(signal: np.ndarray | float = 0.0, *, kmh: float = 60.0, seed: int = 1, reverse: bool = False) -> Group:
+    """Return a group of revolutions with white noise of 2 m/s^2 and a signal, (COUNT, 3, GRID)."""
+    rng = np.random.default_rng(seed)
+    # Noise of a sensor that has half as many samples as the grid.
+    rough = np.fft.rfft(2.0 * math.sqrt(2.0) * rng.standard_normal((COUNT, 3, GRID)))
+    rough[..., GRID // 4 :] = 0.0
+    left = np.fft.irfft(rough, n=GRID) + signal
+    here = GroupConditions(kmh / 3.6 / 0.32, 0.0, 0.32, 4000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0, reverse=reverse)
+    flat = Block(COUNT, here, np.zeros((3, ORDERS), complex))
+    scatter = angle_scatter(left, np.ones(3, dtype=bool), np.arange(COUNT))
+    return Group(f"{kmh} km/h", 0, 0, here, (flat,), np.ones((3, ORDERS)), 0.2, by_angle=scatter)
+
+
+def burst(at_rad: float, size: float, *, seed: int = 5, axes: tuple[int, ...] = (0, 1, 2)) -> np.ndarray:
+    """Return noise at one angle, another in each revolution."""
+    rng = np.random.default_rng(seed)
+    found = np.zeros((COUNT, 3, GRID))
+    for axis in axes:
+        found[:, axis] = size * np.exp(-0.5 * ((THETA - at_rad) / 0.1) ** 2) * rng.standard_normal((COUNT, GRID))
+    return found
+
+
+def test_even_noise_has_nothing_unexplained() -> None:
+    for seed in range(40):
+        assert unexplained_revolutions([group(seed=2 * seed), group(kmh=90.0, seed=2 * seed + 1)]) == ()
+
+
+def test_few_revolutions_have_no_scatter_by_angle() -> None:
+    assert angle_scatter(np.ones((5, 3, GRID)), np.ones(3, dtype=bool), np.arange(5)) is None
+    assert unexplained_revolutions([replace(group(), by_angle=None)]) == ()
+
+
+def test_rubbing_at_one_place_has_angle_size_and_growth() -> None:
+    groups = [group(burst(1.2, 2.0), kmh=60.0), group(burst(1.2, 3.0, seed=6), kmh=90.0, seed=2)]
+    (found,) = unexplained_revolutions(groups)
+    assert found.lock == "place"
+    assert found.angle_rad is not None
+    assert found.angle_rad[0] < 1.2 < found.angle_rad[1]
+    assert found.angle_rad[1] - found.angle_rad[0] < 0.6
+    assert len(found.other_axes) == 2
+    assert (found.scaling.status, found.scaling.exponent) == (ScalingStatus.KNOWN, 1.0)
+    true = 3.0 * math.sqrt(0.1 * math.sqrt(math.pi) / (2.0 * math.pi))
+    assert abs(found.rms_mps2 - true) < 3.0 * found.std_mps2 + 0.03 * true
+    assert found.largest_in == "90.0 km/h"
+
+
+def test_weak_rubbing_is_found_by_all_groups_together() -> None:
+    alone = [group(burst(-2.0, 0.75, seed=seed), kmh=60.0, seed=seed + 20) for seed in range(6)]
+    assert all(unexplained_revolutions([one]) == () for one in alone)
+    (found,) = unexplained_revolutions(alone)
+    assert found.angle_rad is not None
+    assert found.angle_rad[0] < -2.0 < found.angle_rad[1]
+
+
+def test_place_on_the_wheel_is_mirrored_in_reverse() -> None:
+    groups = [group(burst(1.2, 2.0)), group(burst(-1.2, 2.0, seed=6), seed=2, reverse=True)]
+    assert len(unexplained_revolutions(groups)) == 1
+
+
+def test_place_may_lie_opposite_the_contact() -> None:
+    wrapped = np.roll(burst(0.0, 3.0), GRID // 2, axis=-1)
+    (found,) = unexplained_revolutions([group(wrapped)])
+    assert found.angle_rad is not None
+    low, high = found.angle_rad
+    assert low < math.pi < high or low < -math.pi < high
+
+
+def test_every_second_turn_is_recognised() -> None:
+    pulse = 4.0 * np.exp(-0.5 * ((THETA + 0.9) / 0.1) ** 2) * np.sin(40.0 * THETA)
+    signal = np.zeros((COUNT, 3, GRID))
+    signal[::2, 2], signal[1::2, 2] = 0.5 * pulse, -0.5 * pulse
+    found = [one for one in unexplained_revolutions([group(signal)]) if one.lock == "turns"]
+    assert len(found) == 1
+    assert found[0].axis == "radial"
+    assert found[0].rms_mps2 == pytest.approx(math.sqrt(np.square(0.5 * pulse).mean()), rel=0.25)
+
+
+def test_random_bursts_are_not_every_second_turn() -> None:
+    for seed in range(10):
+        found = unexplained_revolutions([group(burst(0.5, 6.0, seed=seed), seed=seed)])
+        assert {one.lock for one in found} == {"place"}
+
+
+def test_corrected_contact_edges_may_leave_a_share() -> None:
+    there = group(burst(0.3, 2.0))
+    (found,) = unexplained_revolutions([there])
+    explained = 40.0 * found.rms_mps2**2
+    assert unexplained_revolutions([replace(there, edges=EdgeTiming(explained_m2ps4=explained))]) == ()
+
+
+def test_repeated_samples_are_listed_with_their_error() -> None:
+    stuck = replace(group(), recording=1, repeats=Repeats(20, 90, 40_000, (0.1, 0.0, 0.8)))
+    (found,) = unexplained_revolutions([group(kmh=90.0), stuck])
+    assert (found.lock, found.axis, found.rms_mps2) == ("samples", "radial", 0.8)
+    assert found.other_axes == (("circumferential", 0.1),)
+    assert found.largest_in == stuck.label
+
+
+def test_cells_cover_the_revolution() -> None:
+    scatter = group().by_angle
+    assert scatter is not None
+    assert scatter.power_m2ps4.shape == (3, CELLS)
+    assert scatter.power_m2ps4.mean() == pytest.approx(4.0, rel=0.05)
+    assert scatter.alternating_m2ps4.mean() == pytest.approx(4.0, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("lock", "words"),
+    [("place", "at one angle with another waveform"), ("turns", "odd and even turns"), ("samples", "data fault")],
+)
+def test_report_says_what_single_turns_show(lock: str, words: str) -> None:
+    repeated = replace(group(burst(1.2, 2.0)), repeats=Repeats(20, 90, 40_000, (0.1, 0.0, 0.8)))
+    entry = replace(unexplained_revolutions([repeated])[0], lock=lock)
+    assert words in residual_sentence(entry)
+    assert words in residual_remarks(entry)[0]
+    assert "circumferential" in residual_sentence(entry)
+    assert place_text(entry)
