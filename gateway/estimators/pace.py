@@ -38,8 +38,8 @@ def differ(values: FloatArray, renewed: FloatArray, allowed: FloatArray) -> Bool
         renewed: (m,) those of the last renewal.
         allowed: (m,) largest difference of each.
     """
-    beyond: BoolArray = ~(np.abs(values - renewed) <= allowed)
-    if beyond.any():
-        beyond &= ~(np.isnan(values) & np.isnan(renewed))
-    found: BoolArray = beyond.any(axis=1)
+    differing = ~(np.abs(values - renewed) <= allowed)
+    if differing.any():
+        differing &= ~(np.isnan(values) & np.isnan(renewed))
+    found: BoolArray = np.any(differing, axis=1)
     return found
