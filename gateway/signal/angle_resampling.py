@@ -322,11 +322,17 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
         np.multiply(powers[power - 1], powers[1], out=powers[power])
     at = base.astype(np.int32).reshape(count, -1)
     at += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
-    # Column by column: many times faster than row by row.
+    if axes == 1:
+        # Long rows, added one after the other: the sum does not depend on the number of points.
+        places = np.arange(taps, dtype=np.int32)[:, np.newaxis] + at.reshape(-1)
+        parts = coefficients.reshape(-1)[places] * (_BASIS[order].T @ powers)
+        line: FloatArray = np.add.reduce(parts, axis=0)
+        return line.reshape(count, 1, -1)
+    # One sparse matrix reads several axes; for one it takes longer to make than it saves. Its indices are filled column
+    # by column, many times faster than row by row.
     indices = np.empty((*at.shape, taps), np.int32)
     for tap in range(taps):
         np.add(at, tap, out=indices[:, :, tap])
-    # One sparse matrix reads all axes of all parts.
     matrix = copy(_empty_matrix(len(flat), count * length))
     matrix.data = (powers.T @ _BASIS[order]).reshape(-1)
     matrix.indices = indices.reshape(-1)
