@@ -4,7 +4,8 @@ A recording of the demo car is estimated as `treadlink estimate` does (batch) an
 does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one process without its imports. With
 `--against` an older version runs beside this one, alternating in the same run.
 
-Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures one case only.
+Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures recordings of four
+wheels at 9600 Hz only. The stages of batch and live follow.
 """
 
 from __future__ import annotations
@@ -107,6 +108,7 @@ CASES: Final = (
     Case("live", 4, 2000, DEFAULT),
     Case("decode", 4, 9600, "none"),
 )
+STAGE_CASES: Final = (Case("batch", 4, 9600, DEFAULT), Case("live", 4, 9600, DEFAULT))
 
 
 class StageClock:
@@ -314,7 +316,7 @@ def main() -> None:
     parser.add_argument("--against", metavar="GIT_REV", help="measure this older version too, alternating")
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the recordings (default: 60)")
     parser.add_argument("--rounds", type=int, default=3, help="runs of each case; the best counts (default: 3)")
-    parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch")
+    parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch, and the stages")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
@@ -327,7 +329,8 @@ def main() -> None:
         recordings = record(Path(folder), arguments.seconds)
         cases = CASES[:2] if arguments.quick else CASES
         print_cases(trees, recordings, cases, arguments.seconds, arguments.rounds)
-        print_stages(trees, recordings[4, 9600], CASES[0], arguments.rounds)
+        for case in STAGE_CASES:
+            print_stages(trees, recordings[case.wheels, case.rate_hz], case, arguments.rounds)
 
 
 if __name__ == "__main__":

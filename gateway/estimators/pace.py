@@ -7,8 +7,11 @@ do not depend on how samples arrive: live, replay and batch renew at the same re
 
 from __future__ import annotations
 
-import math
 from typing import Final
+
+import numpy as np
+
+from gateway.types import BoolArray, FloatArray
 
 # Revolutions up to which everything is renewed in each, and the longest pause between renewals afterwards.
 _EVERY_UP_TO: Final = 4
@@ -25,11 +28,18 @@ def is_due(count: int) -> bool:
     return count % step == 0
 
 
-def differs(value: float, renewed: float, allowed: float) -> bool:
-    """Return whether a condition differs from that of the last renewal by more than allowed; True where either is NaN.
+def differ(values: FloatArray, renewed: FloatArray, allowed: FloatArray) -> BoolArray:
+    """Return for each of k revolutions whether a condition differs from that of the last renewal by more than allowed.
 
-    Two values that are both not known do not differ.
+    Two values that are both not known do not differ; one that is known differs from one that is not.
+
+    Args:
+        values: (k, m) conditions of each revolution, NaN where not known.
+        renewed: (m,) those of the last renewal.
+        allowed: (m,) largest difference of each.
     """
-    if math.isnan(value) and math.isnan(renewed):
-        return False
-    return not abs(value - renewed) <= allowed
+    differing = ~(np.abs(values - renewed) <= allowed)
+    if differing.any():
+        differing &= ~(np.isnan(values) & np.isnan(renewed))
+    found: BoolArray = np.any(differing, axis=1)
+    return found

@@ -8,7 +8,7 @@ has the meaning of the angles, their errors and their limits.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -32,13 +32,13 @@ from gateway.estimators.lateral_shape import (
     slopes,
     why_unusable,
 )
-from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differs, is_due
+from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.sensor_claims import SensorClaims
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import slope_row
 from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, RollCalibration
-from gateway.types import FloatArray
+from gateway.types import BoolArray, FloatArray
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
 # Of a fixed part of the contact, so that it has its own sign.
@@ -71,6 +71,8 @@ ENOUGH_ORDERS: Final = 20
 _MOVED_STDS: Final = 0.5
 # Relative change of the belt radius that does not matter to a slope.
 _NEGLIGIBLE_RADIUS: Final = 1e-3
+# Relative changes of roll error, highest order, radius, gain error and speed from which the maps are renewed.
+_STATE_SHARES: Final[FloatArray] = np.array([SHARE_OF_STD, 0.0, _NEGLIGIBLE_RADIUS, SHARE_OF_STD, SHARE_OF_STD])
 _FROM_MEANS: Final = (Reason(Code.FROM_AXIS_MEANS),)
 
 
@@ -166,9 +168,12 @@ class PlySteerEstimator:
             expected = block.conditions[taken[0]].claims.zero_g_std_mps2
             self._average.roll.expect_offset(max(self._offset_std_mps2, expected))
         steps = self._average.update(block, taken) if taken else None
-        found = []
+        found: list[tuple[Estimate, ...]] = [()] * len(block)
+        measured: list[_Measured] = []
         for index, has in enumerate(lateral):
-            if steps is not None and has and unusable[index] is None:
+            if not has:
+                continue
+            if steps is not None and unusable[index] is None:
                 place = taken.index(index)
                 count += 1
                 self._followed = _Followed(
@@ -179,35 +184,54 @@ class PlySteerEstimator:
                     steps.order_max[place],
                     steps.records[place],
                 )
-            found.append(self._estimates(block, index, unusable[index]) if has else ())
-        return found
+            edges = contact_edges(block.averages.edges_rad[index], block.conditions[index])
+            if isinstance(edges, Reason):
+                found[index] = _all_invalid(unusable[index] or edges)
+            elif self._followed is None:
+                found[index] = _all_invalid(unusable[index] or Reason(Code.NO_REVOLUTION_YET))
+            else:
+                measured.append(_Measured(index, self._followed, edges, unusable[index]))
+        if measured:
+            for one, estimates in zip(measured, self._measured(block, measured), strict=True):
+                found[one.index] = estimates
+        return [
+            (*own, *_of_laminate(at.tire.laminate, at, own[0])) if own and at.tire.laminate is not None else own
+            for own, at in zip(found, block.conditions, strict=True)
+        ]
 
-    def _estimates(self, block: RevolutionBlock, index: int, unusable: Reason | None) -> tuple[Estimate, ...]:
-        conditions = block.conditions[index]
-        found = self._measured(block, index, unusable)
-        if conditions.tire.laminate is None:
-            return found
-        return (*found, *_of_laminate(conditions.tire.laminate, conditions, found[0]))
+    def _measured(self, block: RevolutionBlock, measured: Sequence[_Measured]) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of revolutions with contact edges, at least one."""
+        lateral_m = np.stack([one.followed.lateral_m for one in measured])
+        states = np.array([one.state(block) for one in measured])
+        made: list[tuple[Estimate, ...]] = []
+        while (first := len(made)) < len(measured):
+            counts = [one.followed.count for one in measured[first:]]
+            values = self._followed_values(lateral_m[first:], states[first:], counts)
+            if not len(values):
+                self._renewed = _renew(measured[first], block, states[first])
+                values = self._renewed.values_rad[np.newaxis]
+            made += [
+                self._estimates(one, own[:-2], block.conditions[one.index].claims)
+                for one, own in zip(measured[first : first + len(values)], values.tolist(), strict=True)
+            ]
+        return made
 
-    def _measured(self, block: RevolutionBlock, index: int, unusable: Reason | None) -> tuple[Estimate, ...]:
-        edges = contact_edges(block.averages.edges_rad[index], block.conditions[index])
-        if isinstance(edges, Reason):
-            return _all_invalid(unusable or edges)
-        if self._followed is None:
-            return _all_invalid(unusable or Reason(Code.NO_REVOLUTION_YET))
+    def _followed_values(self, lateral_m: FloatArray, states: FloatArray, counts: Sequence[int]) -> FloatArray:
+        """Return the values of the maps, (m, 8), of the first of the given revolutions that need no renewal before."""
         renewed = self._renewed
-        if renewed is None or renewed.is_outdated(self._followed, edges, block, index):
-            renewed = self._renewed = _renew(self._followed, edges, block, index)
-        return self._followed_estimates(renewed, edges, unusable, block.conditions[index].claims)
+        if renewed is None:
+            return np.empty((0, 0))
+        values = lateral_m @ renewed.rows.T
+        outdated = renewed.are_outdated(values, states, counts)
+        return values[: int(outdated.argmax())] if outdated.any() else values
 
-    def _followed_estimates(
-        self, renewed: _Renewed, edges: tuple[float, float], unusable: Reason | None, claims: SensorClaims
-    ) -> tuple[Estimate, ...]:
-        followed = self._followed
-        assert followed is not None
-        *slopes_rad, line, difference, ahead = (renewed.rows[:-2] @ followed.lateral_m).tolist()
+    def _estimates(self, measured: _Measured, values_rad: list[float], claims: SensorClaims) -> tuple[Estimate, ...]:
+        """Return the estimates of one revolution from the first six values of the maps."""
+        renewed, edges, unusable = self._renewed, measured.edges_rad, measured.unusable
+        assert renewed is not None
+        *slopes_rad, line, difference, ahead = values_rad
         *stds, line_std, difference_std, ahead_std = renewed.stds_rad
-        doubt = unusable or _doubt(followed)
+        doubt = unusable or _doubt(measured.followed)
         notes = renewed.notes
         estimates = [
             _estimate(name, value, std, doubt, notes)
@@ -222,7 +246,7 @@ class PlySteerEstimator:
         *estimates, lean = estimates
         estimates.append(_estimate(LINE_NAME, line, line_std, doubt, notes[1:]))
         estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
-        roll = followed.roll
+        roll = measured.followed.roll
         return (*estimates, _roll_estimate(roll, claims), lean, _offset_estimate(roll, claims, unusable))
 
 
@@ -248,6 +272,35 @@ class _Followed:
 
 
 @dataclass(frozen=True, slots=True)
+class _Measured:
+    """A revolution with a lateral axis and contact edges.
+
+    Attributes:
+        index: in its block.
+        followed: the average after it.
+        edges_rad: of the contact.
+        unusable: why it was not averaged, None when it was.
+    """
+
+    index: int
+    followed: _Followed
+    edges_rad: tuple[float, float]
+    unusable: Reason | None
+
+    def state(self, block: RevolutionBlock) -> tuple[float, ...]:
+        """Return what maps rest on besides the average: edges, roll, orders, radius, gain and speed."""
+        followed, conditions = self.followed, block.conditions[self.index]
+        return (
+            *self.edges_rad,
+            followed.roll.std_rad,
+            followed.order_max,
+            conditions.radius_m,
+            conditions.gain_std,
+            block.revolutions[self.index].omega_radps,
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class _Renewed:
     """Linear maps from the average to the slopes, and their errors, at the latest renewal.
 
@@ -260,12 +313,8 @@ class _Renewed:
             end of the adhesion line by the slope's, beyond which it ends elsewhere.
         notes: of the estimates of NAMES.
         count: revolutions averaged then.
-        order_max: highest order then.
-        edges_rad: contact edges then.
-        edges_std_rad: their standard errors.
-        omega_radps: angular speed then.
-        roll_std_rad: standard error of the roll tilt then.
-        conditions: of the revolution then.
+        state: (7,) what else the maps rest on, as in `_Measured.state`.
+        allowed: (7,) by how much each of these may change.
     """
 
     rows: FloatArray
@@ -274,38 +323,20 @@ class _Renewed:
     limits_rad: FloatArray
     notes: tuple[Reason, ...]
     count: int
-    order_max: int
-    edges_rad: tuple[float, float]
-    edges_std_rad: tuple[float, float]
-    omega_radps: float
-    roll_std_rad: float
-    conditions: TireConditions
+    state: FloatArray
+    allowed: FloatArray
 
-    def is_outdated(
-        self, followed: _Followed, edges_rad: tuple[float, float], block: RevolutionBlock, index: int
-    ) -> bool:
-        """Return whether to renew, by the count of revolutions and what the maps rest on."""
-        conditions, old = block.conditions[index], self.conditions
-        if followed.count != self.count and (is_due(followed.count) or followed.count - self.count > LONGEST):
-            return True
-        omega = block.revolutions[index].omega_radps
-        moved_rad = np.abs(self.rows @ followed.lateral_m - self.values_rad)
-        return (
-            bool((moved_rad > self.limits_rad).any())
-            or differs(followed.roll.std_rad, self.roll_std_rad, SHARE_OF_STD * self.roll_std_rad)
-            or followed.order_max != self.order_max
-            or any(
-                differs(now, then, SHARE_OF_STD * std)
-                for now, then, std in zip(edges_rad, self.edges_rad, self.edges_std_rad, strict=True)
-            )
-            or (conditions.radius_m != old.radius_m and differs(conditions.radius_m, old.radius_m, 1e-3 * old.radius_m))
-            or differs(conditions.gain_std, old.gain_std, SHARE_OF_STD * old.gain_std)
-            or differs(omega, self.omega_radps, SHARE_OF_STD * self.omega_radps)
-        )
+    def are_outdated(self, values_rad: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:
+        """Return for each of k revolutions whether to renew, (k,), by the values of the maps, (k, 8), and what else."""
+        moved = (np.abs(values_rad - self.values_rad) > self.limits_rad).any(axis=1)
+        due = [count != self.count and (is_due(count) or count - self.count > LONGEST) for count in counts]
+        outdated: BoolArray = moved | differ(states, self.state, self.allowed) | due
+        return outdated
 
 
-def _renew(followed: _Followed, edges: tuple[float, float], block: RevolutionBlock, index: int) -> _Renewed:
+def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _Renewed:
     """Return the maps and standard errors of the present average."""
+    index, followed, edges = measured.index, measured.followed, measured.edges_rad
     revolution, conditions, average = block.revolutions[index], block.conditions[index], block.averages.at(index)
     record = followed.record()
     found = slopes(record, edges, conditions.radius_m)
@@ -334,12 +365,8 @@ def _renew(followed: _Followed, edges: tuple[float, float], block: RevolutionBlo
         np.concatenate([_MOVED_STDS * stds, ends_std]),
         (Reason(Code.INCLUDES_CONICITY), orders),
         followed.count,
-        followed.order_max,
-        edges,
-        edges_std,
-        revolution.omega_radps,
-        followed.roll.std_rad,
-        conditions,
+        state,
+        np.concatenate([SHARE_OF_STD * np.array(edges_std), _STATE_SHARES * state[2:]]),
     )
 
 

@@ -24,7 +24,7 @@ from gateway.estimators.determination import (
 )
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
-from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differs, is_due
+from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
@@ -64,6 +64,8 @@ _CONVERGED_STDS: Final = 0.1
 _FURTHER_PASSES: Final = 2
 # Relative change of the revolutions' scatter, which weights the orders, from which the solution is renewed.
 _SCATTER_CHANGE: Final = 0.25
+# Relative changes of scatter, errors of the sensor, and speed from which the solution is renewed.
+_STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, *[SHARE_OF_STD] * 4])
 _ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
 
 _WAVEFORMS_PER_BLOCK: Final = 32
@@ -81,11 +83,9 @@ class _Renewed:
         signal: (ORDER_COUNT,) orders of the relative signal.
         count: revolutions averaged.
         effective_count: of the average.
-        scatter: of the revolutions, mean square.
-        edges_rad: contact edges.
-        edges_std_rad: their standard errors.
-        omega_radps: angular speed.
-        conditions: of the revolution.
+        offset_m: sensor's offset below the neutral layer.
+        state: (7,) what else the solution rests on, as in `_states`.
+        allowed: (7,) by how much each of these may change.
         std: (4,) standard errors of the numbers at load number 1.
     """
 
@@ -96,45 +96,44 @@ class _Renewed:
     signal: FloatArray
     count: int
     effective_count: float
-    scatter: float
-    edges_rad: tuple[float, float]
-    edges_std_rad: tuple[float, float]
-    omega_radps: float
-    conditions: TireConditions
+    offset_m: float
+    state: FloatArray
+    allowed: FloatArray
     std: FloatArray
 
-    def has_moved(self, values: FloatArray) -> bool:
-        """Return whether numbers that followed the average are too far from the solution to follow further."""
-        square = np.square(values - self.values)
-        allowed = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values))
-        return not bool((square <= allowed * self.std).all())
-
-    def is_outdated(self, block: RevolutionBlock, index: int) -> bool:
-        """Return whether to renew, by the count of revolutions and the conditions."""
-        count = block.averages.counts[index]
-        if count != self.count and (is_due(count) or not 0 < count - self.count <= LONGEST):
-            return True
-        now, then = block.conditions[index], self.conditions
-        offset_std = SHARE_OF_STD * then.sensor_offset_std_m
-        return (
-            any(
-                differs(edge, old, SHARE_OF_STD * std)
-                for edge, old, std in zip(
-                    block.averages.edges_rad[index], self.edges_rad, self.edges_std_rad, strict=True
-                )
-            )
-            or differs(block.averages.scatters[index], self.scatter, _SCATTER_CHANGE * self.scatter)
-            or differs(now.sensor_offset_std_m, then.sensor_offset_std_m, offset_std)
-            or differs(now.steady_std_mps2, then.steady_std_mps2, SHARE_OF_STD * then.steady_std_mps2)
-            or differs(now.gain_std, then.gain_std, SHARE_OF_STD * then.gain_std)
-            or differs(block.revolutions[index].omega_radps, self.omega_radps, SHARE_OF_STD * self.omega_radps)
-        )
-
-    def followed(self, orders: FloatArray, conditions: TireConditions) -> FloatArray:
-        """Return the numbers at load number 1 of a slightly different average, to first order, (4,)."""
-        offset = (conditions.sensor_offset_m - self.conditions.sensor_offset_m) / conditions.radius_m
-        result: FloatArray = self.values + self.response @ (orders - self.signal) + self.by_offset * offset
+    def followed(self, orders: FloatArray, conditions: Sequence[TireConditions]) -> FloatArray:
+        """Return the numbers at load number 1 of k slightly different averages, to first order, (k, 4)."""
+        offsets = np.array([(one.sensor_offset_m - self.offset_m) / one.radius_m for one in conditions])
+        result: FloatArray = self.values + (orders - self.signal) @ self.response.T
+        result += np.multiply.outer(offsets, self.by_offset)
         return result
+
+    def are_outdated(self, values: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:
+        """Return for each of k revolutions whether to renew, (k,).
+
+        Args:
+            values: (k, 4) numbers that followed the average; renewed where too far from the solution to follow further.
+            states: (k, 7) what the solution rests on, as in `_states`.
+            counts: revolutions averaged.
+        """
+        limits = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values)) * self.std
+        moved = ~(np.square(values - self.values) <= limits)
+        due = [count != self.count and (is_due(count) or not 0 < count - self.count <= LONGEST) for count in counts]
+        outdated: BoolArray = moved.any(axis=1) | differ(states, self.state, self.allowed) | due
+        return outdated
+
+
+def _states(block: RevolutionBlock) -> FloatArray:
+    """Return what solutions rest on besides orders: both edges, scatter, errors of the sensor, and speed, (k, 7)."""
+    averages = block.averages
+    return np.array(
+        [
+            (*edges, scatter, at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std, revolution.omega_radps)
+            for edges, scatter, at, revolution in zip(
+                averages.edges_rad, averages.scatters, block.conditions, block.revolutions, strict=True
+            )
+        ]
+    )
 
 
 def relative_orders(spectra: ComplexArray, edges_rad: Sequence[tuple[float, float]]) -> FloatArray:
@@ -179,39 +178,55 @@ class WeakFormEstimator:
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution."""
-        orders = relative_orders(block.averages.spectra, block.averages.edges_rad)
-        return [self._estimates(block, index, orders[index]) for index in range(len(block))]
+        orders, states = relative_orders(block.averages.spectra, block.averages.edges_rad), _states(block)
+        made: list[tuple[Estimate, ...]] = []
+        while len(made) < len(block):
+            values = self._follow(block, len(made), orders, states)
+            made += [self._estimates(block, len(made) + place, own) for place, own in enumerate(values)]
+            if len(made) < len(block):
+                made.append(self._solved(block, len(made), orders, states))
+        return made
 
-    def _estimates(self, block: RevolutionBlock, index: int, orders: FloatArray) -> tuple[Estimate, ...]:
+    def _follow(self, block: RevolutionBlock, first: int, orders: FloatArray, states: FloatArray) -> FloatArray:
+        """Return the numbers of the revolutions from `first` on that need no renewal before them, (m, 4)."""
+        renewed, rest = self._renewed, slice(first, None)
+        if renewed is None:
+            return np.empty((0, 4))
+        values = renewed.followed(orders[rest], block.conditions[rest])
+        outdated = renewed.are_outdated(values, states[rest], block.averages.counts[rest])
+        return values[: int(outdated.argmax())] if outdated.any() else values
+
+    def _solved(
+        self, block: RevolutionBlock, index: int, orders: FloatArray, states: FloatArray
+    ) -> tuple[Estimate, ...]:
+        """Return the estimates of a revolution before which the solution is renewed."""
+        found = self._renew(block, index, orders[index], states[index])
+        if isinstance(found, Reason):
+            self._warm = self._renewed = None
+            return all_invalid(found)
+        self._renewed = found
+        return self._estimates(block, index, found.values)
+
+    def _estimates(self, block: RevolutionBlock, index: int, values: FloatArray) -> tuple[Estimate, ...]:
         renewed, conditions = self._renewed, block.conditions[index]
-        values, is_current = None, False
-        if renewed is not None:
-            values = renewed.followed(orders, conditions)
-            is_current = not (renewed.has_moved(values) or renewed.is_outdated(block, index))
-        if renewed is None or values is None or not is_current:
-            found = self._renew(block, index, orders, values)
-            if isinstance(found, Reason):
-                self._warm = self._renewed = None
-                return all_invalid(found)
-            renewed = self._renewed = found
-            values = renewed.values
+        assert renewed is not None
         count = block.averages.effective_counts[index]
         fitted = renewed.fits.numbers(0, load_number(conditions), values, renewed.effective_count / count)
         return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
 
     def _renew(
-        self, block: RevolutionBlock, index: int, orders_here: FloatArray, followed: FloatArray | None
+        self, block: RevolutionBlock, index: int, orders_here: FloatArray, state: FloatArray
     ) -> _Renewed | Reason:
         """Solve the balance of the present average, or return why it cannot be.
 
-        `orders_here` are the relative orders, `followed` the numbers as they followed the average to here; None without
-        an earlier solution.
+        `orders_here` are the relative orders, `state` is that of `_states`.
         """
         average, conditions = block.averages.at(index), block.conditions[index]
         reason = unusable(average, conditions)
         if reason:
             return reason
         edges = average.leading_edge_rad, average.trailing_edge_rad
+        edges_std = np.array([average.leading_edge_std_rad, average.trailing_edge_std_rad])
         half_angle, centre = 0.5 * (edges[1] - edges[0]), 0.5 * (edges[1] + edges[0])
         carried = int(np.flatnonzero(np.isfinite(average.orders_mps2))[-1])
         max_order = MAX_ORDER if carried >= ORDER_COUNT - 1 else carried
@@ -233,8 +248,9 @@ class WeakFormEstimator:
             if damping is not None:
                 orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
-            if self._renewed is not None and followed is not None:
+            if self._renewed is not None:
                 limit = _CONVERGED_STDS * self._renewed.std
+                followed = self._renewed.followed(orders_here[np.newaxis], [conditions])[0]
                 for _ in range(_FURTHER_PASSES):
                     found = solution.unknowns[0, :4]
                     if (np.abs(found - followed) <= limit).all():
@@ -257,11 +273,9 @@ class WeakFormEstimator:
             signal=orders_here,
             count=average.count,
             effective_count=average.effective_count,
-            scatter=block.averages.scatters[index],
-            edges_rad=edges,
-            edges_std_rad=(average.leading_edge_std_rad, average.trailing_edge_std_rad),
-            omega_radps=average.omega_radps,
-            conditions=conditions,
+            offset_m=conditions.sensor_offset_m,
+            state=state,
+            allowed=np.concatenate([SHARE_OF_STD * edges_std, _STATE_SHARES * state[2:]]),
             std=np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
         )
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -49,6 +49,8 @@ STRIDE: Final = 2
 SENSITIVE_ORDERS: Final = ORDER_COUNT
 _COARSE_COSINES: Final[FloatArray] = COSINES[::STRIDE, :SENSITIVE_ORDERS] * (STRIDE * TRAPEZOID[::STRIDE, np.newaxis])
 
+_Values = TypeVar("_Values", FloatArray, ComplexArray)
+
 
 class VirtualMotion(NamedTuple):
     """Virtual rotations on the free part of the half circle, first point `begin`.
@@ -58,12 +60,14 @@ class VirtualMotion(NamedTuple):
         rotation: (ROWS, m) phi.
         slope: (ROWS, m) its derivative.
         weights: (m,) Simpson's rule.
+        bending: (ROWS, SENSITIVE_ORDERS) derivative of the bending's rows over Bs by the orders of the curvature.
     """
 
     begin: int
     rotation: FloatArray
     slope: FloatArray
     weights: FloatArray
+    bending: FloatArray
 
 
 @lru_cache(maxsize=64)
@@ -74,7 +78,9 @@ def virtual_motion(begin: int) -> VirtualMotion:
     weights = np.full(len(angle), 2.0 * STEP_RAD / 3.0)
     weights[1::2] *= 2.0
     weights[[0, -1]] *= 0.5
-    return VirtualMotion(begin, np.sin(order * angle), order * np.cos(order * angle), weights)
+    slope = order * np.cos(order * angle)
+    bending = slope[:, ::STRIDE] @ _COARSE_COSINES[begin // STRIDE :]
+    return VirtualMotion(begin, np.sin(order * angle), slope, weights, bending)
 
 
 def motion_begin(half_angle_rad: float) -> int:
@@ -145,32 +151,28 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     shape, motion = rows.shape, rows.motion
     coarse = slice(None, None, STRIDE)
     free = slice(motion.begin // STRIDE, None)
-    rotation, slope = motion.rotation[:, coarse], motion.slope[:, coarse]
+    rotation = motion.rotation[:, coarse]
     bs, cw, rs, ts, tension, deflection = unknowns.T[:, :, np.newaxis]
     tangent = shape.tangent[:, coarse]
     force = cw * rows.forces[:, 0, coarse] + rs * rows.forces[:, 1, coarse] + ts * rows.forces[:, 2, coarse] - tension
     force += deflection * (rs * _RISE_FORCES[0, coarse] + ts * _RISE_FORCES[1, coarse])
     axial = _dot(tangent, force)
-    # Components: tangent (c, s), normal (-s, c), undeformed outward (q, -p), undeformed along (p, q).
-    c, s = tangent.real[:, np.newaxis], tangent.imag[:, np.newaxis]
-    p, q = ALONG.real[coarse], ALONG.imag[coarse]
+    tangent, along = tangent[:, np.newaxis], ALONG[coarse]
     bs, cw, rs, ts = (number[..., np.newaxis] for number in (bs, cw, rs, ts))
-    # Virtual displacement eta = int n phi, 0 in the contact; the last row's is vertical.
-    x, y = np.zeros((2, len(tangent), ROWS + 1, len(p)))
-    x[:, :ROWS, free] = _running(-s[..., free] * rotation)
-    y[:, :ROWS, free] = _running(c[..., free] * rotation)
-    y[:, ROWS] = 2.0
+    # Virtual displacement int n phi, 0 in the contact; the last row's is vertical.
+    moved = np.zeros((len(tangent), ROWS + 1, len(along)), dtype=np.complex128)
+    moved[:, :ROWS, free] = _running(1j * tangent[..., free] * rotation)
+    moved[:, ROWS] = 2.0j
     # Derivative by the angle: the belt beyond the point moves along its normal, which changes the work of the sidewall,
-    radial = (rs - ts) * (q * x - p * y)
-    by_angle = c * _remaining(ts * y - radial * p)
-    by_angle -= s * _remaining(ts * x + radial * q)
+    backwards = tangent.conj()
+    radial = (rs - ts) * (along * moved.conj()).imag
+    by_angle = (backwards * _remaining(ts * moved - radial * (1j * along))).imag
     # and pressure and axial force rotate.
-    by_angle[:, :ROWS] -= (cw * (c * x + s * y))[:, :ROWS]
+    by_angle[:, :ROWS] -= cw * (backwards * moved[:, :ROWS]).real
     by_angle[:, :ROWS, free] += axial[:, np.newaxis, free] * rotation
-    by_curvature = _remaining(by_angle)
-    by_curvature[:, :ROWS, free] += bs * slope
-    by_order: FloatArray = by_curvature @ _COARSE_COSINES
-    closing = _remaining(np.sin(shape.angle_rad[:, coarse])) @ _COARSE_COSINES
+    by_order: FloatArray = by_angle @ _COARSE_REMAINING
+    by_order[:, :ROWS] += bs * motion.bending
+    closing = np.sin(shape.angle_rad[:, coarse]) @ _COARSE_REMAINING
     by_order -= by_order[:, :, 1:2] * (closing / closing[:, 1:2])[:, np.newaxis, :]
     by_order[:, :, 1] = 0.0
     by_order[:, :, 0] = -(by_order[:, :, 2:] @ shape.orders[:, 2:SENSITIVE_ORDERS, np.newaxis])[..., 0]
@@ -183,21 +185,24 @@ def _dot(left: ComplexArray, right: ComplexArray) -> FloatArray:
     return product
 
 
-def _running(values: FloatArray) -> FloatArray:
+def _running(values: _Values) -> _Values:
     """Return the trapezoidal integral from the first point of the coarse grid."""
-    total: FloatArray = np.cumsum(values, axis=-1)
-    total -= 0.5 * values
-    total -= 0.5 * values[..., :1]
+    total: _Values = np.cumsum(values, axis=-1)
+    half = 0.5 * values
+    total -= half
+    total -= half[..., :1]
     total *= STRIDE * STEP_RAD
     return total
 
 
-def _remaining(values: FloatArray) -> FloatArray:
+def _remaining(values: _Values) -> _Values:
     """Return the trapezoidal integral from each point of the coarse grid to the last."""
     total = _running(values)
     return total[..., -1:] - total
 
 
+# From the derivative by the angle, on the coarse grid, to that by the orders of the curvature, its integral.
+_COARSE_REMAINING: Final[FloatArray] = _remaining(np.eye(len(_COARSE_COSINES))) @ _COARSE_COSINES
 _RISE_PULLS: Final[ComplexArray] = np.stack([RADIAL.imag * RADIAL, ALONG.imag * ALONG])
 
 

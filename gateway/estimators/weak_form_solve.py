@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
+from scipy.linalg.lapack import dgeqrf, dtrtrs
 
 from gateway.estimators.bounded_fit import fit_nonnegative
 from gateway.estimators.determination import NUMBER_UNITS
@@ -133,8 +134,37 @@ def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> 
     sensitivity = row_sensitivity(rows, unknowns)
     weighted = sensitivity * order_std[:, np.newaxis, :]
     # The product of `weighted` with its transpose is the covariance, but would square the condition number.
-    upper = np.asarray(np.linalg.qr(weighted.transpose(0, 2, 1), mode="r"), dtype=np.float64)
-    return _Weights(sensitivity, np.square(order_std), upper.transpose(0, 2, 1))
+    return _Weights(sensitivity, np.square(order_std), np.stack([_lower_factor(one) for one in weighted]))
+
+
+def _lower_factor(rows: FloatArray) -> FloatArray:
+    """Return L, lower triangular, (n, n), of L L^T = rows rows^T for rows (n, m), m >= n, which are overwritten.
+
+    LAPACK's own function takes half the time of numpy's.
+    """
+    upper, *_ = dgeqrf(rows.T, overwrite_a=True)
+    lower: FloatArray = np.tril(upper[: len(rows)].T)
+    return lower
+
+
+def _solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
+    """Solve L x = right, or L^T x = right, for each of b right-hand sides (b, n, k).
+
+    Args:
+        factors: (b or 1, n, n) lower triangular L.
+        right: (b, n, k).
+        transposed: solve with L^T.
+
+    Raises:
+        numpy.linalg.LinAlgError: a factor is singular.
+    """
+    solved = []
+    for place, one in enumerate(right):
+        found, info = dtrtrs(factors[min(place, len(factors) - 1)], one, lower=True, trans=transposed)
+        if info:
+            raise np.linalg.LinAlgError("the rows' covariance is singular")
+        solved.append(found)
+    return np.stack(solved)
 
 
 def _cold_start(rows: BalanceRows) -> FloatArray:
@@ -157,12 +187,12 @@ def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights:
     change[:, :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     target = -weights.sensitivity @ change[..., np.newaxis]
     target[:, ROWS] += 1.0
-    whitened = np.linalg.solve(weights.factor, np.concatenate([rows.constant, rows.rise, target], axis=2))
+    whitened = _solve_lower(weights.factor, np.concatenate([rows.constant, rows.rise, target], axis=2))
     unknowns, free, jacobian, residual = _solve_whitened(whitened, start)
     inverse = _inverse(jacobian)
     # Back through the weights: whitened rows to unknowns, residual to the change of the orders that explains it.
     both = np.concatenate([inverse, residual[:, np.newaxis]], axis=1).transpose(0, 2, 1)
-    back = np.linalg.solve(weights.factor.transpose(0, 2, 1), both).transpose(0, 2, 1) @ weights.sensitivity
+    back = _solve_lower(weights.factor, both, transposed=True).transpose(0, 2, 1) @ weights.sensitivity
     return WeakFormSolution(
         unknowns=unknowns,
         free=free,
@@ -199,12 +229,14 @@ def _solve_whitened(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray
 
 def _linearised(whitened: FloatArray, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the Jacobian (..., ROWS + 1, 6) and the residual (..., ROWS + 1) of the whitened rows."""
-    linear, deflection = unknowns[..., np.newaxis, :5], unknowns[..., 5]
+    linear, deflection = unknowns[..., :5, np.newaxis], unknowns[..., 5, np.newaxis]
     constant, rise, target = whitened[..., :5], whitened[..., 5:10], whitened[..., 10]
-    factors = constant + rise * deflection[..., np.newaxis, np.newaxis]
-    by_deflection = np.sum(rise * linear, axis=-1)
-    jacobian = np.concatenate([factors, by_deflection[..., np.newaxis]], axis=-1)
-    return jacobian, np.sum(factors * linear, axis=-1) - target
+    by_deflection = (rise @ linear)[..., 0]
+    jacobian = np.empty((*target.shape, UNKNOWNS))
+    np.multiply(rise, deflection[..., np.newaxis], out=jacobian[..., :5])
+    jacobian[..., :5] += constant
+    jacobian[..., 5] = by_deflection
+    return jacobian, (constant @ linear)[..., 0] + by_deflection * deflection - target
 
 
 def _solve_bounded(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -47,6 +47,8 @@ class SensorReading:
         saturation_counts: |count| at or above which a sample is saturated.
         ac_coupled: whether the sensor passes no steady value.
         rate_hz: sampling rate.
+        radial_column: channel of the radial axis, -1 without one.
+        has_radial: whether there is a radial axis that can be used; one of scale 0 cannot.
     """
 
     columns: tuple[int, ...]
@@ -55,11 +57,14 @@ class SensorReading:
     saturation_counts: int
     ac_coupled: bool
     rate_hz: float
+    radial_column: int
+    has_radial: bool
 
     @classmethod
     def from_hello(cls, hello: Hello) -> Self:
         """Return the conversion that a hello describes, at its nominal rate."""
         columns = tuple(axis for axis in Axis if hello.axes >> axis & 1)
+        has_radial = Axis.RADIAL in columns
         return cls(
             columns=columns,
             scale_mps2=np.array([hello.scale_mps2[axis] for axis in columns]),
@@ -67,17 +72,9 @@ class SensorReading:
             saturation_counts=hello.saturation_counts,
             ac_coupled=hello.coupling == Coupling.AC,
             rate_hz=hello.rate_hz,
+            radial_column=columns.index(Axis.RADIAL) if has_radial else -1,
+            has_radial=has_radial and hello.scale_mps2[Axis.RADIAL] != 0.0,
         )
-
-    @property
-    def has_radial(self) -> bool:
-        """Whether the sensor has a radial axis that can be used; one of scale 0 cannot."""
-        return Axis.RADIAL in self.columns and self.scale_mps2[self.radial_column] != 0.0
-
-    @property
-    def radial_column(self) -> int:
-        """Channel of the radial axis; raises ValueError without one."""
-        return self.columns.index(Axis.RADIAL)
 
     def radial_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
         """Return the radial axis of samples (n, channels), nominally positive inward, (n,)."""

@@ -16,6 +16,12 @@ class SampleBuffer:
     """The latest `capacity` samples of one wheel, int16 (n, channels), indexed by running sample number.
 
     Missing samples are filled by linear interpolation, so that the numbering has no gaps; the gaps are recorded.
+
+    Attributes:
+        capacity: number of samples kept.
+        head: running number of the next sample to come.
+        tail: running number of the oldest sample still held.
+        overwritten: samples that were overwritten before they were read.
     """
 
     def __init__(self, capacity: int, channels: int) -> None:
@@ -29,31 +35,23 @@ class SampleBuffer:
         self._data: NDArray[np.int16] = np.zeros((capacity * _SLACK, channels), np.int16)
         self._start = 0
         self._filled = 0
-        self._head = 0
+        self.head = self.tail = 0
         self._gaps: list[tuple[int, int]] = []
         self.overwritten = 0
 
-    @property
-    def head(self) -> int:
-        """Running number of the next sample to come."""
-        return self._head
-
-    @property
-    def tail(self) -> int:
-        """Running number of the oldest sample still held."""
-        return self._head - self._filled
-
     def reset(self, head: int) -> None:
         """Forget the samples and continue at running number `head`."""
-        self._start, self._filled, self._head = 0, 0, head
+        self._start, self._filled = 0, 0
+        self.head = self.tail = head
         self._gaps.clear()
 
     def append(self, counts: NDArray[np.int16], unread_from: int | None = None) -> None:
         """Append (n, channels) samples; count the overwritten ones from `unread_from` on, which are still unread."""
         n = len(counts)
         if n > self.capacity:
-            self._count_overwritten(self._head + n - self.capacity, unread_from)
-            self._head += n - self.capacity
+            self._count_overwritten(self.head + n - self.capacity, unread_from)
+            self.head += n - self.capacity
+            self.tail = self.head
             self._filled, self._start = 0, 0
             counts = counts[-self.capacity :]
             n = self.capacity
@@ -63,29 +61,30 @@ class SampleBuffer:
             self._data[:keep] = self._data[end - keep : end]
             self._start, self._filled, end = 0, keep, keep
         self._data[end : end + n] = counts
-        self._head += n
+        self.head += n
         self._filled += n
         if self._filled > self.capacity:
             drop = self._filled - self.capacity
             if unread_from is not None:
                 self._count_overwritten(self.tail + drop, unread_from)
             self._start += drop
+            self.tail += drop
             self._filled = self.capacity
             if self._gaps and self._gaps[0][1] <= self.tail:
                 self._gaps = [gap for gap in self._gaps if gap[1] > self.tail]
 
     def bridge(self, missing: int, following: NDArray[np.int16], unread_from: int | None = None) -> None:
         """Fill `missing` lost samples by a line from the last held sample to `following` (channels,)."""
-        first = self._head
+        first = self.head
         last = self._data[self._start + self._filled - 1] if self._filled else following
         step = np.arange(1, missing + 1)[:, None] / (missing + 1)
         line = np.rint(last + step * (following.astype(np.float64) - last)).astype(np.int16)
         self.append(line, unread_from)
-        self._gaps.append((first, self._head))
+        self._gaps.append((first, self.head))
 
     def patch(self, first: int, counts: NDArray[np.int16]) -> int:
         """Insert late samples at their place; return how many of them were missing."""
-        lo, hi = max(first, self.tail), min(first + len(counts), self._head)
+        lo, hi = max(first, self.tail), min(first + len(counts), self.head)
         repaired = 0
         remaining: list[tuple[int, int]] = []
         for gap_lo, gap_hi in self._gaps:
@@ -106,8 +105,8 @@ class SampleBuffer:
         Raises:
             IndexError: some of them are not held.
         """
-        if first < self.tail or end > self._head or first > end:
-            raise IndexError(f"samples {first}..{end} are not in {self.tail}..{self._head}")
+        if first < self.tail or end > self.head or first > end:
+            raise IndexError(f"samples {first}..{end} are not in {self.tail}..{self.head}")
         offset = self._start - self.tail
         return self._data[offset + first : offset + end]
 

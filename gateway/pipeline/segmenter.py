@@ -33,7 +33,14 @@ _CHECK_PERIODS: Final = 3.6
 
 
 class Segmenter:
-    """Finds the contacts of one wheel, speed and sensor direction unknown at first."""
+    """Finds the contacts of one wheel, speed and sensor direction unknown at first.
+
+    Attributes:
+        sign: +1 or -1, makes the radial axis positive inward.
+        state: of the wheel.
+        next_index: number of samples at which the next decision is due.
+        oldest_needed: number of the oldest sample that may still be read.
+    """
 
     def __init__(self, rate_hz: float, origin: int) -> None:
         """Start searching at sample number `origin`."""
@@ -48,32 +55,26 @@ class Segmenter:
         self._until_check = _FIRST_CHECK_CONTACTS
         self._check_interval = _CHECK_INTERVAL_CONTACTS[0]
         self._known: Known | None = None
-        self._oldest_needed = self._find_oldest_needed()
+        self._look_ahead()
 
-    @property
-    def next_index(self) -> int:
-        """Number of samples at which the next decision is due."""
-        return self._track.next_index if self._track is not None else self._search_at
-
-    @property
-    def oldest_needed(self) -> int:
-        """Number of the oldest sample that may still be read."""
-        return self._oldest_needed
-
-    def _find_oldest_needed(self) -> int:
+    def _look_ahead(self) -> None:
+        """Set when the next decision is due, and which samples it needs."""
         window = round(SEARCH_WINDOW_S * self._rate_hz)
         if self._track is None:
-            return max(self._origin, self._search_at - window)
+            self.next_index = self._search_at
+            self.oldest_needed = max(self._origin, self._search_at - window)
+            return
+        self.next_index = self._track.next_index
         last = self._track.contact
         back = max(_CHECK_PERIODS * self._track.periods[-1], 3.0 * last.duration)
-        return max(self._origin, int(last.centre - min(back, window)) - 2)
+        self.oldest_needed = max(self._origin, int(last.centre - min(back, window)) - 2)
 
     def advance(self, read: Read, missing: Missing, head: int) -> list[ContactPair]:
         """Make every decision that is due with samples up to `head`; return the completed revolutions."""
         pairs: list[ContactPair] = []
         while self.next_index <= head:
             pairs += self._decide(read, missing)
-            self._oldest_needed = self._find_oldest_needed()
+            self._look_ahead()
         return pairs
 
     def finish(self, read: Read, missing: Missing, head: int) -> list[ContactPair]:
@@ -87,7 +88,7 @@ class Segmenter:
             else:
                 self._search_at = head
             pairs += self._decide(read, missing)
-            self._oldest_needed = self._find_oldest_needed()
+            self._look_ahead()
             pairs += self.advance(read, missing, head)
         return pairs
 

@@ -173,7 +173,7 @@ class WheelPipeline:
         sensor, buffer, clock = self._sensor, self._buffer, self._clock
         known = sensor is not None and axes == sensor.hello.axes and sensor.reading.has_radial
         if sensor is None or buffer is None or clock is None or not known:
-            self.blocks_before_hello += 1
+            self.blocks_before_hello += len(ticks_us)
             return
         if host is not self._host:
             self._revolve()

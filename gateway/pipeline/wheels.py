@@ -9,7 +9,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from operator import itemgetter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from gateway.types import FloatArray
 if TYPE_CHECKING:
     from firmware_protocol.block_decoder import FrameBatch, SampleGroup
 
+# Sample numbers have 32 bits.
+_SAMPLE_NUMBERS: Final = 1 << 32
+
 
 class _Hub:
     """Clock of a hub: unwraps its 32-bit ticks and maps them to host time."""
@@ -43,6 +46,41 @@ class _Hub:
     def unwrap(self, tick_us: int) -> int:
         self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
         return self.last_us
+
+
+class _Run:
+    """Sample blocks of one wheel that follow each other without a gap: one addition takes less than several."""
+
+    __slots__ = ("_axes", "_block", "_first", "_host", "_next", "_parts", "_ticks_us")
+
+    def __init__(self, message: SampleBlock, host: HostClock) -> None:
+        """Start before a block."""
+        self._first = self._next = message.first_sample
+        self._axes, self._block, self._host = message.axes, len(message.counts), host
+        self._ticks_us: list[int] = []
+        self._parts: list[NDArray[np.int16]] = []
+
+    def goes_on_with(self, message: SampleBlock) -> bool:
+        """Return whether a block follows the last one and is like it."""
+        return message.first_sample == self._next and message.axes == self._axes and len(message.counts) == self._block
+
+    def append(self, message: SampleBlock, tick_us: int) -> None:
+        """Append a block, with the hub time of its first sample."""
+        self._ticks_us.append(tick_us)
+        self._parts.append(message.counts)
+        self._next = (self._next + self._block) % _SAMPLE_NUMBERS
+
+    def add_to(self, wheel: WheelPipeline) -> None:
+        """Add the samples to the wheel."""
+        counts = self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
+        wheel.add(self._first, self._ticks_us, self._axes, counts, self._host)
+
+
+def _add_runs(runs: dict[WheelPipeline, _Run]) -> None:
+    """Add runs to their wheels and forget them."""
+    for wheel, run in runs.items():
+        run.add_to(wheel)
+    runs.clear()
 
 
 class Pipeline:
@@ -86,19 +124,29 @@ class Pipeline:
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
         newest: tuple[_Hub, int] | None = None
+        runs: dict[WheelPipeline, _Run] = {}
         for frame in frames:
+            message = frame.message
+            if not isinstance(message, SampleBlock):
+                # It takes effect between the samples before and behind it.
+                _add_runs(runs)
             stamped = self._stamped(link, frame, host_ns)
             if stamped is None:
                 continue
             hub, tick_us = newest = stamped
-            message = frame.message
-            if isinstance(message, SampleBlock):
-                wheel = self._wheel(link, frame.hub, frame.wheel)
-                if wheel is None:
-                    continue
-                wheel.add(message.first_sample, (tick_us,), message.axes, message.counts, hub.host)
-            else:
+            if not isinstance(message, SampleBlock):
                 self._slow(link, frame, tick_us)
+                continue
+            wheel = self._wheel(link, frame.hub, frame.wheel)
+            if wheel is None:
+                continue
+            run = runs.get(wheel)
+            if run is None or not run.goes_on_with(message):
+                if run is not None:
+                    run.add_to(wheel)
+                run = runs[wheel] = _Run(message, hub.host)
+            run.append(message, tick_us)
+        _add_runs(runs)
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
         return [result for wheel in self._due() for result in wheel.complete()]

@@ -19,7 +19,7 @@ from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import spline_filter1d
+from scipy.linalg.lapack import dpttrf, dpttrs
 from scipy.sparse import csr_array
 
 from gateway.types import FloatArray
@@ -235,8 +235,7 @@ def _resample_alike(
     positions += starts
     np.maximum(positions, starts, out=positions)
     np.minimum(positions, ends, out=positions)
-    fine = read_spline(coefficients, positions, order)
-    by_axis = fine.transpose(0, 2, 1)
+    by_axis = read_spline(coefficients, positions, order)
     if density == 1:
         return by_axis
     # The inverse transform of the first n/2 + 1 bins is the fine curve without the orders above the grid's band.
@@ -255,7 +254,7 @@ class Scale(NamedTuple):
 
 
 def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], scale: Scale | None = None) -> FloatArray:
-    """Return the B-spline coefficients of stretches of samples, (parts, length, axes), at `LEFT_PAD` in each row.
+    """Return the B-spline coefficients of stretches of samples, (parts, axes, length), at `LEFT_PAD` in each line.
 
     Each stretch is continued by reflection at both of its ends. The result does not depend on the other stretches.
 
@@ -266,31 +265,52 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
     """
     longest = max(map(len, parts))
     length = -(-(LEFT_PAD + longest + _RIGHT_PAD[order]) // _LENGTH_STEP) * _LENGTH_STEP
-    rows = np.empty((len(parts), length, parts[0].shape[1]))
-    for row, part in zip(rows, parts, strict=True):
+    lines = np.empty((len(parts), parts[0].shape[1], length))
+    for line, part in zip(lines, parts, strict=True):
         end = LEFT_PAD + len(part)
-        row[LEFT_PAD:end] = part
-        row[:LEFT_PAD] = row[2 * LEFT_PAD : LEFT_PAD : -1]
-        while end < len(row):
-            more = min(len(row) - end, len(part) - 1)
-            row[end : end + more] = row[end - 2 : end - 2 - more : -1]
+        line[:, LEFT_PAD:end] = part.T
+        line[:, :LEFT_PAD] = line[:, 2 * LEFT_PAD : LEFT_PAD : -1]
+        while end < length:
+            more = min(length - end, len(part) - 1)
+            line[:, end : end + more] = line[:, end - 2 : end - 2 - more : -1]
             end += more
     if scale is not None:
-        rows -= scale.offset_counts
-        rows *= scale.mps2
-    coefficients: FloatArray = spline_filter1d(rows, order=order, axis=1, mode="mirror")
+        lines -= scale.offset_counts[:, np.newaxis]
+        lines *= scale.mps2[:, np.newaxis]
+    # The filter's equations have one unknown per sample and couple neighbours only; one after the other for each pole.
+    right = lines.reshape(-1, length).T
+    for diagonal, beside, gain in _filter_factors(order, length):
+        right *= gain
+        right[[0, -1]] *= 0.5
+        right, _ = dpttrs(diagonal, beside, right, overwrite_b=True)
+    coefficients: FloatArray = right.T.reshape(lines.shape)
     return coefficients
 
 
+@lru_cache(maxsize=128)
+def _filter_factors(order: Literal[3, 5], length: int) -> list[tuple[FloatArray, FloatArray, float]]:
+    """Return the factors of the equations of a spline's filter for lines that are mirrored at both ends, and the gain.
+
+    For each pole z: -z c[i - 1] + (1 + z^2) c[i] - z c[i + 1] = (1 - z)^2 s[i], halved at both ends.
+    """
+    found = []
+    for pole in _POLES[order]:
+        diagonal = np.full(length, 1.0 + pole * pole)
+        diagonal[[0, -1]] *= 0.5
+        diagonal, beside, _ = dpttrf(diagonal, np.full(length - 1, -pole))
+        found.append((diagonal, beside, (1.0 - pole) ** 2))
+    return found
+
+
 def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[3, 5]) -> FloatArray:
-    """Return the values of splines, (parts, k, axes).
+    """Return the values of splines, (parts, axes, k).
 
     Args:
-        coefficients: (parts, length, axes) from `spline_coefficients`.
+        coefficients: (parts, axes, length) from `spline_coefficients`.
         positions: (parts, k) in samples of each part, from 0 to its last sample.
         order: of the spline.
     """
-    count, length, axes = coefficients.shape
+    count, axes, length = coefficients.shape
     taps = order + 1
     before = order // 2
     flat = positions.reshape(-1)
@@ -302,13 +322,23 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
         np.multiply(powers[power - 1], powers[1], out=powers[power])
     at = base.astype(np.int32).reshape(count, -1)
     at += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
-    # One sparse matrix reads all axes of all parts.
+    if axes == 1:
+        # Long rows, added one after the other: the sum does not depend on the number of points.
+        places = np.arange(taps, dtype=np.int32)[:, np.newaxis] + at.reshape(-1)
+        parts = coefficients.reshape(-1)[places] * (_BASIS[order].T @ powers)
+        line: FloatArray = np.add.reduce(parts, axis=0)
+        return line.reshape(count, 1, -1)
+    # One sparse matrix reads several axes; for one it takes longer to make than it saves. Its indices are filled column
+    # by column, many times faster than row by row.
+    indices = np.empty((*at.shape, taps), np.int32)
+    for tap in range(taps):
+        np.add(at, tap, out=indices[:, :, tap])
     matrix = copy(_empty_matrix(len(flat), count * length))
     matrix.data = (powers.T @ _BASIS[order]).reshape(-1)
-    matrix.indices = np.add.outer(at.reshape(-1), _TAPS[:taps]).reshape(-1)
+    matrix.indices = indices.reshape(-1)
     matrix.indptr = _row_starts(len(flat), taps)
-    values: FloatArray = matrix @ coefficients.reshape(count * length, axes)
-    return values.reshape(count, -1, axes)
+    values: FloatArray = matrix @ coefficients.transpose(0, 2, 1).reshape(count * length, axes)
+    return values.reshape(count, -1, axes).transpose(0, 2, 1)
 
 
 @lru_cache(maxsize=128)
@@ -341,5 +371,12 @@ def _basis(order: int) -> FloatArray:
     return rows
 
 
-_TAPS: Final = np.arange(6, dtype=np.int32)
+# Poles of the splines' filters inside the unit circle (Unser, Splines: a perfect fit, 1999, table 1).
+_POLES: Final = {
+    3: (math.sqrt(3.0) - 2.0,),
+    5: (
+        math.sqrt(67.5 - math.sqrt(4436.25)) + math.sqrt(26.25) - 6.5,
+        math.sqrt(67.5 + math.sqrt(4436.25)) - math.sqrt(26.25) - 6.5,
+    ),
+}
 _BASIS: Final = {order: _basis(order) for order in (3, 5)}

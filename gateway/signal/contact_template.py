@@ -241,7 +241,7 @@ class ContactSamples:
             angles = region.angles_rad
             where = _places(angles, start, rate, acceleration)
             np.minimum(np.maximum(where, 0.0, out=where), self._last[of_group], out=where)
-            read = read_spline(self._coefficients[of_group], where, 5)[:, :, 0]
+            read = read_spline(self._coefficients[of_group], where, 5)[:, 0]
             factor = 1.0 / (np.square(rates[of_group]) * (rate * rate + (2.0 * acceleration) * angles))
             change = (read - region.gravity_mps2) * factor - region.values
             fitted = change @ region.rows.T

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.estimators import ply_steer, self_calibration, weak_form
 from gateway.estimators.estimator import Estimate, Revolution, Status
-from gateway.estimators.pace import LONGEST, differs, is_due
+from gateway.estimators.pace import LONGEST, differ, is_due
 from gateway.estimators.signal_evidence import Cause, Contradiction, Evidence, Subject
 from gateway.pipeline import tire_estimates
 from gateway.pipeline.results import RevolutionResult
@@ -63,10 +63,9 @@ def test_renewals_are_sparse_and_never_stop() -> None:
 
 
 def test_unknown_condition_differs_from_known_only() -> None:
-    assert not differs(math.nan, math.nan, 1.0)
-    assert differs(math.nan, 1.0, 10.0)
-    assert differs(1.0, math.nan, 10.0)
-    assert not differs(1.0, 2.0, 1.0)
+    renewed, allowed = np.array([math.nan, 2.0]), np.array([10.0, 1.0])
+    now = np.array([[math.nan, 1.0], [1.0, 2.0], [math.nan, 3.5], [math.nan, math.nan]])
+    assert differ(now, renewed, allowed).tolist() == [False, True, True, True]
 
 
 @pytest.mark.parametrize("sizes", [16, (3, 64, 1, 7)])

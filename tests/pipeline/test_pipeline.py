@@ -142,6 +142,26 @@ def test_results_do_not_depend_on_chunks(roll, to_frames):
         assert by_wheel(cut) == by_wheel(whole)
 
 
+def test_frames_of_one_chunk_join_without_changing_results(roll, to_frames) -> None:
+    # Sample numbers wrap, one block is lost and another one comes late.
+    frames = to_frames(roll(60.0, 4.0).radial_mps2, first_sample=2**32 - 20_000)
+    frames.insert(310, frames.pop(300))
+    del frames[700]
+
+    def results(together: int):
+        pipeline, found = Pipeline((SETUP,), UNKNOWN), []
+        for at in range(0, len(frames), together):
+            found += pipeline.frames("link", frames[at : at + together], 10**18)
+        found += pipeline.finish()
+        return found, pipeline.wheels()[0].counters
+
+    (single, counted), (joined, counted_together) = results(1), results(40)
+    assert len(single) > 25
+    assert_agree(joined, single)
+    assert counted == counted_together
+    assert counted.samples_lost == 36
+
+
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("ac", [False, True])
 def test_speed_and_contact_at_any_sign_and_coupling(roll, to_frames, sign, ac):
