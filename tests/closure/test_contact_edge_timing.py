@@ -160,6 +160,16 @@ def test_edges_of_five_revolutions_are_aligned_where_evident() -> None:
     assert scatter[1] < 0.2 * scatter[0]
     still, period_s = wheel(5, 0.0, 0.0, 5)
     assert not compared(still, period_s).evident
+    ramp = compare_edges(
+        orders,
+        index=np.arange(5),
+        period_s=np.full(5, 0.1),
+        omega_radps=OMEGA * (1.0 + 0.005 * np.arange(5)),
+        omega_dot_radps2=np.zeros(5),
+        half_angle_rad=HALF_RAD,
+        folds=5,
+    )
+    assert not ramp.evident
 
 
 def test_absent_axes_stay_unknown() -> None:

@@ -14,7 +14,7 @@ from gateway.closure.inference.experiment_design import deciding_recording
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.reasons import Code, Reason
 
-AGAIN = Reason(Code.RECORD_AT_ANOTHER_SPEED)
+AGAIN = Reason(Code.RECORD_AT_SPEED, speed_ratio=1.5)
 
 
 def against(confounder: str) -> Reason:

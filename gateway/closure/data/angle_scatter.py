@@ -15,6 +15,8 @@ CELLS: Final = 64
 
 # Fewer revolutions do not show what is rare.
 _LEAST: Final = 12
+# Share of the revolutions that is left out of a cell: those of the largest power.
+_TRIMMED: Final = 0.05
 
 
 def angle_scatter(left: FloatArray, present: BoolArray, index: NDArray[np.integer]) -> AngleScatter | None:
@@ -28,12 +30,15 @@ def angle_scatter(left: FloatArray, present: BoolArray, index: NDArray[np.intege
     count = len(left)
     if count < _LEAST:
         return None
-    cells = np.square(left).reshape(count, 3, CELLS, -1).mean(axis=-1)
-    power = cells.mean(axis=0)
+    parts = left.reshape(count, 3, CELLS, -1)
+    cells = np.square(parts).mean(axis=-1)
     # The scatter of a cell's power from turn to turn, in the median cell, which holds noise.
-    spread = np.median(cells.std(axis=0) / np.maximum(power, 1e-30), axis=1)
+    spread = np.median(cells.std(axis=0) / np.maximum(cells.mean(axis=0), 1e-30), axis=1)
+    # The largest of every cell are left out: a few turns in which the speed or the load changed are no scatter.
+    usual = cells <= np.sort(cells, axis=0)[count - 1 - max(1, round(_TRIMMED * count))]
+    power = np.where(usual, cells, 0.0).sum(axis=0) / usual.sum(axis=0)
     sign = np.where(np.asarray(index) % 2, -1.0, 1.0)
-    swing = np.tensordot(sign - sign.mean(), left, axes=1) / np.sqrt(count)
+    swing = np.tensordot(sign - sign.mean(), np.where(usual[..., None], parts, 0.0), axes=1) / np.sqrt(count)
     alternating = np.square(swing).reshape(3, CELLS, -1).mean(axis=-1)
     freedom = np.where(present, 1.0 / np.square(np.maximum(spread, 1e-3)), 0.0)
     return AngleScatter(power, alternating, freedom, count)

@@ -22,6 +22,10 @@ TERMS: Final = 4
 _ROUNDS: Final = 4
 # Revolutions, and pairs of neighbours among them, from which jitter can be evident. One outlier in three is no scatter.
 _LEAST: Final = 4
+# Fewer revolutions cannot tell jitter from the edges' dependence on speed, unless the speed changes by less than this
+# share from turn to turn.
+_FEW: Final = 12
+_STEADY: Final = 1e-3
 # The same shapes are fitted away from the contact. This bounds the amplitude that all other causes produce. Causes
 # fixed in space contribute more at some angles than at others.
 _ELSEWHERE_RAD: Final = tuple(math.pi + away for away in (-1.0, -0.5, 0.0, 0.5, 1.0))
@@ -128,6 +132,8 @@ def compare_edges(
     nothing = Edges(np.zeros((count, TERMS)), half_angle_rad, timing)
     follows = np.flatnonzero(np.diff(index) == 1)
     if count < _LEAST or len(follows) < _LEAST or not 0.0 < half_angle_rad < 0.5 * math.pi:
+        return nothing
+    if count < _FEW and np.median(np.abs(np.diff(omega_radps))) > _STEADY * float(omega_radps.mean()):
         return nothing
     raw = orders_mps2.astype(np.complex128)
     present = np.isfinite(raw).all(axis=0)

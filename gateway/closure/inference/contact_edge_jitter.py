@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -23,6 +23,8 @@ from gateway.types import FloatArray
 _SIZES: Final = 160
 _FACTORS: Final = 41
 _REACH: Final = 4.0
+# Folds from which the one of the largest scatter is left out of the evidence.
+_FOLDS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     mean = float(weight @ square / weight.sum())
     mean_std = math.sqrt(float(np.square(weight * std).sum())) / float(weight.sum())
     name = CONTACT_EDGE_JITTER.name
-    nothing, alike, free = _log_evidences(seen)
+    nothing, alike, free = _log_evidences([_without_largest(group) for group in seen])
     reason = _objection(seen, mean)
     if reason is None and free + math.log(criteria.STAND_IN_ODDS) > alike:
         largest = seen[int(np.argmax(np.abs(square - mean) / std))]
@@ -78,6 +80,18 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
             log_odds=posterior.log_odds(name),
         ),
     )
+
+
+def _without_largest(group: Group) -> Group:
+    """Return a group without the fold of the largest scatter: a few turns in which the speed changed are no jitter."""
+    edges = group.edges
+    known = [fold for fold, freedom in enumerate(edges.freedom) if freedom > 0.0]
+    if len(known) < _FOLDS:
+        return group
+    largest = max(known, key=lambda fold: edges.power_rad2[fold])
+    kept = [fold for fold in known if fold != largest]
+    freedom, power = ([values[fold] for fold in kept] for values in (edges.freedom, edges.power_rad2))
+    return replace(group, edges=replace(edges, freedom=tuple(freedom), power_rad2=tuple(power)))
 
 
 def _log_evidences(groups: Sequence[Group]) -> tuple[float, float, float]:
