@@ -62,6 +62,7 @@ class Code(StrEnum):
     AVERAGE_ERRORS_UNKNOWN = "average_errors_unknown"
     AXIS_MISSING = "axis_missing"
     AXIS_NOT_FINITE = "axis_not_finite"
+    AXIS_AGAINST_ROLLING = "axis_against_rolling"
     EDGE_ERRORS_UNKNOWN = "edge_errors_unknown"
     EFFECTS_NOT_SUBTRACTED = "effects_not_subtracted"
     NEEDS_LOAD = "needs_load"

@@ -223,7 +223,7 @@ class PlySteerEstimator:
         estimates.append(_estimate(LINE_NAME, line, line_std, doubt, notes[1:]))
         estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
         roll = followed.roll
-        return (*estimates, _roll_estimate(roll, claims), lean, _offset_estimate(roll, claims, unusable))
+        return (*estimates, _roll_estimate(roll, claims, unusable), lean, _offset_estimate(roll, claims, unusable))
 
 
 @dataclass(frozen=True, slots=True)
@@ -396,10 +396,12 @@ def _conicity(
     return _estimate(CONICITY_NAME, value, std, doubt, ())
 
 
-def _roll_estimate(roll: Roll, claims: SensorClaims) -> Estimate:
+def _roll_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) -> Estimate:
     """Return the measured roll, against the stated one."""
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
+    if unusable is not None:
+        return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, unusable))
     stated = claims.roll_rad
     if stated is None or abs(roll.rad - stated) <= _SIGNIFICANT * math.hypot(roll.std_rad, claims.roll_std_rad):
         return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)

@@ -227,6 +227,10 @@ def test_first_revolutions_and_faults_are_provisional() -> None:
     assert after[NAMES[0]].value == before[NAMES[0]].value
     assert after[NAMES[0]].status is Status.PROVISIONAL
     assert Code.SAMPLES_LOST in codes_of(after[NAMES[0]].reasons)
+    assert after[ROLL_NAME].value == before[ROLL_NAME].value
+    assert before[ROLL_NAME].status is Status.VALID
+    assert after[ROLL_NAME].status is Status.PROVISIONAL
+    assert Code.SAMPLES_LOST in codes_of(after[ROLL_NAME].reasons)
 
 
 def test_ac_coupling_adds_roll_tilt_to_the_error() -> None:
