@@ -36,7 +36,7 @@ _BETA_PER_LN_BS: Final = 0.0735
 _MEAN_BS: Final = 1.73e-3
 # Thickness of a ring of unknown thickness.
 _USUAL_THICKNESS_M: Final = 0.015
-# Root mean square of ln(EI / new EI) = 3 ln(1 - wear / thickness) for a wear of equal probability from 0 to 6.4 of 15 mm:
+# Root mean square of ln(EI / new EI) = 3 ln(1 - wear / thickness) over wear from 0 to 6.4 mm of 15 mm, each as likely:
 # a car's tread of 8 mm and its legal limit of 1.6 mm, on a usual ring.
 _UNKNOWN_WEAR_STD: Final = 0.9
 # The ring wears down to its belt at most.
