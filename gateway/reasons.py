@@ -155,6 +155,7 @@ class Code(StrEnum):
     ORDERS_USED = "orders_used"
     ROLL_CONTRADICTED = "roll_contradicted"
     ROLL_NOT_CALIBRATED = "roll_not_calibrated"
+    ROLL_UNLIKELY = "roll_unlikely"
     SCATTER_UNKNOWN = "scatter_unknown"
     SIGN_NOT_DETERMINED = "sign_not_determined"
     SLIP_BEYOND_LAW = "slip_beyond_law"

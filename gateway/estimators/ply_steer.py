@@ -213,7 +213,7 @@ class PlySteerEstimator:
         assert followed is not None
         *slopes_rad, line, difference, ahead = (renewed.rows[:-2] @ followed.lateral_m).tolist()
         *stds, line_std, difference_std, ahead_std = renewed.stds_rad
-        doubt = unusable or _doubt(followed)
+        doubt = unusable or _doubt(followed, claims)
         notes = renewed.notes
         estimates = [
             _estimate(name, value, std, doubt, notes)
@@ -356,15 +356,33 @@ def _truncation_std(order_max: int, edges_rad: tuple[float, float]) -> float:
     return math.exp(min(_TRUNCATION[0] - resolved, 0.0) / _TRUNCATION[1])
 
 
-def _doubt(followed: _Followed) -> Reason | None:
+def _doubt(followed: _Followed, claims: SensorClaims) -> Reason | None:
     """Return why the angle is provisional; None when it is not."""
+    roll = followed.roll
     if followed.effective_count < SETTLED_REVOLUTIONS:
         return Reason(Code.NOT_SETTLED, revolutions=followed.effective_count, needed=SETTLED_REVOLUTIONS)
     if followed.order_max < ENOUGH_ORDERS:
         return Reason(Code.TOO_FEW_ORDERS, orders=followed.order_max, needed=ENOUGH_ORDERS)
-    if not followed.roll.count:
+    if not roll.count:
         return Reason(Code.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
+    if not _zero_is_measured(roll, claims):
+        # At one speed a zero of the lateral axis looks like a roll, and a roll like conicity.
+        expected = claims.roll_rad or 0.0
+        if _differs_from_roll(roll, claims, expected):
+            return Reason(
+                Code.ROLL_UNLIKELY, roll_rad=roll.rad, expected_rad=expected, expected_std_rad=claims.roll_std_rad
+            )
     return None
+
+
+def _differs_from_roll(roll: Roll, claims: SensorClaims, expected_rad: float) -> bool:
+    """Return whether the measured roll differs significantly from an expected one."""
+    return abs(roll.rad - expected_rad) > _SIGNIFICANT * math.hypot(roll.std_rad, claims.roll_std_rad)
+
+
+def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
+    """Return whether different speeds have separated the constant of the lateral mean from the roll."""
+    return roll.offset_std_mps2 <= _OFFSET_MEASURED * max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
 
 
 def _estimate(name: str, value: float, std: float, doubt: Reason | None, notes: tuple[Reason, ...]) -> Estimate:
@@ -419,7 +437,7 @@ def _roll_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) ->
     if unusable is not None:
         return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, unusable))
     stated = claims.roll_rad
-    if stated is None or abs(roll.rad - stated) <= _SIGNIFICANT * math.hypot(roll.std_rad, claims.roll_std_rad):
+    if stated is None or not _differs_from_roll(roll, claims, stated):
         return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)
     contradicted = Reason(Code.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
     return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, contradicted))
@@ -433,7 +451,7 @@ def _offset_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) 
     expected = max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
     if unusable is not None:
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (unusable,))
-    if std > _OFFSET_MEASURED * expected:
+    if not _zero_is_measured(roll, claims):
         return Estimate(OFFSET_NAME, value, std, Status.PROVISIONAL, (Reason(Code.LATERAL_ZERO_NOT_SEPARATED),))
     if abs(value) > _SIGNIFICANT * math.hypot(std, expected):
         reason = Reason(Code.LATERAL_ZERO_CONTRADICTED, stated_std_mps2=claims.zero_g_std_mps2)
