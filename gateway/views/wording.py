@@ -255,8 +255,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
     ),
     Code.ROLL_UNLIKELY: (
-        "the means of the axes give a roll of {roll_rad:.1f deg}, {expected_rad:.1f deg} ± {expected_std_rad:.1f deg} is "
-        "expected: a rolled sensor (state mounting.roll_deg), or a wrong zero of the lateral axis (record two speeds)"
+        "the means of the axes give a roll of {roll_rad:.1f deg}, {expected_rad:.1f deg} ± {expected_std_rad:.1f deg} "
+        "is expected: a rolled sensor (state mounting.roll_deg), or a wrong zero of the lateral axis (record two speeds)"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
     Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",
