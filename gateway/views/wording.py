@@ -256,7 +256,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.ROLL_UNLIKELY: (
         "the means of the axes give a roll of {roll_rad:.1f deg}, {expected_rad:.1f deg} ± {expected_std_rad:.1f deg} "
-        "is expected: a rolled sensor (state mounting.roll_deg), or a wrong zero of the lateral axis (record two speeds)"
+        "is expected: a rolled sensor (state mounting.roll_deg) or a wrong zero of the lateral axis (record two speeds)"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
     Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",
