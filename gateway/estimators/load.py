@@ -34,9 +34,11 @@ _BETA_STD: Final = 0.07
 _BETA_STD_KNOWN_BS: Final = 0.055
 _BETA_PER_LN_BS: Final = 0.0735
 _MEAN_BS: Final = 1.73e-3
-# Of a tire in use whose wear is not known, and thickness of a ring of unknown thickness.
-_UNKNOWN_WEAR_STD_M: Final = 3e-3
+# Thickness of a ring of unknown thickness.
 _USUAL_THICKNESS_M: Final = 0.015
+# Root mean square of ln(EI / new EI) = 3 ln(1 - wear / thickness) over wear from 0 to 6.4 mm of 15 mm, each as likely:
+# a car's tread of 8 mm and its legal limit of 1.6 mm, on a usual ring.
+_UNKNOWN_WEAR_STD: Final = 0.9
 # The ring wears down to its belt at most.
 _LEAST_THICKNESS_SHARE: Final = 0.3
 
@@ -185,18 +187,17 @@ def _bending_change(
         )
         return change, std, noted
     thickness = tire.ring_thickness_m or _USUAL_THICKNESS_M
-    wear_m, wear_std_m = (tire.wear_m, tire.wear_std_m) if tire.wear_m is not None else (0.0, _UNKNOWN_WEAR_STD_M)
-    left = max(1.0 - wear_m / thickness, _LEAST_THICKNESS_SHARE)
+    left = max(1.0 - (tire.wear_m or 0.0) / thickness, _LEAST_THICKNESS_SHARE)
     softening = tire.reference.softening(conditions.temperature_degc, calibration.temperature_degc)
     by_temperature = softening.logarithm if softening.is_known else 0.0
     # EI ~ thickness^3
-    wear_std = 3.0 * wear_std_m / (thickness * left)
+    wear_std = _UNKNOWN_WEAR_STD if tire.wear_m is None else 3.0 * tire.wear_std_m / (thickness * left)
     change = 3.0 * math.log(left) + by_temperature
     notes = []
     if tire.wear_m is None:
         notes.append(Reason(Code.WEAR_UNKNOWN, relative_error=math.hypot(_BETA, _BETA_STD) * wear_std))
     elif 3.0 * abs(math.log(left)) > _REPORTED_CHANGE:
-        notes.append(Reason(Code.CORRECTED_FOR_WEAR, wear_m=wear_m))
+        notes.append(Reason(Code.CORRECTED_FOR_WEAR, wear_m=tire.wear_m))
     if not softening.is_known:
         notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
     elif abs(by_temperature) > _REPORTED_CHANGE:

@@ -48,6 +48,7 @@ NAMES: Final = (
     "sensor_offset_m",
 )
 _CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
+_ALONG_NAME: Final = AXIS_NAMES[_CIRCUMFERENTIAL]
 
 # Prior standard errors of G, z, G' and a: 10 %, 1 g and 0.05 % per degree as in a data sheet; belt stretch as order 1
 # of R Omega^2, 2.4e-4 on a belt of 5 MN at 5000 N.
@@ -73,6 +74,9 @@ _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 # not known, and given as 0.
 _STEADY_SPEED: Final = 0.03
 _LEAST_REVOLUTIONS: Final = 8
+# Ratio of squared residuals from which the circumferential axis points against the rolling direction: gravity of twice
+# its size is then left over in order 1.
+_AGAINST: Final = 4.0
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
 
@@ -145,6 +149,7 @@ class _Step:
         warm: temperature above that of the first revolution, K.
         floor: gain of an AC-coupled sensor from the contact; None before the first.
         measured: for the evidence; None before the first revolution.
+        against: whether the circumferential axis points against the rolling direction.
     """
 
     refused: Reason | None
@@ -156,6 +161,12 @@ class _Step:
     warm: float
     floor: Estimate | None
     measured: Measured | None
+    against: bool = False
+
+
+_START: Final = _Step(None, 0, np.zeros(_SUMS), None, None, None, 0.0, None, None)
+# Factors of the circumferential and the radial axis.
+_TURNED: Final = np.array([[-1.0], [1.0]])
 
 
 class SelfCalibrationEstimator:
@@ -180,7 +191,7 @@ class SelfCalibrationEstimator:
         self._ratio = 0.0
         self._belt: BeltKinematics | None = None
         self._centre_rad = self._scatter_mps2 = math.nan
-        self._last = _Step(None, 0, np.zeros(_SUMS), None, None, None, 0.0, None, None)
+        self._last = _START
         self._steps: list[_Step] = []
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
@@ -248,7 +259,37 @@ class SelfCalibrationEstimator:
         self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
         if block.revolutions[index].ac_coupled:
             self._last = replace(self._last, floor=_floor_gain(average, conditions))
+        self._look_at_direction(block, index)
         return None
+
+    def _look_at_direction(self, block: RevolutionBlock, index: int) -> None:
+        """Start again where a revolution shows that the circumferential axis points the other way than assumed.
+
+        A tire that rolls in reverse, or an axis of the wrong sign, turns gravity and the reading of the offset round.
+        """
+        spectra = block.arrays.in_plane_mps2[index]
+        if not np.isfinite(spectra[0, 0].real):
+            return
+        belt = self._belt
+        assert belt is not None
+        revolution = block.revolutions[index]
+        rows = mounting_rows(
+            np.stack([spectra, spectra * _TURNED]),
+            belt,
+            np.full(2, revolution.omega_radps),
+            np.full(2, revolution.omega_dot_radps2),
+            block.conditions[index].radius_m,
+            np.full(2, revolution.order_max),
+            with_mean=not revolution.ac_coupled,
+        )
+        ahead, back = rows.squared_residuals().tolist()
+        against = self._last.against
+        if _AGAINST * (ahead if against else back) < (back if against else ahead):
+            self._last = replace(_START, against=not against, floor=self._last.floor)
+            self._is_calibrated = False
+            self._ratio = self._offset_ratio(block.conditions[index])
+            average = block.averages.at(index)
+            self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
 
     def _offset_ratio(self, conditions: TireConditions) -> float:
         """Return e / R: as measured once its error is below 1 mm, else as stated, else 0."""
@@ -268,6 +309,8 @@ class SelfCalibrationEstimator:
         # Without a copy where all are taken, as nearly always.
         at = slice(None) if len(taken) == len(block) else np.array(taken)
         spectra = block.arrays.in_plane_mps2[at]
+        if self._last.against:
+            spectra = spectra * _TURNED
         omega, omega_dot = block.arrays.omega_radps[at], block.arrays.omega_dot_radps2[at]
         along = np.isfinite(spectra[:, 0, 0].real)
         if along.any():
@@ -367,7 +410,7 @@ class SelfCalibrationEstimator:
         floor = self._last.floor
         contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
         equations = sums[:, _MEAN.start : _GRAVITY.stop].tolist()
-        count, steps = self._last.count, []
+        count, against, steps = self._last.count, self._last.against, []
         for place, index in enumerate(taken):
             revolution, claims = block.revolutions[index], block.conditions[index].claims
             count += 1
@@ -376,6 +419,9 @@ class SelfCalibrationEstimator:
             offset = pitch = None
             if solutions is not None and stds is not None:
                 pitch, offset = _mounting(solutions[place], stds[place], axes_std)
+                if against and pitch is not None:
+                    # Of the sensor, not of its turned axis.
+                    pitch = _Found(-pitch.value, pitch.std)
             roll = self._last.roll
             if not revolution.ac_coupled:
                 means = block.arrays.means_mps2[index]
@@ -392,7 +438,7 @@ class SelfCalibrationEstimator:
                 contact_gain=contact,
                 offset_m=offset if count >= _LEAST_OF_OFFSET else None,
             )
-            steps.append(_Step(None, count, sums[place], pitch, offset, roll, warm[place], floor, measured))
+            steps.append(_Step(None, count, sums[place], pitch, offset, roll, warm[place], floor, measured, against))
         self._last = steps[-1]
         return steps
 
@@ -425,6 +471,8 @@ def _mounting_estimates(conditions: TireConditions, step: _Step) -> tuple[Estima
         return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
     doubt = step.refused or _unsettled(step)
     offset = _estimate(NAMES[5], step.offset, doubt)
+    if step.against:
+        offset = replace(offset, reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
     stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
     if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
         offset = replace(offset, reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))

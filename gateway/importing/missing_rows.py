@@ -17,6 +17,8 @@ from gateway.types import FloatArray, IntArray
 
 # Share of a sample interval by which a step may differ from a whole number of them.
 _TOLERANCE: Final = 0.1
+# Share of a sample interval by which a step without a missing row may differ from the median.
+_WHOLE_STEP: Final = 0.5
 # Share of a sample interval; in coarser times a missing sample looks like rounding.
 _FINEST_GRID: Final = 0.02
 # A longer interruption is a new measurement.
@@ -122,6 +124,11 @@ def _interval(times: FloatArray) -> float:
     known = np.flatnonzero(np.isfinite(times))[:_LEARNED_ROWS]
     if len(known) < 3:
         return 0.0
-    interval = float(np.median(np.diff(times[known]) / np.diff(known)))
+    rows, steps = np.diff(known), np.diff(times[known])
+    interval = float(np.median(steps / rows))
+    # The median of rounded steps is a multiple of the rounding. Their mean is not; a step that skips rows is left out.
+    whole = np.abs(steps / rows - interval) <= _WHOLE_STEP * interval
+    if whole.any():
+        interval = float(steps[whole].sum() / rows[whole].sum())
     grid = decimal_grid(times[known])
     return 0.0 if grid is not None and grid > _FINEST_GRID * interval else interval

@@ -63,6 +63,8 @@ class TimeColumn:
         self._rates: list[tuple[float, float, str]] = []
         self._wrong = 0
         self._fault = ""
+        # Steps without a missing row, and their time.
+        self._steps, self._stepped_s, self._pieces = 0, 0.0, 1
 
     def look(self, path: Path, block: Block) -> FloatArray:
         """Check the times of a block and return them in s, those of rows without a time filled in."""
@@ -102,7 +104,7 @@ class TimeColumn:
         rate_hz = (self._rows - 1) / span_s
         rounding_s = self.rounding_s
         std_hz = None if rounding_s is None else rate_hz * math.sqrt(2.0) * _ROUNDING_STD * rounding_s / span_s
-        about = f"about {rate_hz:.8g}" if std_hz is None else f"{rate_hz:.8g} +- {std_hz:.1g} by the whole file"
+        about = self._advice(rate_hz)
         if rounding_s is not None and rounding_s > _COARSEST * self.interval_s:
             raise ImportDataError(
                 f"{path}: the times are rounded to {rounding_s * 1e3:g} ms, which is more than a sample interval",
@@ -123,6 +125,19 @@ class TimeColumn:
                     "Resample the file to one rate before importing.",
                 )
         return rate_hz, std_hz
+
+    def _advice(self, rate_hz: float) -> str:
+        """Return the rate to state instead, from the steps that skip no sample; `rate_hz` where there are none."""
+        if self._fault and self._steps and self._stepped_s > 0.0:
+            rate_hz = self._steps / self._stepped_s
+        rounding_s = self.rounding_s
+        if rounding_s is None:
+            return f"about {rate_hz:.8g}"
+        # Each piece between gaps has the rounding of its two ends.
+        ends_s = math.sqrt(2.0 * self._pieces) * _ROUNDING_STD * rounding_s
+        std_hz = rate_hz * rate_hz * ends_s / max(self._steps, 1)
+        where = "the steps without a gap" if self._fault else "the whole file"
+        return f"{rate_hz:.8g} +- {std_hz:.1g} by {where}"
 
     def _begin(self, path: Path, block: Block, column: FloatArray, known: NDArray[np.intp]) -> None:
         """Learn the sample interval and the rounding from the first block."""
@@ -174,6 +189,11 @@ class TimeColumn:
             return
         deviations_s = np.abs(steps_s - self.interval_s)
         self.jitter_s = max(self.jitter_s, float(deviations_s.max()))
+        # Rounding alone moves a step by up to the grid.
+        whole = deviations_s <= _STEP_TOLERANCE * self.interval_s + (self._grid_s or 0.0)
+        self._steps += int(np.count_nonzero(whole))
+        self._stepped_s += float(steps_s[whole].sum())
+        self._pieces += int(np.count_nonzero(~whole))
         wrong = np.flatnonzero(deviations_s > _STEP_TOLERANCE * self.interval_s)
         if not len(wrong):
             return

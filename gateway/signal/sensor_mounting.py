@@ -124,6 +124,15 @@ class MountingRows:
             stds = np.sqrt(variance)
         return np.where(known, solution, math.nan), np.where(known, stds, math.nan)
 
+    def squared_residuals(self) -> FloatArray:
+        """Return the sum of squares that the solution of each set leaves, (k,) m^2/s^4."""
+        bands = len(_BANDS)
+        *_, offset_right, tilt_right, square = self.sums[:, : 6 * bands].reshape(-1, 6, bands).sum(axis=2).T
+        right = np.stack([offset_right, tilt_right, self.sums[:, -2]], axis=1)
+        solution = np.nan_to_num(self.solve()[0])
+        result: FloatArray = np.maximum(square - np.sum(solution * right, axis=1), 0.0)
+        return result
+
 
 def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:
     """Return kappa R, (n,), of mean 1, from a waveform without gravity that includes its steady value.

@@ -101,6 +101,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.AVERAGE_ERRORS_UNKNOWN: "the standard errors of the average are not known",
     Code.AXIS_MISSING: "the sensor has no {axis} axis",
     Code.AXIS_NOT_FINITE: "the {axis} axis is not finite",
+    Code.AXIS_AGAINST_ROLLING: (
+        "the {axis} axis points against the rolling direction: the tire rolls in reverse, or the sign of the axis is "
+        "wrong; it is turned round here"
+    ),
     Code.EDGE_ERRORS_UNKNOWN: "the standard errors of the contact edges are not known",
     Code.EFFECTS_NOT_SUBTRACTED: "known effects were not subtracted: {why}",
     Code.NEEDS_LOAD: "needs the load (set load_n of the wheel, or weight_kg of its axle, in the vehicle file)",
@@ -249,6 +253,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.ROLL_NOT_CALIBRATED: (
         "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
+    ),
+    Code.ROLL_UNLIKELY: (
+        "the means of the axes give a roll of {roll_rad:.1f deg}, {expected_rad:.1f deg} ± {expected_std_rad:.1f deg} "
+        "is expected: a rolled sensor (state mounting.roll_deg) or a wrong zero of the lateral axis (record two speeds)"
     ),
     Code.SCATTER_UNKNOWN: "the scatter is not known before {needed:.0f} revolutions",
     Code.SIGN_NOT_DETERMINED: "the sign is not determined: {errors:.1f} standard errors from zero",

@@ -174,6 +174,20 @@ def test_offset_at_one_speed_is_not_separated_from_roll() -> None:
     assert found.std > 0.9
 
 
+def test_unlikely_roll_at_one_speed_makes_slopes_provisional() -> None:
+    """A lateral zero of 6 g looks like a roll of 3.3 deg, and that like conicity."""
+    sensor = replace(QUIET, lateral_offset_mps2=59.0)
+    revolutions = rolled(radial(), LateralBelt(), sensor)
+    for claims, status in (
+        (SensorClaims(), Status.PROVISIONAL),
+        (SensorClaims(roll_rad=math.radians(3.3)), Status.VALID),
+    ):
+        found = estimate(revolutions, conditions=replace(CONDITIONS, claims=claims))
+        for name in (NAMES[0], CONICITY_NAME):
+            assert (Code.ROLL_UNLIKELY in codes_of(found[name].reasons)) is (status is Status.PROVISIONAL)
+        assert found[NAMES[0]].status is status
+
+
 def test_stated_roll_is_compared_with_the_measured_one() -> None:
     for stated_deg, status in ((1.1, Status.VALID), (6.0, Status.PROVISIONAL)):
         claims = SensorClaims(roll_rad=math.radians(stated_deg))
@@ -227,6 +241,10 @@ def test_first_revolutions_and_faults_are_provisional() -> None:
     assert after[NAMES[0]].value == before[NAMES[0]].value
     assert after[NAMES[0]].status is Status.PROVISIONAL
     assert Code.SAMPLES_LOST in codes_of(after[NAMES[0]].reasons)
+    assert after[ROLL_NAME].value == before[ROLL_NAME].value
+    assert before[ROLL_NAME].status is Status.VALID
+    assert after[ROLL_NAME].status is Status.PROVISIONAL
+    assert Code.SAMPLES_LOST in codes_of(after[ROLL_NAME].reasons)
 
 
 def test_ac_coupling_adds_roll_tilt_to_the_error() -> None:

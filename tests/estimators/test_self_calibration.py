@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
-from gateway.estimators.self_calibration import Equations, speed_errors
+from gateway.estimators.self_calibration import Equations, SelfCalibrationEstimator, speed_errors
 from gateway.pipeline.wheel_setup import SensorClaims, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
+from gateway.signal.synchronous_average import RunningAverage
+from tests.testkit.revolution_data import take
 from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)
@@ -110,6 +113,32 @@ def test_wrong_stated_offset_is_reported() -> None:
     setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(offset_m=0.001))
     found = last(simulated(FAULTY, 12.0, setup, ESTIMATORS)[0])
     assert found["sensor_offset_m"].reasons == (Reason(Code.OTHER_OFFSET_STATED, stated_m=0.001),)
+
+
+@pytest.mark.parametrize("offset_mm", [0.0, 5.0])
+def test_reverse_rolling_gives_offset_and_pitch(offset_mm: float) -> None:
+    tables = FAULTY.replace("offset_mm = 5", f"offset_mm = {offset_mm}") + "[motion]\ndirection = 'reverse'"
+    results, _ = simulated(tables, 5.0, SETUP, ESTIMATORS)
+    for found in (last(results[:10]), last(results)):
+        offset = found["sensor_offset_m"]
+        assert offset.status is Status.VALID
+        assert codes_of(offset.reasons) == (Code.AXIS_AGAINST_ROLLING,)
+        assert within(offset, 1e-3 * offset_mm)
+        assert within(found["pitch_tilt_rad"], math.radians(-1.5))
+
+
+def test_change_of_direction_starts_calibration_again() -> None:
+    results, _ = simulated(FAULTY, 12.0, SETUP, ESTIMATORS)
+    estimator, average = SelfCalibrationEstimator(), RunningAverage()
+    turned = np.array([[-1.0], [1.0], [1.0]])
+    for number, result in enumerate(results[:60]):
+        revolution = result.revolution
+        if number >= 20:
+            revolution = replace(revolution, axes_mps2=revolution.axes_mps2 * turned)
+        found = estimator.update(revolution, take(average, revolution), result.conditions)
+        offset = {estimate.name: estimate for estimate in found}["sensor_offset_m"]
+        assert (Code.AXIS_AGAINST_ROLLING in codes_of(offset.reasons)) is (number >= 23)
+    assert within(offset, 0.005)
 
 
 def test_errors_cover_road_noise() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tracemalloc
 from pathlib import Path
 
@@ -107,6 +108,25 @@ def test_rows_that_are_left_out_are_gaps(tmp_path: Path, monkeypatch: pytest.Mon
     assert (report.samples, report.left_out) == (400, len(missing))
     assert report.rate_hz == pytest.approx(9600, rel=1e-4)
     assert any("93 samples that the time column skips are gaps" in line for line in report_lines(report))
+
+
+def test_long_gap_between_rounded_times_is_filled(tmp_path: Path) -> None:
+    """The median step of 9600 Hz in whole microseconds is 104, 0.16 % short: half a sample in 300."""
+    missing = set(range(1200, 1500))
+    lines = [f"{k / 9600:.6f},{k % 7}" for k in range(6000) if k not in missing]
+    report, decoded = imported(tmp_path, lines, 'time_column = "t"')
+    assert set(numbered(decoded)) == set(range(6000)) - missing
+    assert report.rate_hz == pytest.approx(9600, rel=1e-5)
+
+
+@pytest.mark.parametrize(("digits", "std"), [(7, ""), (6, ""), (4, r" \+- ")])
+def test_advised_rate_does_not_contain_the_gap(tmp_path: Path, digits: int, std: str) -> None:
+    lines = [f"{k / 9600 + (60.0 if k > 3000 else 0.0):.{digits}f},{k % 7}" for k in range(6000)]
+    with pytest.raises(ImportDataError) as caught:
+        imported(tmp_path, lines, 'time_column = "t"')
+    stated = re.search(rf"rate_hz \((?:about )?([0-9.]+){std}", caught.value.remedy)
+    assert stated is not None, caught.value.remedy
+    assert float(stated[1]) == pytest.approx(9600, rel=1e-4)
 
 
 def test_interruption_of_a_minute_is_rejected(tmp_path: Path) -> None:

@@ -93,3 +93,13 @@ def test_missing_exudyn_is_a_clear_error(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setitem(sys.modules, "exudyn", None)
     with pytest.raises(RuntimeError, match="pip install exudyn"):
         roll(BELT)
+
+
+@pytest.mark.parametrize("slip_scale", [2e-3, 1.0, 2.0])
+def test_friction_grows_with_slip_over_its_scale(slip_scale: float) -> None:
+    road = RoadForce(replace(BELT, slip_scale=slip_scale, tread_damping_nspm2=0.0, friction=0.5), MESH)
+    road.road_mps = -BELT.speed_mps
+    still = np.zeros(COORDINATES * MESH.count)
+    found = road.at(BELT.period_s, still, still)
+    # The belt slides at nearly twice its speed over a road that moves the other way.
+    assert abs(found.drag_n) / found.push_n == pytest.approx(0.5 * math.tanh(1.96 / slip_scale), rel=0.02)

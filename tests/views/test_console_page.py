@@ -9,6 +9,7 @@ from gateway.reasons import Code, Notice, Reason
 from gateway.views.console.page import ViewState, compose, panel_grid
 from gateway.views.console.styled_rows import Role, row_width
 from gateway.views.console.waveform import Zoom
+from gateway.views.console.wheel_panel import _grid
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -316,3 +317,15 @@ def test_alarms_are_marked_by_words_too(made):
         for text, role in row:
             if role is Role.ALARM and text.strip():
                 assert text.strip().startswith(("ALARM", "DOWN", "PAUSED", "ENDED", "SILENT", "!"))
+
+
+def test_values_side_by_side_never_touch():
+    rows = [(("a" * size, Role.VALUE),) for size in (10, 10, 9, 10, 20, 3, 4)]
+    lines = ["".join(text for text, _ in line) for line in _grid(rows, 2, 10)]
+    assert [line.split() for line in lines] == [
+        ["a" * 10],
+        ["a" * 10],
+        ["a" * 9, "a" * 10],
+        ["a" * 20],
+        ["aaa", "aaaa"],
+    ]

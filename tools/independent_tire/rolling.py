@@ -24,8 +24,6 @@ SETTLING: Final = 3.5
 _REACH_RAD: Final = 0.8
 # Tread damping acts fully from this penetration on: a damper that starts at once would strike.
 _GROWS_OVER_M: Final = 1e-4
-# Sliding speed, as a share of the rolling speed, at which friction is nearly full.
-_REGULAR: Final = 2e-3
 # Gain of the road's speed on the longitudinal force.
 _FREE_ROLLING: Final = 0.5
 
@@ -51,6 +49,8 @@ class Belt:
         tread_damping_nspm2: of the tread.
         bending_damping_nm2s: of the belt.
         friction: of the road.
+        slip_scale: sliding speed at which friction is nearly full, as a share of the rolling speed. A tread that shears
+            has one of some percent; a stiff one makes the force follow the slip too slowly to be steady.
         traction: longitudinal force of the road on the tire, positive forward, over the load; the road's speed follows.
         drum_radius_m: infinite for a flat road.
         blocks: of the tread, a turn; 0 is a tread without blocks.
@@ -77,6 +77,7 @@ class Belt:
     tread_damping_nspm2: float = 0.0
     bending_damping_nm2s: float = 0.0
     friction: float = 0.0
+    slip_scale: float = 2e-3
     traction: float = 0.0
     drum_radius_m: float = math.inf
     blocks: int = 0
@@ -204,7 +205,7 @@ class RoadForce:
         unclipped = tread * depth + damper * sinking
         push = np.maximum(unclipped, 0.0)
         alive = push > 0.0
-        width = _REGULAR * belt.speed_mps
+        width = belt.slip_scale * belt.speed_mps
         held = np.tanh(((moving * along).sum(axis=-1) - self.road_mps) / width)
         direction = normal - (belt.friction * held)[..., None] * along
         force = (self._weight_m * push)[..., None] * direction

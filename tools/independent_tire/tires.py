@@ -57,21 +57,24 @@ TIRES: Final[tuple[Belt, ...]] = (
     _belt("blocks-75", *_CAR, speed_mps=75 / 3.6, **_BLOCKS),
 )  # fmt: skip
 
+# Slope of force over slip: 25 times the load, as of a car tire (Pacejka, Tire and Vehicle Dynamics, 2012: 10 to 30).
+_SLIP_SCALE: Final = 0.04
 # Driven and braked by the road's friction: the truth of the force estimators.
 PULLED: Final[tuple[Belt, ...]] = (
-    _belt("free-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=60.0, friction=1.0),
+    _belt("free-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=60.0, friction=1.0,
+          slip_scale=_SLIP_SCALE),
     _belt("driven-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=60.0, friction=1.0,
-          traction=0.08, settling=7.0),
+          traction=0.08, slip_scale=_SLIP_SCALE),
     _belt("braked-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=60.0, friction=1.0,
-          traction=-0.3, settling=7.0),
+          traction=-0.3, slip_scale=_SLIP_SCALE),
     _belt("lossy-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=120.0,
-          bending_damping_nm2s=2e-3, tread_damping_nspm2=5e3, friction=1.0, traction=0.08, settling=7.0),
+          bending_damping_nm2s=2e-3, tread_damping_nspm2=5e3, friction=1.0, traction=0.08, slip_scale=_SLIP_SCALE),
     _belt("driven-100", *_CAR, speed_mps=100 / 3.6, sinking_m=0.026, sidewall_damping_nspm2=60.0, friction=1.0,
-          traction=0.15, settling=7.0),
+          traction=0.15, slip_scale=_SLIP_SCALE),
     _belt("braked-40", *_CAR, speed_mps=40 / 3.6, sinking_m=0.020, sidewall_damping_nspm2=60.0, friction=1.0,
-          traction=-0.1, settling=7.0),
+          traction=-0.1, slip_scale=_SLIP_SCALE),
     _belt("van-driven-80", *_VAN, speed_mps=80 / 3.6, sinking_m=0.020, sidewall_damping_nspm2=110.0, friction=1.0,
-          traction=0.15, settling=7.0),
+          traction=0.15, slip_scale=_SLIP_SCALE),
     _belt("pulling-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=60.0, friction=1.0,
-          traction=0.3, settling=7.0),
+          traction=0.3, slip_scale=_SLIP_SCALE),
 )  # fmt: skip

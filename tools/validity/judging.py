@@ -12,6 +12,7 @@ from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, wavef
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.kinematic import CENTRE_STD_RAD
 from gateway.estimators.registry import in_order
 from gateway.pipeline.results import RevolutionResult
 from validity.cases import Case
@@ -150,9 +151,14 @@ def _by_owner(result: RevolutionResult, first: str) -> dict[tuple[str, str], Est
             found["kinematic", "contact_length_m"],
             name="half_angle_rad",
             value=0.5 * (trailing.value - leading.value),
-            std=0.5 * (trailing.std + leading.std),
+            std=0.5 * (_beyond_centre(trailing.std) + _beyond_centre(leading.std)),
         )
     return found
+
+
+def _beyond_centre(edge_std_rad: float) -> float:
+    """Return the error of an edge without that of the contact's centre, which the half angle does not have."""
+    return math.sqrt(max(0.0, edge_std_rad**2 - CENTRE_STD_RAD**2))
 
 
 def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str, float]:

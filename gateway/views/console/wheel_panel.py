@@ -182,6 +182,9 @@ def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
         if taken > left:
             lines.append([])
             left = columns
+        if row_width(row) == taken * cells and taken < left:
+            # It would touch its neighbour.
+            taken += 1
         lines[-1] += fit(row, taken * cells)
         left -= taken
     return [tuple(line) for line in lines]
