@@ -26,11 +26,12 @@ from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
-from gateway.closure.result import Diagnosis, Verdict
+from gateway.closure.result import Diagnosis, Finding, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
 
 _NUMBERS = ("Bs", "Cw", "Rs", "Ts")
+_MOST_VALUES = 4
 _BLOCKS, _REVOLUTIONS = 5, 20
 # Distance from the contact's edges within which the belt is not free.
 _FROM_EDGE_RAD = 0.2
@@ -130,22 +131,26 @@ def row_of(tires: Sequence[Rolled], found: Diagnosis) -> tuple[str, ...]:
         value = found.estimates_after[name]
         text = f"{100.0 * (value.value / truth[name] - 1.0):+.1f} ± {100.0 * value.std / truth[name]:.1f}"
         numbers.append(text if found.determined.get(name, False) else f"({text})")
-    named = [
-        finding.name + "".join(f" {name} {one.value:.4g} ± {one.std:.2g}," for name, one in finding.parameters.items())
-        for finding in found.findings
-        if finding.verdict is Verdict.NAMED
-    ]
+    named = [_with_values(finding) for finding in found.findings if finding.verdict is Verdict.NAMED]
     opened = [finding.name for finding in found.findings if finding.verdict is Verdict.INDISTINGUISHABLE]
     held = found.held_out
     return (
         " ".join(tire.about["name"] for tire in tires),
-        "; ".join(text.rstrip(",") for text in named) or "nothing",
+        "; ".join(named) or "nothing",
         ", ".join(opened),
         *numbers,
         f"{held.rms_before_mps2:.2f}",
         f"{held.rms_after_mps2:.2f}",
         f"{found.noise_floor_mps2:.2f}",
     )
+
+
+def _with_values(finding: Finding) -> str:
+    """Return the name of an effect with its values, or their number if they are many."""
+    if len(finding.parameters) > _MOST_VALUES:
+        return f"{finding.name} ({len(finding.parameters)} parameters)"
+    values = ", ".join(f"{name} {one.value:.4g} ± {one.std:.2g}" for name, one in finding.parameters.items())
+    return f"{finding.name} {values}"
 
 
 def wave_table(folder: Path) -> Table:
