@@ -75,7 +75,7 @@ _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 _STEADY_SPEED: Final = 0.03
 _LEAST_REVOLUTIONS: Final = 8
 # Ratio of squared residuals from which the circumferential axis points against the rolling direction: gravity of twice
-# its size is then left over in order 1.
+# its size then remains in order 1.
 _AGAINST: Final = 4.0
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
