@@ -249,6 +249,13 @@ def test_no_finding_without_evidence() -> None:
     assert edge_findings([group(timing(0.01)), group(timing(0.0))]) == ()
 
 
+def test_one_unsteady_stretch_is_no_jitter() -> None:
+    """As a fold that begins with the end of a ramp."""
+    steady = timing(0.0)
+    ramp = replace(steady, power_rad2=(10.0 * steady.power_rad2[0], *steady.power_rad2[1:]))
+    assert edge_findings([group(ramp)]) == ()
+
+
 @pytest.mark.parametrize(
     ("groups", "why"),
     [

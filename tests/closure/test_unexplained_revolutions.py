@@ -47,6 +47,13 @@ def test_even_noise_has_nothing_unexplained() -> None:
         assert unexplained_revolutions([group(seed=2 * seed), group(kmh=90.0, seed=2 * seed + 1)]) == ()
 
 
+def test_a_few_odd_turns_are_no_place() -> None:
+    """As at the end of a ramp, where the edges of three turns lie elsewhere."""
+    odd = burst(-0.3, 8.0)
+    odd[3:] = 0.0
+    assert unexplained_revolutions([group(odd)]) == ()
+
+
 def test_few_revolutions_have_no_scatter_by_angle() -> None:
     assert angle_scatter(np.ones((5, 3, GRID)), np.ones(3, dtype=bool), np.arange(5)) is None
     assert unexplained_revolutions([replace(group(), by_angle=None)]) == ()
@@ -122,8 +129,9 @@ def test_cells_cover_the_revolution() -> None:
     scatter = group().by_angle
     assert scatter is not None
     assert scatter.power_m2ps4.shape == (3, CELLS)
-    assert scatter.power_m2ps4.mean() == pytest.approx(4.0, rel=0.05)
-    assert scatter.alternating_m2ps4.mean() == pytest.approx(4.0, rel=0.1)
+    # 4, less the largest twentieth of the turns.
+    assert scatter.power_m2ps4.mean() == pytest.approx(3.7, rel=0.05)
+    assert scatter.alternating_m2ps4.mean() == pytest.approx(3.5, rel=0.1)
 
 
 @pytest.mark.parametrize(
