@@ -68,7 +68,7 @@ class WheelPipeline:
         Args:
             setup: of the wheel.
             estimators: names from the registry.
-            hold_s: time for which a revolution may wait for the next ones.
+            hold_s: longest time for which a revolution may wait for the next ones.
         """
         self.setup = setup
         self._hold_s = hold_s
@@ -238,7 +238,9 @@ class WheelPipeline:
             assert self._clock is not None
             end, hold_s = pairs[0].end.centre, self._hold_s
             self._due_at = end + hold_s * self._clock.nominal_rate_hz
-            self._due_us = self._clock.hub_us(end) + hold_s * 1e6
+            # All wheels of a hub at the same times: the work on one finds the code of that on another in the cache.
+            end_us, step_us = self._clock.hub_us(end), hold_s * 1e6
+            self._due_us = (end_us // step_us + 1.0) * step_us if step_us else end_us
         for pair in pairs:
             self._decided.append(_Decided(pair, self._segmenter.sign))
             self._missing.came(pair.end.centre)

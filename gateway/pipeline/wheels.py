@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 # Sample numbers have 32 bits.
 _SAMPLE_NUMBERS: Final = 1 << 32
+# Samples wait for the next ones for this share of the time for which revolutions may wait, and for this many blocks.
+_GATHERED_SHARE: Final = 0.2
+_MOST_BLOCKS: Final = 64
 
 
 class _Hub:
@@ -64,6 +67,11 @@ class _Run:
         """Return whether a block follows the last one and is like it."""
         return message.first_sample == self._next and message.axes == self._axes and len(message.counts) == self._block
 
+    def is_long(self, longest_us: float) -> bool:
+        """Return whether the samples have waited long enough; by their number too, for the hub's time may stand still."""
+        ticks_us = self._ticks_us
+        return ticks_us[-1] - ticks_us[0] >= longest_us or len(ticks_us) >= _MOST_BLOCKS
+
     def append(self, message: SampleBlock, tick_us: int) -> None:
         """Append a block, with the hub time of its first sample."""
         self._ticks_us.append(tick_us)
@@ -81,6 +89,13 @@ def _add_runs(runs: dict[WheelPipeline, _Run]) -> None:
     for wheel, run in runs.items():
         run.add_to(wheel)
     runs.clear()
+
+
+def _stamp_arrivals(ticks_us: dict[_Hub, list[int]], host_ns: int) -> None:
+    """Let the hubs' clocks know frames that arrived at `host_ns`, by their unwrapped hub times, and forget them."""
+    for hub, own in ticks_us.items():
+        hub.host.stamp_arrival(own, host_ns)
+    ticks_us.clear()
 
 
 class Pipeline:
@@ -103,7 +118,7 @@ class Pipeline:
             setups: configured wheels.
             unknown: template for wheels that are not configured; position, hub and wheel number are filled in.
             estimators: names from the registry, in the order of their output.
-            hold_s: time by which `frames` may return a revolution later, together with the next ones: work on
+            hold_s: longest time by which `frames` may return a revolution later, together with the next ones: work on
                 several at once takes less than on one at a time. By the hub's samples and clock, so that the results
                 do not depend on when frames arrive.
 
@@ -120,24 +135,34 @@ class Pipeline:
         self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
         self._hubs: dict[tuple[str, int], _Hub] = {}
         self.limit = WheelLimit(self._setups)
+        # Samples of each link that have not been added to their wheels yet.
+        self._runs: dict[str, dict[WheelPipeline, _Run]] = {}
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
         newest: tuple[_Hub, int] | None = None
-        runs: dict[WheelPipeline, _Run] = {}
+        sources: dict[tuple[int, int], tuple[_Hub, WheelPipeline | None] | None] = {}
+        ticks_us: dict[_Hub, list[int]] = {}
+        runs = self._runs.setdefault(link, {})
         for frame in frames:
             message = frame.message
             if not isinstance(message, SampleBlock):
                 # It takes effect between the samples before and behind it.
                 _add_runs(runs)
-            stamped = self._stamped(link, frame, host_ns)
-            if stamped is None:
+                _stamp_arrivals(ticks_us, host_ns)
+                stamped = self._stamped(link, frame, host_ns)
+                if stamped is not None:
+                    newest = stamped
+                    self._slow(link, frame, stamped[1])
                 continue
-            hub, tick_us = newest = stamped
-            if not isinstance(message, SampleBlock):
-                self._slow(link, frame, tick_us)
+            key = frame.hub, frame.wheel
+            source = sources[key] if key in sources else sources.setdefault(key, self._source(link, *key))
+            if source is None:
                 continue
-            wheel = self._wheel(link, frame.hub, frame.wheel)
+            hub, wheel = source
+            tick_us = hub.unwrap(frame.tick_us)
+            newest = source[0], tick_us
+            ticks_us.setdefault(hub, []).append(tick_us)
             if wheel is None:
                 continue
             run = runs.get(wheel)
@@ -146,9 +171,12 @@ class Pipeline:
                     run.add_to(wheel)
                 run = runs[wheel] = _Run(message, hub.host)
             run.append(message, tick_us)
-        _add_runs(runs)
+        _stamp_arrivals(ticks_us, host_ns)
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
+        longest_us = _GATHERED_SHARE * self._hold_s * 1e6
+        if any(run.is_long(longest_us) for run in runs.values()):
+            _add_runs(runs)
         return [result for wheel in self._due() for result in wheel.complete()]
 
     def _due(self) -> list[WheelPipeline]:
@@ -169,9 +197,16 @@ class Pipeline:
 
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
+        _add_runs(self._runs.get(link, {}))
         return [
             result for (of_link, _, _), wheel in self._wheels.items() if of_link == link for result in wheel.complete()
         ]
+
+    def _source(self, link: str, hub: int, wheel: int) -> tuple[_Hub, WheelPipeline | None] | None:
+        """Return the hub and the wheel from which samples come; None if not admitted."""
+        if not self.limit.admits(link, hub, wheel):
+            return None
+        return self._known_hub(link, hub), self._wheel(link, hub, wheel)
 
     def _slow_frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame without samples."""
@@ -303,6 +338,8 @@ class Pipeline:
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""
+        for runs in self._runs.values():
+            _add_runs(runs)
         results: list[RevolutionResult] = []
         for (link, hub, _), wheel in self._wheels.items():
             results += wheel.finish(self._hubs[(link, hub)].host)

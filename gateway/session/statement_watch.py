@@ -127,15 +127,16 @@ class StatementWatch:
         self._links.add(link)
         for frame in frames:
             source = link, frame.hub, frame.wheel
-            if not self._limit.admits(*source):
-                continue
             message = frame.message
+            wheel = self._wheels.get(source)
+            if wheel is None and not self._limit.admits(*source):
+                continue
             if not isinstance(message, SampleBlock):
                 self._slow(source, frame.type, frame.tick_us, message)
             elif frame.wheel == HUB_ITSELF:
                 self._find(source, Code.HUB_SENDS_AS_WHEEL)
             else:
-                wheel = self._wheel(source)
+                wheel = wheel or self._wheel(source)
                 wheel.pending.append((message.first_sample, frame.tick_us, message.axes))
                 if len(wheel.pending) >= _REVIEW_BLOCKS:
                     self._review_pending(source, wheel)
