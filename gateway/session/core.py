@@ -59,7 +59,7 @@ _WAITING_NOTICES: Final = 8192
 _HOLD_S: Final = 0.5
 _WAVEFORM_INTERVAL_NS: Final = 1_000_000_000
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
-_SILENT_NS: Final = round(2.0 * _HOLD_S * 1e9)
+_SILENT_NS: Final = 400_000_000
 
 _BEHIND: Final[Mapping[Stage, Code]] = {
     Stage.RECORDING: Code.RECORDING_BEHIND,
