@@ -88,12 +88,15 @@ class WheelPipeline:
         self._samples = self._lost = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
         self.blocks_before_hello = 0
+        # The latest state for views, until something changes it.
+        self._snapshot: WheelSnapshot | None = None
 
     def hello(self, hello: Hello) -> None:
         """Take the layout and scaling of the samples; a changed sensor or rate restarts the wheel's processing."""
         known = self._sensor
         if known is not None and known.hello == hello:
             return
+        self._snapshot = None
         self._revolve()
         reading = SensorReading.from_hello(hello)
         same_layout = (
@@ -119,6 +122,7 @@ class WheelPipeline:
 
     def environment(self, tick_us: int, environment: Environment) -> None:
         """Take a pressure and temperature reading with its hub time."""
+        self._snapshot = None
         if self._decided:
             self._environments_waiting += 1
             # The revolutions found before this reading must not see it, nor lose an earlier one.
@@ -129,6 +133,7 @@ class WheelPipeline:
 
     def restart(self) -> None:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
+        self._snapshot = None
         self._revolve()
         self._sensor = None
         self._tire.forget_environment()
@@ -170,6 +175,7 @@ class WheelPipeline:
             counts: (n, channels) raw values.
             host: maps hub time to host time.
         """
+        self._snapshot = None
         sensor, buffer, clock = self._sensor, self._buffer, self._clock
         known = sensor is not None and axes == sensor.hello.axes and sensor.reading.has_radial
         if sensor is None or buffer is None or clock is None or not known:
@@ -223,6 +229,7 @@ class WheelPipeline:
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more samples will come."""
+        self._snapshot = None
         if self._segmenter is None:
             return self.complete()
         self._host = host
@@ -314,6 +321,8 @@ class WheelPipeline:
         """Work on the waiting revolutions, in blocks that end where the timing's template is renewed."""
         waiting, self._decided = self._decided, []
         self._environments_waiting = 0
+        if waiting:
+            self._snapshot = None
         done = 0
         while done < len(waiting):
             pair, sign = waiting[done]
@@ -396,6 +405,11 @@ class WheelPipeline:
 
     def snapshot(self) -> WheelSnapshot:
         """Return the latest state for views."""
+        if self._snapshot is None:
+            self._snapshot = self._present()
+        return self._snapshot
+
+    def _present(self) -> WheelSnapshot:
         conditions = self._tire.conditions(math.inf)
         load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._sensor.hello if self._sensor is not None else None

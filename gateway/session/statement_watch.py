@@ -46,7 +46,7 @@ _PRESSURE_PA: Final = (-101_325.0, 1e7)
 _TEMPERATURE_DEGC: Final = (-100.0, 300.0)
 
 # Blocks of a wheel that are reviewed together.
-_REVIEW_BLOCKS: Final = 64
+_REVIEW_BLOCKS: Final = 128
 # One block may have been late when the hub changed its axes; one unknown frame may be an experiment of the hub.
 _LEAST: Final[Mapping[Code, int]] = {
     Code.HELLO_AXES_DIFFER: 3,
