@@ -60,7 +60,7 @@ _OFFSET_STEPS: Final[FloatArray] = np.array([[0.0], [-_OFFSET_STEP], [_OFFSET_ST
 # of the value. A change of one standard error renews the solution in any case.
 _FOLLOWING_STDS: Final = 0.05
 # A pass that changes a number by more standard errors is followed by another.
-_CONVERGED_STDS: Final = 0.1
+_CONVERGED_STDS: Final = 0.2
 _FURTHER_PASSES: Final = 2
 # Relative change of the scatter's variance from which the solution is renewed. Until then it scales the errors by noise
 # and is taken to leave the weights of the orders among each other.

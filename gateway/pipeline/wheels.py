@@ -9,7 +9,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from operator import itemgetter
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,27 +56,28 @@ class _Run:
 
     __slots__ = ("_axes", "_block", "_first", "_host", "_next", "_parts", "_ticks_us")
 
-    def __init__(self, message: SampleBlock, host: HostClock) -> None:
-        """Start before a block."""
-        self._first = self._next = message.first_sample
-        self._axes, self._block, self._host = message.axes, len(message.counts), host
-        self._ticks_us: list[int] = []
-        self._parts: list[NDArray[np.int16]] = []
+    def __init__(self, message: SampleBlock, tick_us: int, host: HostClock) -> None:
+        """Start with a block and the hub time of its first sample."""
+        self._first, self._axes, self._block = message.first_sample, message.axes, len(message.counts)
+        self._next = (self._first + self._block) % _SAMPLE_NUMBERS
+        self._host = host
+        self._ticks_us = [tick_us]
+        self._parts: list[NDArray[np.int16]] = [message.counts]
 
-    def goes_on_with(self, message: SampleBlock) -> bool:
-        """Return whether a block follows the last one and is like it."""
-        return message.first_sample == self._next and message.axes == self._axes and len(message.counts) == self._block
+    def goes_on(self, message: SampleBlock, tick_us: int) -> bool:
+        """Append a block, with the hub time of its first sample, if it follows the last one and is like it."""
+        first_sample, axes, counts = message
+        if first_sample != self._next or axes != self._axes or len(counts) != self._block:
+            return False
+        self._ticks_us.append(tick_us)
+        self._parts.append(counts)
+        self._next = (first_sample + self._block) % _SAMPLE_NUMBERS
+        return True
 
     def is_long(self, longest_us: float) -> bool:
-        """Return whether the samples have waited long enough; by their number too, for the hub's time may stand still."""
+        """Return whether the samples have waited long enough; by their number too: the hub's time may stand still."""
         ticks_us = self._ticks_us
         return ticks_us[-1] - ticks_us[0] >= longest_us or len(ticks_us) >= _MOST_BLOCKS
-
-    def append(self, message: SampleBlock, tick_us: int) -> None:
-        """Append a block, with the hub time of its first sample."""
-        self._ticks_us.append(tick_us)
-        self._parts.append(message.counts)
-        self._next = (self._next + self._block) % _SAMPLE_NUMBERS
 
     def add_to(self, wheel: WheelPipeline) -> None:
         """Add the samples to the wheel."""
@@ -91,11 +92,20 @@ def _add_runs(runs: dict[WheelPipeline, _Run]) -> None:
     runs.clear()
 
 
-def _stamp_arrivals(ticks_us: dict[_Hub, list[int]], host_ns: int) -> None:
-    """Let the hubs' clocks know frames that arrived at `host_ns`, by their unwrapped hub times, and forget them."""
-    for hub, own in ticks_us.items():
-        hub.host.stamp_arrival(own, host_ns)
-    ticks_us.clear()
+class _Source(NamedTuple):
+    """Hub and wheel from which samples come, None for the hub itself, and the hub times of the present frames."""
+
+    hub: _Hub
+    wheel: WheelPipeline | None
+    ticks_us: list[int]
+
+
+def _stamp_arrivals(sources: dict[tuple[int, int], _Source | None], host_ns: int) -> None:
+    """Let the hubs' clocks know frames that arrived together at `host_ns`, and forget their sources."""
+    for source in sources.values():
+        if source is not None:
+            source.hub.host.stamp_arrival(source.ticks_us, host_ns)
+    sources.clear()
 
 
 class Pipeline:
@@ -141,37 +151,34 @@ class Pipeline:
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
         newest: tuple[_Hub, int] | None = None
-        sources: dict[tuple[int, int], tuple[_Hub, WheelPipeline | None] | None] = {}
-        ticks_us: dict[_Hub, list[int]] = {}
+        sources: dict[tuple[int, int], _Source | None] = {}
         runs = self._runs.setdefault(link, {})
         for frame in frames:
             message = frame.message
             if not isinstance(message, SampleBlock):
                 # It takes effect between the samples before and behind it.
                 _add_runs(runs)
-                _stamp_arrivals(ticks_us, host_ns)
+                _stamp_arrivals(sources, host_ns)
                 stamped = self._stamped(link, frame, host_ns)
                 if stamped is not None:
                     newest = stamped
                     self._slow(link, frame, stamped[1])
                 continue
             key = frame.hub, frame.wheel
-            source = sources[key] if key in sources else sources.setdefault(key, self._source(link, *key))
+            if key not in sources:
+                sources[key] = self._source(link, *key)
+            source = sources[key]
             if source is None:
                 continue
-            hub, wheel = source
+            hub, wheel, ticks_us = source
             tick_us = hub.unwrap(frame.tick_us)
-            newest = source[0], tick_us
-            ticks_us.setdefault(hub, []).append(tick_us)
-            if wheel is None:
-                continue
-            run = runs.get(wheel)
-            if run is None or not run.goes_on_with(message):
-                if run is not None:
-                    run.add_to(wheel)
-                run = runs[wheel] = _Run(message, hub.host)
-            run.append(message, tick_us)
-        _stamp_arrivals(ticks_us, host_ns)
+            ticks_us.append(tick_us)
+            newest = hub, tick_us
+            if wheel is not None and not (wheel in runs and runs[wheel].goes_on(message, tick_us)):
+                if wheel in runs:
+                    runs[wheel].add_to(wheel)
+                runs[wheel] = _Run(message, tick_us, hub.host)
+        _stamp_arrivals(sources, host_ns)
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
         longest_us = _GATHERED_SHARE * self._hold_s * 1e6
@@ -202,11 +209,11 @@ class Pipeline:
             result for (of_link, _, _), wheel in self._wheels.items() if of_link == link for result in wheel.complete()
         ]
 
-    def _source(self, link: str, hub: int, wheel: int) -> tuple[_Hub, WheelPipeline | None] | None:
-        """Return the hub and the wheel from which samples come; None if not admitted."""
+    def _source(self, link: str, hub: int, wheel: int) -> _Source | None:
+        """Return a source of samples; None if not admitted."""
         if not self.limit.admits(link, hub, wheel):
             return None
-        return self._known_hub(link, hub), self._wheel(link, hub, wheel)
+        return _Source(self._known_hub(link, hub), self._wheel(link, hub, wheel), [])
 
     def _slow_frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame without samples."""
