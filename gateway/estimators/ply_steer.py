@@ -77,8 +77,8 @@ _TRUNCATION: Final = (1.46, 0.35)
 _MOVED_STDS: Final = 0.5
 # Relative change of the belt radius that does not matter to a slope.
 _NEGLIGIBLE_RADIUS: Final = 1e-3
-# Relative change of the speed that does not matter to the errors: only gravity's part of that of the mounting depends on
-# it, where there is no circumferential axis.
+# Relative change of the speed that does not matter to the errors. Only that of the mounting depends on it, by gravity,
+# where there is no circumferential axis.
 _SPEED_CHANGE: Final = 0.5
 # Relative changes of highest order, radius, gain error and speed from which the maps are renewed.
 _STATE_SHARES: Final[FloatArray] = np.array([0.0, _NEGLIGIBLE_RADIUS, SHARE_OF_STD, _SPEED_CHANGE])

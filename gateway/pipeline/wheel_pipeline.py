@@ -242,12 +242,13 @@ class WheelPipeline:
         """Keep revolutions that the segmenter has found."""
         assert self._segmenter is not None
         if pairs and not self._decided:
+            assert self._buffer is not None
             assert self._clock is not None
-            end, hold_s = pairs[0].end.centre, self._hold_s
-            self._due_at = end + hold_s * self._clock.nominal_rate_hz
+            head, hold_s = self._buffer.head, self._hold_s
+            self._due_at = head + hold_s * self._clock.nominal_rate_hz
             # All wheels of a hub at the same times: the work on one finds the code of that on another in the cache.
-            end_us, step_us = self._clock.hub_us(end), hold_s * 1e6
-            self._due_us = (end_us // step_us + 1.0) * step_us if step_us else end_us
+            now_us, step_us = self._clock.hub_us(head), hold_s * 1e6
+            self._due_us = (now_us // step_us + 1.0) * step_us if step_us else now_us
         for pair in pairs:
             self._decided.append(_Decided(pair, self._segmenter.sign))
             self._missing.came(pair.end.centre)

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 # Sample numbers have 32 bits.
 _SAMPLE_NUMBERS: Final = 1 << 32
-# Samples wait for the next ones for this share of the time for which revolutions may wait, and for this many blocks.
-_GATHERED_SHARE: Final = 0.2
+# Share of the longest wait of revolutions for which samples wait for the next ones, and the most blocks that wait.
+_GATHERED_SHARE: Final = 0.1
 _MOST_BLOCKS: Final = 64
 
 
@@ -139,7 +139,8 @@ class Pipeline:
         self._hold_s = hold_s
         self._unknown = unknown
         self._setups = {(setup.hub, setup.wheel): setup for setup in setups}
-        self._order = [WheelPipeline(setup, self._estimators, hold_s) for setup in setups]
+        self._wheel_hold_s = (1.0 - _GATHERED_SHARE) * hold_s
+        self._order = [WheelPipeline(setup, self._estimators, self._wheel_hold_s) for setup in setups]
         self._configured = {(w.setup.hub, w.setup.wheel): w for w in self._order}
         self._claimed: dict[tuple[int, int], str] = {}
         self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
@@ -337,7 +338,7 @@ class Pipeline:
             if configured is None:
                 name = f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
                 configured = WheelPipeline(
-                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators, self._hold_s
+                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators, self._wheel_hold_s
                 )
                 self._order.append(configured)
             wheel = self._wheels[key] = configured
