@@ -1,8 +1,9 @@
 """Discrepancy: the part of the waveforms that no effect explains, a Gaussian process over the belt's angle.
 
-For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each. Recordings
-of one state of the tire share them: a part in proportion to omega^2 and, where the speeds differ, one that is the same
-at all speeds. A share of their power is each recording's own, as nature keeps no such law strictly.
+For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each, and of the
+single orders and places at which it is concentrated. Recordings of one state of the tire share them: a part in
+proportion to omega^2 and, where the speeds differ, one that is the same at all speeds. A share of their power is each
+recording's own, as nature keeps no such law strictly.
 Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
 """
 
@@ -12,7 +13,6 @@ import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -20,7 +20,8 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.inference import criteria
-from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, REAL, Whitened
+from gateway.closure.inference.discrepancy_kernels import Concentration, kernel, smooth_kernels
+from gateway.closure.inference.likelihood import REAL, Whitened
 from gateway.types import FloatArray
 
 _JITTER: Final = 1e-10
@@ -57,15 +58,23 @@ class Discrepancy:
     Amplitudes are mean squares, (m/s^2)^2, an array (places, parts, kernels); a place without a second part ignores it.
     """
 
-    def __init__(self, campaign: Campaign, data: Whitened, lengths_rad: Sequence[float] = criteria.LENGTHS_RAD) -> None:
+    def __init__(
+        self,
+        campaign: Campaign,
+        data: Whitened,
+        lengths_rad: Sequence[float] = criteria.LENGTHS_RAD,
+        concentrations: Sequence[Concentration] = (),
+    ) -> None:
         """Prepare the places of a campaign.
 
         Args:
             campaign: conditions.
             data: whitened.
             lengths_rad: correlation lengths.
+            concentrations: single orders and places.
         """
         self.size = data.size
+        self.concentrations = tuple(concentrations)
         self.reference_mps2 = float(
             np.mean([group.conditions.radius_m * group.conditions.omega_radps**2 for group in campaign.groups])
         )
@@ -76,7 +85,9 @@ class Discrepancy:
             if not groups:
                 continue
             angle = float(np.mean([campaign.groups[index].half_angle_rad for index in groups]))
-            kernels = _kernels(round(angle, 3), tuple(lengths_rad))
+            kernels = smooth_kernels(round(angle, 3), tuple(lengths_rad))
+            if concentrations:
+                kernels = np.concatenate([kernels, [kernel(one) for one in concentrations]])
             omega = np.array([campaign.groups[index].conditions.omega_radps for index in groups])
             scales = [np.square(omega) / float(np.square(omega).mean())]
             if omega.max() > criteria.SPEEDS_APART * omega.min():
@@ -88,7 +99,7 @@ class Discrepancy:
                 columns = tuple(slice(int(ends[index][axis]), int(ends[index][axis + 1])) for index in groups)
                 place = _Place(groups, columns, factors, np.stack(scales), kernels)
                 self._places.append((state, axis, place))
-        self.shape = len(self._places), 2, 2 * len(lengths_rad)
+        self.shape = len(self._places), 2, 2 * len(lengths_rad) + len(concentrations)
 
     def start(self, residual: Sequence[FloatArray]) -> FloatArray:
         """Return amplitudes to start from: every place shares its residual's power beyond the scatter.
@@ -120,6 +131,18 @@ class Discrepancy:
             for state, axis, place in self._places
         ]
         return thin
+
+    def concentrated(self, also: Concentration) -> Discrepancy:
+        """Return the discrepancy with one more concentration, whose amplitudes are the last."""
+        more = copy(self)
+        more.concentrations = (*self.concentrations, also)
+        added = kernel(also)[None]
+        more._places = [
+            (state, axis, replace(place, kernels=np.concatenate([place.kernels, added])))
+            for state, axis, place in self._places
+        ]
+        more.shape = self.shape[0], self.shape[1], self.shape[2] + 1
+        return more
 
     def scales(self, state: int, axis: int, group: int) -> FloatArray:
         """Return the size of each part of the discrepancy in one group, (parts,)."""
@@ -237,27 +260,45 @@ class Applied:
             residual: whitened, (m,) of each group, at the parameters of the fit.
             precision: (p, p) inverse of the parameters' posterior covariance.
         """
-        stacked = [np.concatenate([row, left[None]]) for row, left in zip(rows, residual, strict=True)]
-        spread = np.linalg.inv(precision)
         amplitudes = self.amplitudes.copy()
         least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
-        for at, (_, _, place) in self.discrepancy.enumerate():
-            solved = self.solved[at]
+        answers = self.answers(rows, residual, precision)
+        for (at, (_, _, place)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
+            for part, (answer, information) in enumerate(parts):
+                for number, matrix in enumerate(place.kernels):
+                    trace = float(np.einsum("ij,ij->", information, matrix))
+                    if trace > 0.0:
+                        data = float(answer @ matrix @ answer)
+                        amplitudes[at, part, number] *= min(max(data / trace, 1e-6), 1e6)
+        return self.discrepancy.applied(np.maximum(amplitudes, least))
+
+    def answers(
+        self, rows: Sequence[FloatArray], residual: Sequence[FloatArray], precision: FloatArray
+    ) -> list[list[tuple[FloatArray, FloatArray]]]:
+        """Return C^-1 r and C^-1 as the coefficients of each part of each place see them, what is fitted left out.
+
+        Args:
+            rows: whitened derivatives (p, m) of each group.
+            residual: whitened, (m,) of each group, at the parameters of the fit.
+            precision: (p, p) inverse of the parameters' posterior covariance.
+
+        Returns:
+            for every place and part, (REAL,) and (REAL, REAL).
+        """
+        stacked = [np.concatenate([row, left[None]]) for row, left in zip(rows, residual, strict=True)]
+        spread = np.linalg.inv(precision)
+        found = []
+        for (_, (_, _, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True):
             seen = projected(place, solved, stacked)
-            # C^-1 of rows and residual, as the coefficients see it, and C^-1 itself.
             through = seen - seen @ solved.covariance @ solved.information
             inside = solved.information - solved.information @ solved.covariance @ solved.information
             fitted = through[:-1].T @ spread
+            parts = []
             for part in range(place.parts):
                 own = slice(part * REAL, (part + 1) * REAL)
-                answer = through[-1, own]
-                for kernel, matrix in enumerate(place.kernels):
-                    data = float(answer @ matrix @ answer)
-                    trace = float(np.einsum("ij,ij->", inside[own, own], matrix))
-                    trace -= float(np.einsum("ij,ij->", fitted[own] @ through[:-1, own], matrix))
-                    if trace > 0.0:
-                        amplitudes[at, part, kernel] *= min(max(data / trace, 1e-6), 1e6)
-        return self.discrepancy.applied(np.maximum(amplitudes, least))
+                parts.append((through[-1, own], inside[own, own] - fitted[own] @ through[:-1, own]))
+            found.append(parts)
+        return found
 
 
 def plain_gram(rows: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
@@ -308,20 +349,3 @@ def _solved(place: _Place, amplitudes: FloatArray) -> _Solved:
     half = solve_triangular(chol, lower.T, lower=True)
     log_determinant += 2.0 * float(np.log(np.diagonal(chol)).sum())
     return _Solved(half.T @ half, flat, tuple(triangles), tuple(through), log_determinant)
-
-
-@lru_cache(maxsize=32)
-def _kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> FloatArray:
-    """Return kernels of unit power of curves near the contact and away from it, (2 lengths, REAL, REAL)."""
-    beyond = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
-    near = np.cos(0.5 * math.pi * beyond)
-    away = 1.0 - np.cos(ANGLES[:, None] - ANGLES[None, :])
-    found = []
-    for window in (near, np.sin(0.5 * math.pi * beyond)):
-        for length in lengths_rad:
-            field = np.outer(window, window) * np.exp(-away / length**2)
-            field /= max(float(np.square(window).mean()), 1e-12)
-            found.append(FROM_FIELD @ field @ FROM_FIELD.T)
-    kernels = np.stack(found)
-    kernels.setflags(write=False)
-    return kernels
