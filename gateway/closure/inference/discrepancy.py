@@ -133,13 +133,21 @@ class Applied:
         size = next(len(row) for row in rows if row is not None)
         found = [np.zeros((size, _AXES, REAL)) for _ in rows]
         for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
-            given = [rows[index] for index in place.groups]
-            own = [None if row is None else row[:, axis] for row in given]
-            if all(row is None for row in own):
-                continue
-            for index, weighted in zip(place.groups, inverse.weighted(own), strict=True):
-                found[index][:, axis] = weighted
+            own = _of_place(rows, place, axis)
+            if own is not None:
+                for index, weighted in zip(place.groups, inverse.weighted(own), strict=True):
+                    found[index][:, axis] = weighted
         return found
+
+    def product(self, rows: Rows) -> FloatArray:
+        """Return rows C^-1 rows' for rows as for `weighted`, (k, k)."""
+        size = next(len(row) for row in rows if row is not None)
+        total = np.zeros((size, size))
+        for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            own = _of_place(rows, place, axis)
+            if own is not None:
+                total += inverse.product(own)
+        return total
 
     def mean(self, weighted: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray]]:
         """Return the posterior mean of the discrepancy.
@@ -181,6 +189,12 @@ class Applied:
                 better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
                 amplitudes[at, part] *= np.where(trace > 0.0, better, 1.0)
         return self.discrepancy.applied(np.maximum(amplitudes, least))
+
+
+def _of_place(rows: Rows, place: Place, axis: int) -> list[FloatArray | None] | None:
+    """Return the rows (k, REAL) of a place's groups, None if no group of it has any."""
+    given = [rows[index] for index in place.groups]
+    return None if all(row is None for row in given) else [None if row is None else row[:, axis] for row in given]
 
 
 @lru_cache(maxsize=32)

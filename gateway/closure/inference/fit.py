@@ -81,7 +81,7 @@ class Fit:
 
     def own(self, others: Rows) -> FloatArray:
         """Return others C^-1 others' for others (q, 3, REAL) of each group, (q, q)."""
-        return product(weighted(self.data, others, self.applied), others) / self.scale
+        return own_product(self.data, others, self.applied) / self.scale
 
     @property
     def residual_product(self) -> float:
@@ -157,10 +157,14 @@ def product(rows: Sequence[FloatArray], others: Rows) -> FloatArray:
     return total
 
 
+def own_product(data: Whitened, rows: Rows, applied: Applied | None) -> FloatArray:
+    """Return rows C^-1 rows' for rows as for `weighted`, (k, k)."""
+    return product(data.weighted(rows), rows) if applied is None else applied.product(rows)
+
+
 def chi_square(data: Whitened, residual: Sequence[FloatArray], applied: Applied | None) -> float:
     """Return the chi-square of a residual (3, REAL) of each group."""
-    rows = [left[None] for left in residual]
-    return float(product(weighted(data, rows, applied), rows)[0, 0])
+    return float(own_product(data, [left[None] for left in residual], applied)[0, 0])
 
 
 def fit_model(

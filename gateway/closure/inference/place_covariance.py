@@ -125,6 +125,10 @@ class Inverse(Protocol):
         """Return C^-1 rows' of rows (k, REAL) in each group of the place, (k, REAL) each; None stands for zeros."""
         ...
 
+    def product(self, rows: Rows) -> FloatArray:
+        """Return rows C^-1 rows' of rows as for `weighted`, (k, k)."""
+        ...
+
     def inside(self, part: int) -> FloatArray:
         """Return C^-1 as one part of the discrepancy sees it, (REAL, REAL)."""
         ...
@@ -202,6 +206,9 @@ class _Whole:
             found.append(total)
         return found
 
+    def product(self, rows: Rows) -> FloatArray:
+        return _products(self.weighted(rows), rows)
+
     def inside(self, part: int) -> FloatArray:
         scales = self._place.scales[part]
         result: FloatArray = np.einsum("g,h,ghij->ij", scales, scales, self._inverse)
@@ -255,23 +262,44 @@ class _Shared:
         return lower_product(self._factor, self._left)
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
-        place = self._place
-        size = next(len(row) for row in rows if row is not None)
-        own = [
-            np.zeros((size, REAL)) if row is None else row @ matrix for row, matrix in zip(rows, self._own, strict=True)
-        ]
-        seen = place.seen(own)
-        turned = np.concatenate([part @ lower for part, lower in zip(seen, self._lower, strict=True)], axis=1)
-        solved = (turned @ self._factor.T) @ self._factor
+        own = self._by_own(rows)
+        solved = self._solved(own) @ self._factor
         shared = np.stack([solved[:, _of(part)] @ lower.T for part, lower in enumerate(self._lower)])
         return [
             here - np.tensordot(scales, shared, axes=1) @ matrix
-            for here, scales, matrix in zip(own, place.scales.T, self._own, strict=True)
+            for here, scales, matrix in zip(own, self._place.scales.T, self._own, strict=True)
         ]
+
+    def product(self, rows: Rows) -> FloatArray:
+        own = self._by_own(rows)
+        solved = self._solved(own)
+        return _products(own, rows) - solved @ solved.T
+
+    def _by_own(self, rows: Rows) -> list[FloatArray]:
+        """Return rows G of each group."""
+        size = next(len(row) for row in rows if row is not None)
+        zeros = np.zeros((size, REAL))
+        return [zeros if row is None else row @ matrix for row, matrix in zip(rows, self._own, strict=True)]
+
+    def _solved(self, own: Sequence[FloatArray]) -> FloatArray:
+        """Return rows G s L times the inverse of the Cholesky factor of I + L' H L, (k, parts REAL)."""
+        seen = self._place.seen(own)
+        turned = np.concatenate([part @ lower for part, lower in zip(seen, self._lower, strict=True)], axis=1)
+        result: FloatArray = turned @ self._factor.T
+        return result
 
     def inside(self, part: int) -> FloatArray:
         through = self._through[:, _of(part)]
         return self._information[part][part] - through.T @ through
+
+
+def _products(weighted: Sequence[FloatArray], rows: Rows) -> FloatArray:
+    """Return the sum over groups of weighted rows (k, REAL) times rows', (k, k)."""
+    total = np.zeros((len(weighted[0]), len(weighted[0])))
+    for left, row in zip(weighted, rows, strict=True):
+        if row is not None:
+            total += left @ row.T
+    return total
 
 
 def inverse_factor(matrix: FloatArray) -> tuple[FloatArray, float]:
