@@ -53,7 +53,7 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
         raise ValueError("a discrepancy is concentrated where a fit has one")
     possible = concentrations()
     known = set(fit.applied.discrepancy.concentrations)
-    answers = fit.applied.answers(fit.rows, fit.residual, fit.precision)
+    answers = fit.applied.answers(fit.weighted, fit.precision)
     # At ANGLES in place of orders, where a burst is narrow.
     seen = [
         _Seen(answer @ FROM_FIELD, FROM_FIELD.T @ information @ FROM_FIELD, at, part, float(np.square(scale).sum()))

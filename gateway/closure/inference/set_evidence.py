@@ -133,7 +133,7 @@ def _settled(fit: Fit, applied: Applied, steps: int) -> tuple[Fit, Applied]:
         if abs(now - was) < _SETTLED:
             break
         was = now
-        applied = applied.improved(there.rows, there.residual, there.precision)
+        applied = applied.improved(there.weighted, there.precision)
         fit = fit.under(applied)
     return fit, applied
 

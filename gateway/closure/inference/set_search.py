@@ -215,7 +215,7 @@ class SetSearch:
             effect = self.effects[name]
             if is_taken(effect, taken):
                 continue
-            trial = try_effect(fit, self.data, effect, self._scanned)
+            trial = try_effect(fit, effect, self._scanned)
             if trial is not None:
                 trials.append(trial)
         trials.sort(key=lambda trial: (-trial.promise, trial.effect.name))
