@@ -108,7 +108,9 @@ class SetSearch:
         amplitudes = np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2)
         before, self.found = self.found, {}
         for one in sorted(before.values(), key=lambda one: (-one.log_evidence, sorted(one.names))):
-            self._evaluate(one.fit, _amplitudes(self.best) if self.found else amplitudes)
+            # Even without time left, the best set and the empty one are needed.
+            if not (self.found and one.names and self._stop()):
+                self._evaluate(one.fit, _amplitudes(self.best) if self.found else amplitudes)
         return True
 
     @property
