@@ -1,25 +1,25 @@
 """Discrepancy: the part of the waveforms that no effect explains, a Gaussian process over the belt's angle.
 
-For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each. Recordings
-of one state of the tire share them: a part in proportion to omega^2 and, where the speeds differ, one that is the same
-at all speeds. A share of their power is each recording's own, as nature keeps no such law strictly.
+For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each, and of the
+single orders and places at which it is concentrated. Recordings of one state of the tire share them: a part in
+proportion to omega^2 and, where the speeds differ, one that is the same at all speeds. A share of their power is each
+recording's own, as nature keeps no such law strictly.
 Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.inference import criteria
-from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, REAL, Whitened
+from gateway.closure.inference.discrepancy_kernels import Concentration, kernel, smooth_kernels
+from gateway.closure.inference.likelihood import REAL, Whitened
 from gateway.closure.inference.place_covariance import Inverse, Place, Rows, Scatter, inverse_of
 from gateway.types import FloatArray
 
@@ -32,15 +32,23 @@ class Discrepancy:
     Amplitudes are mean squares, (m/s^2)^2, an array (places, parts, kernels); a place without a second part ignores it.
     """
 
-    def __init__(self, campaign: Campaign, data: Whitened, lengths_rad: Sequence[float] = criteria.LENGTHS_RAD) -> None:
+    def __init__(
+        self,
+        campaign: Campaign,
+        data: Whitened,
+        lengths_rad: Sequence[float] = criteria.LENGTHS_RAD,
+        concentrations: Sequence[Concentration] = (),
+    ) -> None:
         """Prepare the places of a campaign.
 
         Args:
             campaign: conditions.
             data: whitened.
             lengths_rad: correlation lengths.
+            concentrations: single orders and places.
         """
         self.size = data.size
+        self.concentrations = tuple(concentrations)
         self.reference_mps2 = float(
             np.mean([group.conditions.radius_m * group.conditions.omega_radps**2 for group in campaign.groups])
         )
@@ -50,7 +58,9 @@ class Discrepancy:
             if not groups:
                 continue
             angle = float(np.mean([campaign.groups[index].half_angle_rad for index in groups]))
-            kernels = _kernels(round(angle, 3), tuple(lengths_rad))
+            kernels = smooth_kernels(round(angle, 3), tuple(lengths_rad))
+            if concentrations:
+                kernels = np.concatenate([kernels, [kernel(one) for one in concentrations]])
             omega = np.array([campaign.groups[index].conditions.omega_radps for index in groups])
             scales = [np.square(omega) / float(np.square(omega).mean())]
             if omega.max() > criteria.SPEEDS_APART * omega.min():
@@ -61,7 +71,7 @@ class Discrepancy:
                     continue
                 place = Place(groups, tuple(map(Scatter.of, factors)), np.stack(scales), kernels)
                 self._places.append((state, axis, place))
-        self.shape = len(self._places), 2, 2 * len(lengths_rad)
+        self.shape = len(self._places), 2, 2 * len(lengths_rad) + len(concentrations)
 
     def start(self, residual: Sequence[FloatArray]) -> FloatArray:
         """Return amplitudes to start from: every place shares its residual's power beyond the scatter.
@@ -91,6 +101,18 @@ class Discrepancy:
         thin = copy(self)
         thin._places = [(state, axis, place.thinned(share)) for state, axis, place in self._places]
         return thin
+
+    def concentrated(self, also: Concentration) -> Discrepancy:
+        """Return the discrepancy with one more concentration, whose amplitudes are the last."""
+        more = copy(self)
+        more.concentrations = (*self.concentrations, also)
+        added = kernel(also)[None]
+        more._places = [
+            (state, axis, replace(place, kernels=np.concatenate([place.kernels, added])))
+            for state, axis, place in self._places
+        ]
+        more.shape = self.shape[0], self.shape[1], self.shape[2] + 1
+        return more
 
     def scales(self, state: int, axis: int, group: int) -> FloatArray:
         """Return the size of each part of the discrepancy in one group, (parts,)."""
@@ -175,40 +197,42 @@ class Applied:
                 group.
             precision: (p, p) inverse of the parameters' posterior covariance.
         """
-        spread = np.linalg.inv(precision)
         amplitudes = self.amplitudes.copy()
         least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
-        for at, (_, axis, place) in self.discrepancy.enumerate():
+        answers = self.answers(weighted, precision)
+        for (at, (_, _, place)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
             kernels = place.kernels.reshape(len(place.kernels), -1)
-            seen = place.seen([weighted[index][:, axis] for index in place.groups])
-            for part, through in enumerate(seen):
-                rows, answer = through[:-1], through[-1]
-                inside = self.inverses[at].inside(part) - rows.T @ (spread @ rows)
+            for part, (answer, information) in enumerate(parts):
                 data = kernels @ np.outer(answer, answer).ravel()
-                trace = kernels @ inside.ravel()
+                trace = kernels @ information.ravel()
                 better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
                 amplitudes[at, part] *= np.where(trace > 0.0, better, 1.0)
         return self.discrepancy.applied(np.maximum(amplitudes, least))
+
+    def answers(
+        self, weighted: Sequence[FloatArray], precision: FloatArray
+    ) -> list[list[tuple[FloatArray, FloatArray]]]:
+        """Return C^-1 r and C^-1 as each part of each place sees them, what is fitted left out.
+
+        Args:
+            weighted: as for `improved`.
+            precision: (p, p) inverse of the parameters' posterior covariance.
+
+        Returns:
+            for every place and part, (REAL,) and (REAL, REAL).
+        """
+        spread = np.linalg.inv(precision)
+        found = []
+        for at, (_, axis, place) in self.discrepancy.enumerate():
+            parts = []
+            for part, through in enumerate(place.seen([weighted[index][:, axis] for index in place.groups])):
+                rows, answer = through[:-1], through[-1]
+                parts.append((answer, self.inverses[at].inside(part) - rows.T @ (spread @ rows)))
+            found.append(parts)
+        return found
 
 
 def _of_place(rows: Rows, place: Place, axis: int) -> list[FloatArray | None] | None:
     """Return the rows (k, REAL) of a place's groups, None if no group of it has any."""
     given = [rows[index] for index in place.groups]
     return None if all(row is None for row in given) else [None if row is None else row[:, axis] for row in given]
-
-
-@lru_cache(maxsize=32)
-def _kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> FloatArray:
-    """Return kernels of unit power of curves near the contact and away from it, (2 lengths, REAL, REAL)."""
-    beyond = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
-    near = np.cos(0.5 * math.pi * beyond)
-    away = 1.0 - np.cos(ANGLES[:, None] - ANGLES[None, :])
-    found = []
-    for window in (near, np.sin(0.5 * math.pi * beyond)):
-        for length in lengths_rad:
-            field = np.outer(window, window) * np.exp(-away / length**2)
-            field /= max(float(np.square(window).mean()), 1e-12)
-            found.append(FROM_FIELD @ field @ FROM_FIELD.T)
-    kernels = np.stack(found)
-    kernels.setflags(write=False)
-    return kernels
