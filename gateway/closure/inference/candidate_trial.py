@@ -88,7 +88,19 @@ def _trials(
     starts: Sequence[Sequence[float]],
 ) -> list[Trial]:
     """Return the successful trials from these starts."""
-    trials = [_try_from(fit, model, effect, groups, np.array(start, dtype=np.float64)) for start in starts]
+    begun: list[tuple[FloatArray, list[FloatArray]]] = []
+    for start in starts:
+        rows = _rows_from(fit, model, effect, groups, np.array(start, dtype=np.float64))
+        if rows is not None:
+            begun.append((np.array(start, dtype=np.float64), rows))
+    if not begun:
+        return []
+    # All starts go through the inverse covariance together, which takes a fraction of the time of one after the other.
+    stacked: list[FloatArray | None] = [None] * len(model.campaign.groups)
+    for place, index in enumerate(groups):
+        stacked[index] = np.concatenate([rows[place] for _, rows in begun])
+    inner, cross = fit.own(stacked, len(begun)), np.split(fit.cross(stacked), len(begun), axis=1)
+    trials = [_trial(fit, model, effect, start, *both) for (start, _), *both in zip(begun, inner, cross, strict=True)]
     return [trial for trial in trials if trial is not None and math.isfinite(trial.cost + trial.promise)]
 
 
@@ -126,24 +138,48 @@ def refit(trial: Trial, data: Whitened) -> Fit:
     return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS, rough=_ROUGH)
 
 
-def _try_from(
-    fit: Fit, model: ClosureModel, effect: AngleEffect, groups: Sequence[int], start: FloatArray
-) -> Trial | None:
+def _started(fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray) -> FloatArray:
+    """Return the parameters of a fit with an effect at its start."""
     there = fit.model.layout.moved(fit.vector, model.layout)
-    own = model.layout.effect(effect.name)
-    there[own] = start
-    # Derivatives by the effect's parameters, and the change of the signal by the start; of other groups it is left out.
-    new: list[FloatArray | None] = [None] * len(model.campaign.groups)
+    there[model.layout.effect(effect.name)] = start
+    return there
+
+
+def _rows_from(
+    fit: Fit, model: ClosureModel, effect: AngleEffect, groups: Sequence[int], start: FloatArray
+) -> list[FloatArray] | None:
+    """Return derivatives by the effect's parameters, and the change of the signal by the start, of each group tried.
+
+    Other groups are left out, as if the effect did not change them.
+
+    Returns:
+        (k + 1, 3, REAL) of each group, None if the model has no solution.
+    """
+    there = _started(fit, model, effect, start)
+    found = []
     try:
         for index in groups:
             _, base, derivatives = model.group_derivatives(there, index, only=effect.name)
-            rows = as_real(np.concatenate([derivatives, (base - fit.predicted[index])[None]]))
-            if not np.isfinite(rows).all():
-                return None
-            new[index] = rows
+            found.append(as_real(np.concatenate([derivatives, (base - fit.predicted[index])[None]])))
     except (NoShapeError, np.linalg.LinAlgError):
         return None
-    inner, cross = fit.own(new), fit.cross(new)
+    return found if all(np.isfinite(rows).all() for rows in found) else None
+
+
+def _trial(
+    fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray, inner: FloatArray, cross: FloatArray
+) -> Trial | None:
+    """Return the linear fit from a start; None if it is singular.
+
+    Args:
+        fit: of the model without the effect.
+        model: with it.
+        effect: to try.
+        start: initial parameters.
+        inner: products of the derivatives and the change of the signal by the start, (k + 1, k + 1).
+        cross: products of those of the fit and its residual with them, (P + 1, k + 1).
+    """
+    there, own = _started(fit, model, effect, start), model.layout.effect(effect.name)
     # From the change of the signal to the residual with the start in place.
     misfit = fit.residual_product - 2.0 * float(cross[-1, -1]) + float(inner[-1, -1])
     slope = np.concatenate([fit.slope - cross[:-1, -1], cross[-1, :-1] - inner[:-1, -1]])
@@ -162,15 +198,11 @@ def _try_from(
     gradient[np.concatenate([old, new_places])] += slope
     try:
         change = np.linalg.solve(matrix, gradient)
-        _, log_new = np.linalg.slogdet(matrix)
-        _, log_old = np.linalg.slogdet(fit.precision)
-        _, log_prior = np.linalg.slogdet(prior)
-        _, log_fit = np.linalg.slogdet(fit.prior_precision)
+        occam = float(np.linalg.slogdet(matrix)[1] - np.linalg.slogdet(prior)[1]) - fit.log_occam
     except np.linalg.LinAlgError:
         return None
     cost = misfit + float(away @ prior @ away - change @ gradient)
     known = model.witness_deviance() - fit.model.witness_deviance()
-    occam = float(log_new - log_old - log_prior + log_fit)
     occam += 2.0 * (model.log_choices() - fit.model.log_choices())
     return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - known - occam))
 

@@ -161,14 +161,14 @@ class Applied:
                     found[index][:, axis] = weighted
         return found
 
-    def product(self, rows: Rows) -> FloatArray:
-        """Return rows C^-1 rows' for rows as for `weighted`, (k, k)."""
-        size = next(len(row) for row in rows if row is not None)
-        total = np.zeros((size, size))
+    def products(self, rows: Rows, batches: int = 1) -> FloatArray:
+        """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
+        size = next(len(row) for row in rows if row is not None) // batches
+        total = np.zeros((batches, size, size))
         for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
             own = _of_place(rows, place, axis)
             if own is not None:
-                total += inverse.product(own)
+                total += inverse.products(own, batches)
         return total
 
     def mean(self, weighted: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray]]:

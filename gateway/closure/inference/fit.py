@@ -79,9 +79,14 @@ class Fit:
         """Return derivatives and residual C^-1 others' for others (q, 3, REAL) of each group, (P + 1, q)."""
         return product(self.weighted, others) / self.scale
 
-    def own(self, others: Rows) -> FloatArray:
-        """Return others C^-1 others' for others (q, 3, REAL) of each group, (q, q)."""
-        return own_product(self.data, others, self.applied) / self.scale
+    def own(self, others: Rows, batches: int) -> FloatArray:
+        """Return others C^-1 others' within equal batches of others (k, 3, REAL) of each group, (batches, q, q)."""
+        return products(self.data, others, self.applied, batches) / self.scale
+
+    @cached_property
+    def log_occam(self) -> float:
+        """Logarithm of the determinant of the precision over that of the priors."""
+        return float(np.linalg.slogdet(self.precision)[1] - np.linalg.slogdet(self.prior_precision)[1])
 
     @property
     def residual_product(self) -> float:
@@ -157,14 +162,14 @@ def product(rows: Sequence[FloatArray], others: Rows) -> FloatArray:
     return total
 
 
-def own_product(data: Whitened, rows: Rows, applied: Applied | None) -> FloatArray:
-    """Return rows C^-1 rows' for rows as for `weighted`, (k, k)."""
-    return product(data.weighted(rows), rows) if applied is None else applied.product(rows)
+def products(data: Whitened, rows: Rows, applied: Applied | None, batches: int = 1) -> FloatArray:
+    """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
+    return data.products(rows, batches) if applied is None else applied.products(rows, batches)
 
 
 def chi_square(data: Whitened, residual: Sequence[FloatArray], applied: Applied | None) -> float:
     """Return the chi-square of a residual (3, REAL) of each group."""
-    return float(own_product(data, [left[None] for left in residual], applied)[0, 0])
+    return float(products(data, [left[None] for left in residual], applied)[0, 0, 0])
 
 
 def fit_model(

@@ -90,6 +90,15 @@ class Whitened:
             for row, precision in zip(rows, self.precisions, strict=True)
         ]
 
+    def products(self, rows: Sequence[FloatArray | None], batches: int = 1) -> FloatArray:
+        """Return rows C^-1 rows' for the scatter C within equal batches of rows as for `weighted`, (batches, k, k)."""
+        size = next(len(row) for row in rows if row is not None) // batches
+        total = np.zeros((batches, size, size))
+        for left, row in zip(self.weighted(rows), rows, strict=True):
+            if row is not None:
+                total += left.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
+        return total
+
     def loosened(self, share: float) -> Whitened:
         """Return the same data as if every order were uncertain by this share of the signal, for a rough fit."""
         factors = []

@@ -125,8 +125,8 @@ class Inverse(Protocol):
         """Return C^-1 rows' of rows (k, REAL) in each group of the place, (k, REAL) each; None stands for zeros."""
         ...
 
-    def product(self, rows: Rows) -> FloatArray:
-        """Return rows C^-1 rows' of rows as for `weighted`, (k, k)."""
+    def products(self, rows: Rows, batches: int) -> FloatArray:
+        """Return rows C^-1 rows' within each of several equal batches of the rows, (batches, q, q)."""
         ...
 
     def inside(self, part: int) -> FloatArray:
@@ -206,8 +206,8 @@ class _Whole:
             found.append(total)
         return found
 
-    def product(self, rows: Rows) -> FloatArray:
-        return _products(self.weighted(rows), rows)
+    def products(self, rows: Rows, batches: int) -> FloatArray:
+        return _products(self.weighted(rows), rows, batches)
 
     def inside(self, part: int) -> FloatArray:
         scales = self._place.scales[part]
@@ -270,10 +270,10 @@ class _Shared:
             for here, scales, matrix in zip(own, self._place.scales.T, self._own, strict=True)
         ]
 
-    def product(self, rows: Rows) -> FloatArray:
+    def products(self, rows: Rows, batches: int) -> FloatArray:
         own = self._by_own(rows)
-        solved = self._solved(own)
-        return _products(own, rows) - solved @ solved.T
+        solved = self._solved(own).reshape(batches, -1, len(self._factor))
+        return _products(own, rows, batches) - solved @ solved.transpose(0, 2, 1)
 
     def _by_own(self, rows: Rows) -> list[FloatArray]:
         """Return rows G of each group."""
@@ -293,12 +293,13 @@ class _Shared:
         return self._information[part][part] - through.T @ through
 
 
-def _products(weighted: Sequence[FloatArray], rows: Rows) -> FloatArray:
-    """Return the sum over groups of weighted rows (k, REAL) times rows', (k, k)."""
-    total = np.zeros((len(weighted[0]), len(weighted[0])))
+def _products(weighted: Sequence[FloatArray], rows: Rows, batches: int) -> FloatArray:
+    """Return the sum over groups of weighted rows (k, REAL) times rows', within batches of them."""
+    size = len(weighted[0]) // batches
+    total = np.zeros((batches, size, size))
     for left, row in zip(weighted, rows, strict=True):
         if row is not None:
-            total += left @ row.T
+            total += left.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
     return total
 
 
