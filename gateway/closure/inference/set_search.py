@@ -104,11 +104,16 @@ class SetSearch:
         evident = most_evident(self.best.fit, self.data)
         if evident is None:
             return False
-        self.discrepancy = self.discrepancy.concentrated(evident.concentration)
+        before, smoother = self.found, self.discrepancy
+        self.found, self.discrepancy = {}, smoother.concentrated(evident.concentration)
         amplitudes = np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2)
-        before, self.found = self.found, {}
         for one in sorted(before.values(), key=lambda one: (-one.log_evidence, sorted(one.names))):
-            self._evaluate(one.fit, _amplitudes(self.best) if self.found else amplitudes)
+            # Even without time left, the best set and the empty one are needed.
+            if not (self.found and one.names and self._stop()):
+                self._evaluate(one.fit, _amplitudes(self.best) if self.found else amplitudes)
+        if frozenset() not in self.found:
+            self.found, self.discrepancy = before, smoother
+            return False
         return True
 
     @property
@@ -130,7 +135,7 @@ class SetSearch:
             try:
                 enough = self.best.log_evidence - criteria.WORTH_WORK if self.found else -math.inf
                 self.found[names] = evaluate(fit, self.data, self.discrepancy, amplitudes, enough)
-            except FitFailedError:
+            except (FitFailedError, np.linalg.LinAlgError):
                 self.rejected.add(names)
                 return None
         return self.found[names]
