@@ -87,11 +87,13 @@ class Code(StrEnum):
     RADIUS_WOULD_FIT = "radius_would_fit"
     RATE_WOULD_FIT = "rate_would_fit"
     STEADY_VALUE_CONTRADICTED = "steady_value_contradicted"
+    STEADY_VALUE_DISAGREES = "steady_value_disagrees"
     UNIT_IS_G = "unit_is_g"
     UNIT_IS_MPS2 = "unit_is_mps2"
     VEHICLE_SPEED_CONTRADICTED = "vehicle_speed_contradicted"
     WHEEL_SPEED_CONTRADICTED = "wheel_speed_contradicted"
     WIDTH_CONTRADICTED = "width_contradicted"
+    WIDTH_DISAGREES = "width_disagrees"
     ZERO_CONTRADICTED = "zero_contradicted"
     ZERO_WOULD_FIT = "zero_would_fit"
     # Of the tire's four numbers

@@ -227,6 +227,15 @@ def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> 
     return tuple(dict.fromkeys(reason for one in found for reason in one.reasons if reason.code in against))
 
 
+def _width_disagreement(conditions: TireConditions) -> float:
+    """Return the relative error that the belt width of the new tire adds to load and pressure as stated."""
+    width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
+    for reason in width.reasons if width is not None else ():
+        if reason.code is Code.WIDTH_DISAGREES and isinstance(error := reason["error"], float):
+            return error
+    return 0.0
+
+
 def _pressure_number(
     load: Estimate,
     conditions: TireConditions,
@@ -247,11 +256,13 @@ def _pressure_number(
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
     # The error of the edge's definition counts here, because the number is compared between tires.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
+    unsure = _width_disagreement(conditions)
     relative = math.hypot(
         std / value,
         half_std / half,
         conditions.pressure_std_pa / pressure,
         2.0 * conditions.radius_std_m / conditions.radius_m,
+        unsure,
     )
     return Estimate(NAMES[3], number, number * relative, status, reasons)
 

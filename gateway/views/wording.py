@@ -138,6 +138,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.STEADY_VALUE_CONTRADICTED: (
         "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
     ),
+    Code.STEADY_VALUE_DISAGREES: (
+        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: the error includes "
+        "{error:.1%} because the radius may not be as stated"
+    ),
     Code.UNIT_IS_G: "values in g taken for m/s² would fit",
     Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
     Code.VEHICLE_SPEED_CONTRADICTED: (
@@ -149,6 +153,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WIDTH_CONTRADICTED: (
         "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
         "radius are not as stated"
+    ),
+    Code.WIDTH_DISAGREES: (
+        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire: the error includes {error:.1%} because load, "
+        "pressure or belt radius may not be as stated"
     ),
     Code.ZERO_CONTRADICTED: (
         "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "

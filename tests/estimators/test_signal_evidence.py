@@ -164,12 +164,29 @@ def measured(ratio: float, *, gain: float = 1.0, gain_std: float = 0.01, offset_
     )
 
 
-@pytest.mark.parametrize("ratio", [0.97, 1.0, 1.04])
+@pytest.mark.parametrize("ratio", [0.985, 1.0, 1.01])
 def test_ratio_within_errors_changes_nothing(ratio: float) -> None:
     evidence = assess(measured(ratio), CONDITIONS, 1000.0, ac_coupled=False)
     assert evidence.contradictions == ()
     assert evidence.radius_m == CONDITIONS.radius_m
+    assert evidence.radius_std_m == pytest.approx(CONDITIONS.radius_std_m, rel=0.05)
     assert evidence.qualified(SPEED) == SPEED
+
+
+@pytest.mark.parametrize("ratio", [0.96, 1.04])
+def test_ratio_near_a_contradiction_widens_the_errors(ratio: float) -> None:
+    """A radius that is 4 % off is within three errors of a gain known to 1.5 %."""
+    evidence = assess(measured(ratio), replace(CONDITIONS, radius_std_m=0.001), 1000.0, ac_coupled=False)
+    assert evidence.contradictions == ()
+    assert evidence.radius_m == CONDITIONS.radius_m
+    assert 3.0 * evidence.radius_std_m > 0.04 * CONDITIONS.radius_m
+    assert 3.0 * evidence.gain_std > 0.04
+    # As if the zero-g offset were wrong by as much as the steady value.
+    assert 3.0 * evidence.steady_std_mps2 > 40.0
+    speed = evidence.qualified(SPEED)
+    assert speed.status is Status.VALID
+    assert codes_of(speed.reasons) == (Code.STEADY_VALUE_DISAGREES,)
+    assert evidence.qualified(replace(SPEED, name="leading_edge_rad")).reasons == ()
 
 
 def test_gravity_decides_between_gain_and_radius() -> None:
