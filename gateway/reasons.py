@@ -40,6 +40,7 @@ class Code(StrEnum):
     RADIAL_IS_IN_G = "radial_is_in_g"
     RADIAL_IS_IN_MPS2 = "radial_is_in_mps2"
     RADIAL_OUTWARD = "radial_outward"
+    RADIAL_SCALE_DOES_NOT_FIT = "radial_scale_does_not_fit"
     RATE_DOES_NOT_FIT = "rate_does_not_fit"
     SAMPLES_INTERRUPTED = "samples_interrupted"
     SAMPLES_TOO_SHORT = "samples_too_short"

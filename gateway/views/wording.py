@@ -68,6 +68,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
     ),
     Code.RADIAL_OUTWARD: "the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign",
+    Code.RADIAL_SCALE_DOES_NOT_FIT: (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.3g m/s²} for "
+        "{expected_mps2:.0f m/s²}), too far for a wrong rate: the scale or the unit of the axis is wrong"
+    ),
     Code.RATE_DOES_NOT_FIT: (
         "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
         "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
@@ -532,9 +536,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
     ),
     Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has",
-    Code.SAMPLES_REPEATED: (
-        "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
-    ),
+    Code.SAMPLES_REPEATED: ("sends the same samples again: {count} blocks are not used. A fault of the firmware"),
     Code.SAMPLE_NUMBERS_JUMP: (
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
