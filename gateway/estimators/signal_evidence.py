@@ -145,6 +145,7 @@ class Evidence:
         radius_m: in use.
         radius_std_m: its standard error.
         contradictions: of stated and measured values.
+        unsure: relative error of radius, gain and rate beyond the stated ones, by a steady value near a contradiction.
         disagreement: of the steady value with what is stated, where it is most of the radius's error; None elsewhere.
     """
 
@@ -156,6 +157,7 @@ class Evidence:
     radius_m: float
     radius_std_m: float
     contradictions: tuple[Contradiction, ...] = ()
+    unsure: float = 0.0
     disagreement: Reason | None = None
 
     def applied_to(
@@ -291,6 +293,7 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
         radius_m=radius.value,
         radius_std_m=radius.std,
         contradictions=tuple(contradictions),
+        unsure=unsure,
         disagreement=disagreement,
     )
 

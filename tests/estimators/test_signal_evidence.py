@@ -210,6 +210,18 @@ def test_invalid_estimate_stays_as_it_is() -> None:
     assert evidence.qualified(invalid) is invalid
 
 
+def test_rate_near_a_contradiction_widens_the_measured_depth() -> None:
+    """A rate of 9984 Hz for 9600 Hz is within three errors of a gain known to 3 %."""
+    claims = SensorClaims(gain_std=0.03)
+    setup = replace(SETUP, sensor=claims)
+    found = last(restated(DEEP, 4.0, setup, ("kinematic", "self-calibration"), rate_factor=1.04)[0])
+    for name, true in (("sensor_offset_m", 0.008), ("speed_mps", 65.0 / 3.6)):
+        assert found[name].status is Status.VALID
+        assert abs(found[name].value - true) < 3.0 * found[name].std
+    # Beyond the gains of two axes, 4.2 %.
+    assert found["sensor_offset_m"].std > 0.048 * found["sensor_offset_m"].value
+
+
 def test_agreeing_depths_are_averaged() -> None:
     conditions = replace(CONDITIONS, claims=SensorClaims(offset_m=0.0051, offset_std_m=1e-4))
     evidence = assess(measured(1.0, offset_m=0.005), conditions, 1000.0, ac_coupled=False)
