@@ -367,8 +367,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
     Code.SENSOR_NEVER_HEARD: (
-        "nothing received from its sensor in {silence_s:.0f s}. Is it switched on, and are hub and wheel number as "
-        "configured?"
+        "nothing received from its sensor in {silence_s:.0f s}, or only what was rejected. Is it switched on, and are "
+        "hub and wheel number as configured?"
     ),
     Code.SENSOR_SILENT: (
         "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
