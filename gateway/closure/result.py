@@ -95,8 +95,6 @@ class Finding:
         verdict: the outcome.
         parameters: by name.
         chi2: reduction of the misfit (chi-square) on all data.
-        held_out_gain: reduction of the misfit on held-out revolutions, sum over folds; NaN where not computed.
-        held_out_std: its standard error over folds.
         rms_mps2: size of its contribution, rms over the signal of the axes it acts on.
         rms_before_mps2: held-out rms before it was added; NaN for refused effects.
         rms_after_mps2: and after.
@@ -115,8 +113,6 @@ class Finding:
     verdict: Verdict
     parameters: Mapping[str, Fitted]
     chi2: float
-    held_out_gain: float
-    held_out_std: float
     rms_mps2: float
     rms_before_mps2: float = float("nan")
     rms_after_mps2: float = float("nan")

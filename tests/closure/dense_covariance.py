@@ -21,12 +21,14 @@ def covariance_of(applied: Applied, data: Whitened, *, shared_only: bool = False
     widths = [sum(len(factor) for factor in factors) for factors in data.factors]
     begins = np.concatenate([[0], np.cumsum(widths)]).astype(int)
     total = np.eye(int(begins[-1])) * (0.0 if shared_only else 1.0)
-    for at, (_, _, place) in applied.discrepancy.enumerate():
+    for at, (_, axis, place) in applied.discrepancy.enumerate():
         rows, marked = [], []
-        for number, (index, columns, factor) in enumerate(zip(place.groups, place.columns, place.factors, strict=True)):
+        for number, (index, scatter) in enumerate(zip(place.groups, place.scatters, strict=True)):
+            factor = scatter.factor
+            first = begins[index] + sum(map(len, data.factors[index][:axis]))
             for part in range(place.parts):
                 wide = np.zeros((int(begins[-1]), factor.shape[1]))
-                wide[begins[index] + columns.start : begins[index] + columns.stop] = factor
+                wide[first : first + len(factor)] = factor
                 rows.append((part, place.scales[part, number] * wide))
                 marked.append((part, number, place.scales[part, number] * wide))
         if len(place.groups) > 1 and not shared_only:
@@ -43,6 +45,12 @@ def covariance_of(applied: Applied, data: Whitened, *, shared_only: bool = False
     return total
 
 
-def joined(rows: tuple[FloatArray, ...]) -> FloatArray:
-    """Return whitened rows of each group side by side, (p, size)."""
-    return np.concatenate([np.atleast_2d(row) for row in rows], axis=1)
+def whitened(data: Whitened, group: int, real: FloatArray) -> FloatArray:
+    """Return real coefficients (..., 3, REAL) of one group whitened by the scatter, (..., m)."""
+    axes = [real[..., axis, :] @ factor.T for axis, factor in enumerate(data.factors[group])]
+    return np.concatenate(axes, axis=-1)
+
+
+def joined(data: Whitened, rows: tuple[FloatArray, ...]) -> FloatArray:
+    """Return real coefficients ([p,] 3, REAL) of each group whitened and side by side, (p, size)."""
+    return np.concatenate([np.atleast_2d(whitened(data, index, row)) for index, row in enumerate(rows)], axis=1)

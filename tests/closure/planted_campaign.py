@@ -27,7 +27,7 @@ from gateway.closure.effects.effect import (
     Stage,
 )
 from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.fit import Fit, fit_model
+from gateway.closure.inference.fit import Fit, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.set_evidence import Evaluated, evaluate
@@ -56,6 +56,7 @@ WARM = (conditions(temperature_degc=45.0), conditions(temperature_degc=47.5))
 COLD_AND_WARM = (conditions(temperature_degc=25.0), conditions(temperature_degc=47.5))
 ONE_SPEED = (conditions(60.0),)
 TWO_SPEEDS = (conditions(60.0), conditions(30.0))
+THREE_SPEEDS = (*TWO_SPEEDS, conditions(45.0))
 
 
 @lru_cache(maxsize=8)
@@ -187,6 +188,14 @@ def fitted(campaign: Campaign, *effects: AngleEffect) -> tuple[Fit, Whitened]:
     for effect in effects:
         start[model.layout.effect(effect.name)] = effect.starts(tuple(g.conditions for g in campaign.groups))[0]
     return fit_model(model, data, start, from_afar=True), data
+
+
+def started(campaign: Campaign) -> tuple[Fit, Whitened]:
+    """Return the exact ring, linearised at its nominal numbers, and the data."""
+    core = make_core(BaselineModel.EXACT)
+    data = whiten(campaign, core)
+    model = ClosureModel(campaign, core)
+    return linearised(model, data, model.priors()[0]), data
 
 
 def evaluated(campaign: Campaign, *effects: AngleEffect) -> tuple[Evaluated, Whitened]:

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from gateway.closure.data.campaign_data import ORDERS
-from gateway.closure.effects.effect import RADIAL
+from gateway.closure.data.campaign_data import ORDERS, Campaign
+from gateway.closure.effects.effect import RADIAL, GroupConditions
 from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, Whitened, as_complex
 from gateway.types import FloatArray
-from tests.closure.dense_covariance import covariance_of, joined
+from tests.closure.dense_covariance import covariance_of, joined, whitened
 from tests.closure.planted_campaign import (
     ONE_SPEED,
+    THREE_SPEEDS,
     TWO_SPEEDS,
     campaign_of,
     evaluated,
     fitted,
+    started,
     with_blocks,
 )
 
@@ -65,37 +68,66 @@ def test_kernels_have_unit_power() -> None:
         assert float(power @ np.diagonal(kernel)) == pytest.approx(1.0, rel=0.02)
 
 
-def test_gram_equals_dense_covariance() -> None:
-    fit, data, discrepancy = two_speeds()
+def without_high_orders(campaign: Campaign) -> Campaign:
+    """Return the campaign without the orders that a slow sensor cannot carry in its first group."""
+    first, *others = campaign.groups
+    high = np.arange(ORDERS) > 70
+    blocks = [replace(block, orders_mps2=np.where(high, np.nan, block.orders_mps2)) for block in first.blocks]
+    return replace(campaign, groups=(replace(first, blocks=tuple(blocks)), *others))
+
+
+@pytest.mark.parametrize("every_order", [True, False], ids=["all orders", "orders missing"])
+@pytest.mark.parametrize("speeds", [ONE_SPEED, TWO_SPEEDS, THREE_SPEEDS], ids=["one", "two", "three"])
+def test_products_equal_dense_covariance(speeds: tuple[GroupConditions, ...], every_order: bool) -> None:
+    """One or two groups are inverted as a whole, three by way of what they share."""
+    campaign = campaign_of(speeds) if every_order else without_high_orders(campaign_of(speeds))
+    fit, data = started(campaign)
+    discrepancy = Discrepancy(campaign, data)
     applied = discrepancy.applied(some_amplitudes(discrepancy))
     dense = covariance_of(applied, data)
-    rows = joined(fit.rows)
-    expected = rows @ np.linalg.solve(dense, rows.T)
-    scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
-    assert np.abs(applied.gram(fit.rows) - expected).max() < 1e-5 * scale.max()
-    assert applied.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-5)
-    residual = [left[None] for left in fit.residual]
-    direct = rows @ np.linalg.solve(dense, joined(tuple(residual)).T)
-    assert applied.gram(fit.rows, residual) == pytest.approx(direct, abs=1e-5 * np.abs(direct).max())
-    assert applied.cross(residual, applied.seen(residual), fit.rows) == pytest.approx(
-        direct.T, abs=1e-5 * np.abs(direct).max()
-    )
+    there = fit.under(applied)
+    rows, residual = joined(data, fit.rows), joined(data, fit.residual)
+    solved = np.linalg.solve(dense, np.concatenate([rows, residual]).T)
+    scale = np.sqrt(np.diagonal(rows @ solved[:, :-1]))
+    assert np.abs((there.information - rows @ solved[:, :-1]) / np.outer(scale, scale)).max() < 1e-6
+    assert there.slope == pytest.approx(rows @ solved[:, -1], abs=1e-6 * np.abs(rows @ solved[:, -1]).max())
+    assert there.residual_product == pytest.approx(float(residual[0] @ solved[:, -1]), rel=1e-6)
+    assert applied.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-6)
+
+
+def test_products_of_some_groups_leave_the_others_out() -> None:
+    fit, _, discrepancy = two_speeds()
+    there = fit.under(discrepancy.applied(some_amplitudes(discrepancy)))
+    rows = fit.rows[1][:2]
+    zeros = np.zeros_like(rows)
+    assert there.own([None, rows], 2) == pytest.approx(there.own([zeros, rows], 2), rel=1e-12)
+    assert there.cross([None, rows]) == pytest.approx(there.cross([zeros, rows]), rel=1e-12)
+
+
+def test_products_move_with_the_parameters() -> None:
+    fit, _, discrepancy = two_speeds()
+    there = fit.under(discrepancy.applied(some_amplitudes(discrepancy)))
+    moved = there.moved(there.step)
+    afresh = replace(moved)
+    assert moved.cost == pytest.approx(afresh.cost, rel=1e-9)
+    assert moved.slope == pytest.approx(afresh.slope, abs=1e-9 * np.abs(there.slope).max())
 
 
 def test_mean_equals_dense_regression() -> None:
     fit, data, discrepancy = two_speeds()
     applied = discrepancy.applied(some_amplitudes(discrepancy))
     dense = covariance_of(applied, data)
-    residual = joined(fit.residual)[0]
+    residual = joined(data, fit.residual)[0]
     # What the groups' common discrepancy is expected to be in the whitened data.
     expected = covariance_of(applied, data, shared_only=True) @ np.linalg.solve(dense, residual)
     found = np.zeros_like(residual)
     width = sum(len(factor) for factor in data.factors[0])
-    for state, axis, coefficients, _ in applied.mean(fit.residual):
+    weighted = [rows[-1] for rows in fit.under(applied).weighted]
+    for state, axis, coefficients in applied.mean(weighted):
         for group in range(len(data.orders)):
-            curve = np.zeros((3, ORDERS), complex)
-            curve[axis] = as_complex(discrepancy.scales(state, axis, group) @ coefficients)
-            found[group * width : (group + 1) * width] += data.white(group, curve)
+            curve = np.zeros((3, 2 * ORDERS - 1))
+            curve[axis] = discrepancy.scales(state, axis, group) @ coefficients
+            found[group * width : (group + 1) * width] += whitened(data, group, curve)
     assert found == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
 
 
@@ -119,7 +151,7 @@ def test_amplitude_steps_reach_a_stationary_point() -> None:
     for _ in range(60):
         there = fit.under(applied)
         there = there.moved(there.step)
-        applied = applied.improved(there.rows, there.residual, there.precision)
+        applied = applied.improved(there.weighted, there.precision)
     assert restricted(fit, applied) > first
     least = (criteria.LEAST_SHARE * discrepancy.reference_mps2) ** 2
     slopes = []

@@ -65,7 +65,7 @@ def with_mounting(campaign: Campaign, data: Whitened) -> Fit:
     """Return the fit of the ring with a mounting offset."""
     core = ExactCore()
     plain = fit_model(ClosureModel(campaign, core), data, from_afar=True)
-    trial = try_effect(plain, data, effect_of("mounting offset"), [0])
+    trial = try_effect(plain, effect_of("mounting offset"), [0])
     assert trial is not None
     return refit(trial, data)
 
@@ -84,7 +84,7 @@ def fitted(recording: Path) -> Fitted:
     campaign = read_campaign([recording], jobs=1)
     data = whiten(campaign, ExactCore())
     before = with_mounting(campaign, data)
-    trial = try_effect(before, data, effect_of(WAVES), [0])
+    trial = try_effect(before, effect_of(WAVES), [0])
     assert trial is not None
     return Fitted(campaign, data, before, refit(trial, data))
 

@@ -100,7 +100,7 @@ def test_travelling_waves_and_a_packet_ahead_are_found(speeds: tuple[float, ...]
     made = campaign(effect(), truth, 21, speeds)
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    trial = try_effect(without, data, effect(), range(len(data.orders)))
+    trial = try_effect(without, effect(), range(len(data.orders)))
     assert trial is not None
     fit = refit(trial, data)
     assert fit.misfit < 1.15 * data.size
@@ -126,7 +126,7 @@ def test_other_effects_are_not_better_explained_by_waves(name: str, values: tupl
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
     groups = range(len(data.orders))
-    ours, theirs = try_effect(without, data, effect(), groups), try_effect(without, data, true, groups)
+    ours, theirs = try_effect(without, effect(), groups), try_effect(without, true, groups)
     assert theirs is not None
     right = refit(theirs, data)
     if ours is None:

@@ -14,6 +14,7 @@ from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, TO_FIELD, a
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.series_baseline import SeriesCore
 from gateway.types import FloatArray
+from tests.closure.dense_covariance import whitened
 from tests.closure.planted_campaign import (
     BLOCKS,
     ONE_SPEED,
@@ -65,7 +66,7 @@ def test_whitened_scatter_with_a_place_is_white() -> None:
     total = REVOLUTIONS * BLOCKS
     values[:, RADIAL] = as_complex(scatter(rng, number)) / np.sqrt(total)
     values[:, CIRCUMFERENTIAL] = as_complex(rng.normal(size=(number, 2 * ORDERS - 1))) / np.sqrt(total)
-    white = data.white(0, values)
+    white = whitened(data, 0, as_real(values))
     covariance = white.T @ white / number
     expected = np.eye(len(covariance))
     # Sampling errors are 1/sqrt(4000); the dependence of the campaign's blocks is measured to some percent.
@@ -73,11 +74,13 @@ def test_whitened_scatter_with_a_place_is_white() -> None:
     assert np.diagonal(covariance).mean() == pytest.approx(1.0, abs=0.1)
 
 
-def test_plain_reverses_whitening() -> None:
+def test_precision_equals_product_of_whitened_rows() -> None:
     data = whiten(with_profile(campaign_of(ONE_SPEED)), ExactCore())
-    mean = data.mean(0, data.orders[0])
-    mean[:, 0] = mean[:, 0].real
-    assert data.plain(0, data.white(0, mean)) == pytest.approx(mean, abs=1e-8 * np.abs(mean).max())
+    rows = np.random.default_rng(5).normal(size=(4, 3, 2 * ORDERS - 1))
+    white = whitened(data, 0, rows)
+    (weighted,) = data.weighted([rows])
+    expected = white @ white.T
+    assert weighted.reshape(4, -1) @ rows.reshape(4, -1).T == pytest.approx(expected, rel=1e-9)
 
 
 def test_edge_scatter_lowers_weight_at_the_edges_only() -> None:
@@ -88,7 +91,7 @@ def test_edge_scatter_lowers_weight_at_the_edges_only() -> None:
         curve = np.exp(-0.5 * np.square((ANGLES - where_rad) / 0.08))
         values = np.zeros((3, ORDERS), complex)
         values[RADIAL] = as_complex(FROM_FIELD @ curve)
-        there, here = (float(np.square(one.white(0, values)).sum()) for one in (placed, plain))
+        there, here = (float(np.square(whitened(one, 0, as_real(values))).sum()) for one in (placed, plain))
         return there / here
 
     assert seen(EDGE_RAD) < 0.3

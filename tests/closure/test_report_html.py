@@ -84,7 +84,7 @@ def test_reasons_use_the_labels_of_the_table():
         "contact edge scatter",
         Verdict.REFUSED,
         {"leading_m": Fitted(0.03, 0.001, "m", 1e3, "mm")},
-        chi2=1.0, held_out_gain=1.0, held_out_std=1.0, rms_mps2=1.0, lock="contact",
+        chi2=1.0, rms_mps2=1.0, lock="contact",
         reason=Reason(
             Code.IMPLAUSIBLE_PARAMETER, parameter="leading_m", value=30.0, low=0.0, high=20.0, unit="mm"
         ),

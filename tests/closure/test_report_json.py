@@ -47,8 +47,6 @@ def test_keys_are_stable(tmp_path):
     assert first["evidence"] == {
         "log_odds": 42.0,
         "chi2": 41230.0,
-        "held_out_gain": 40100.0,
-        "held_out_std": 1210.0,
         "rms_mps2": 11.2,
         "held_out_rms_before_mps2": 12.31,
         "held_out_rms_after_mps2": 4.02,

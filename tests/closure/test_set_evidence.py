@@ -32,9 +32,9 @@ def test_evidence_equals_exact_gaussian(groups: tuple[object, ...]) -> None:
     one, data = evaluated(campaign_of(speeds, sideways(2.0), axes=ALL_AXES), Sideways("constant"))
     fit = one.fit
     assert fit.applied is not None
-    rows = joined(fit.rows)
+    rows = joined(data, fit.rows)
     spread = covariance_of(fit.applied, data) + rows.T @ np.linalg.solve(fit.prior_precision, rows)
-    residual = joined(fit.residual)[0] + (fit.vector - fit.prior_mean) @ rows
+    residual = joined(data, fit.residual)[0] + (fit.vector - fit.prior_mean) @ rows
     _, log_determinant = np.linalg.slogdet(spread)
     exact = -0.5 * (float(residual @ np.linalg.solve(spread, residual)) + float(log_determinant))
     assert log_evidence(fit) == pytest.approx(exact + math.log(criteria.PRIOR_ODDS), abs=0.02)

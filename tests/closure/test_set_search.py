@@ -37,7 +37,7 @@ def test_small_tilt_has_a_realistic_trial() -> None:
     angle_rad = 5e-5
     campaign = campaign_of(TWO_SPEEDS, turned(LATERAL, angle_rad), noise_mps2=0.05, axes=ALL_AXES)
     fit, data = fitted(campaign)
-    trial = try_effect(fit, data, angle_effect("roll tilt"), range(len(campaign.groups)))
+    trial = try_effect(fit, angle_effect("roll tilt"), range(len(campaign.groups)))
     assert trial is not None
     assert trial.vector[trial.model.layout.effect("roll tilt")] == pytest.approx(angle_rad, rel=0.1)
     # The full fit confirms the trial.
@@ -50,12 +50,12 @@ def test_trial_beside_an_impossible_belt_fails_alone() -> None:
     """A fit may have left the belt a compliance below zero, at which no ring has a shape."""
     campaign = campaign_of(ONE_SPEED)
     extension = angle_effect("belt extension")
-    fit, data = fitted(campaign, extension)
+    fit, _ = fitted(campaign, extension)
     vector = fit.vector.copy()
     vector[fit.model.layout.effect("belt extension")] = -1e-3
     beyond = replace(fit, vector=vector)
     for name in ("shear flexibility", "gain"):
-        assert try_effect(beyond, data, angle_effect(name), [0]) is None
+        assert try_effect(beyond, angle_effect(name), [0]) is None
 
 
 def tilt_and_gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:

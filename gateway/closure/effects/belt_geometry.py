@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -67,10 +68,19 @@ def relative_curvature(block: ModelledBlock) -> FloatArray:
 
 
 def _curvature_of_direction(block: ModelledBlock) -> FloatArray:
-    turned = np.arctan2(block.shape.gravity_circumferential, block.shape.gravity_radial) - block.theta_rad
+    up = np.stack([block.shape.gravity_circumferential, block.shape.gravity_radial])
+    return _turning_of(up.tobytes(), block.theta_rad.tobytes())
+
+
+@lru_cache(maxsize=64)
+def _turning_of(up: bytes, theta_rad: bytes) -> FloatArray:
+    """Return the derivative of the direction of (sine, cosine) by theta, not writable, for it is shared."""
+    sine, cosine = np.frombuffer(up).reshape(2, -1)
+    turned = np.arctan2(sine, cosine) - np.frombuffer(theta_rad)
     # Both angles grow by a turn; their difference is far below half of one.
     turned = np.mod(turned + math.pi, 2.0 * math.pi) - math.pi
     result: FloatArray = 1.0 + slopes(turned)[0]
+    result.setflags(write=False)
     return result
 
 

@@ -403,13 +403,17 @@ def _curvature_signal(block: ModelledBlock, wave: FloatArray, along: FloatArray 
     """
     scale = block.conditions.radius_m * block.conditions.omega_radps**2
     result = np.zeros((*wave.shape[:-1], 3, wave.shape[-1]))
-    spectrum = np.fft.rfft(wave, axis=-1) * (scale * _CLOSED)
-    result[..., RADIAL, :] = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1)
+    # Without amplitude, the derivatives by all but the amplitudes are zero.
+    busy = wave.any(axis=-1)
+    spectrum = np.fft.rfft(wave[busy], axis=-1) * (scale * _CLOSED)
+    result[busy, RADIAL] = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1)
     offset = relative_offset(block)
     if offset:
         if along is not None:
-            spectrum = np.fft.rfft(along, axis=-1) * scale
-        result[..., CIRCUMFERENTIAL, :] = np.fft.irfft(spectrum * (-offset * _CLOSED_SLOPE), n=FIELD_SIZE, axis=-1)
+            busy = along.any(axis=-1)
+            spectrum = np.fft.rfft(along[busy], axis=-1) * scale
+        turned = np.fft.irfft(spectrum * (-offset * _CLOSED_SLOPE), n=FIELD_SIZE, axis=-1)
+        result[busy, CIRCUMFERENTIAL] = turned
     return result
 
 

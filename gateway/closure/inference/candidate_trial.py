@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.effects.effect import SignalEffect
-from gateway.closure.inference.fit import Fit, fit_model, gram
-from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.fit import Fit, fit_model
+from gateway.closure.inference.likelihood import Whitened, as_real
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray, IntArray
@@ -47,12 +47,11 @@ class Trial:
     promise: float
 
 
-def try_effect(fit: Fit, data: Whitened, effect: AngleEffect, groups: Sequence[int]) -> Trial | None:
+def try_effect(fit: Fit, effect: AngleEffect, groups: Sequence[int]) -> Trial | None:
     """Return the best trial of an effect over its starts, by promise; None if no start succeeds.
 
     Args:
         fit: of the model without the effect.
-        data: whitened.
         effect: to try.
         groups: indices of the groups in which it is tried; the promise of the others is left out.
     """
@@ -62,18 +61,18 @@ def try_effect(fit: Fit, data: Whitened, effect: AngleEffect, groups: Sequence[i
         # The ring responds differently to large and to small changes of its own parameters.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
-    best = max(_trials(fit, data, model, effect, groups, starts), key=_promise, default=None)
+    best = max(_trials(fit, model, effect, groups, starts), key=_promise, default=None)
     if best is None:
         return None
     if effect.scan:
         for place, values in effect.scan:
             near = best.start.tolist()
             varied = [(*near[:place], value, *near[place + 1 :]) for value in values]
-            best = max([best, *_trials(fit, data, model, effect, groups, varied)], key=_promise)
+            best = max([best, *_trials(fit, model, effect, groups, varied)], key=_promise)
     elif isinstance(effect, SignalEffect) and not effect.linear:
         # A start that is far too large adds curvature, which hides a small effect. The endpoint is therefore tried too.
         reached = np.clip(best.vector[best.model.layout.effect(effect.name)], *bounds(effect))
-        best = max([best, *_trials(fit, data, model, effect, groups, [reached.tolist()])], key=_promise)
+        best = max([best, *_trials(fit, model, effect, groups, [reached.tolist()])], key=_promise)
     return best
 
 
@@ -83,14 +82,25 @@ def _promise(trial: Trial) -> float:
 
 def _trials(
     fit: Fit,
-    data: Whitened,
     model: ClosureModel,
     effect: AngleEffect,
     groups: Sequence[int],
     starts: Sequence[Sequence[float]],
 ) -> list[Trial]:
     """Return the successful trials from these starts."""
-    trials = [_try_from(fit, data, model, effect, groups, np.array(start, dtype=np.float64)) for start in starts]
+    begun: list[tuple[FloatArray, list[FloatArray]]] = []
+    for start in starts:
+        rows = _rows_from(fit, model, effect, groups, np.array(start, dtype=np.float64))
+        if rows is not None:
+            begun.append((np.array(start, dtype=np.float64), rows))
+    if not begun:
+        return []
+    # All starts go through the inverse covariance together, which takes a fraction of the time of one after the other.
+    stacked: list[FloatArray | None] = [None] * len(model.campaign.groups)
+    for place, index in enumerate(groups):
+        stacked[index] = np.concatenate([rows[place] for _, rows in begun])
+    inner, cross = fit.own(stacked, len(begun)), np.split(fit.cross(stacked), len(begun), axis=1)
+    trials = [_trial(fit, model, effect, start, *both) for (start, _), *both in zip(begun, inner, cross, strict=True)]
     return [trial for trial in trials if trial is not None and math.isfinite(trial.cost + trial.promise)]
 
 
@@ -128,30 +138,51 @@ def refit(trial: Trial, data: Whitened) -> Fit:
     return fit_model(trial.model, data, vector, from_afar=True, most_steps=_TRIAL_STEPS, rough=_ROUGH)
 
 
-def _try_from(
-    fit: Fit, data: Whitened, model: ClosureModel, effect: AngleEffect, groups: Sequence[int], start: FloatArray
-) -> Trial | None:
+def _started(fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray) -> FloatArray:
+    """Return the parameters of a fit with an effect at its start."""
     there = fit.model.layout.moved(fit.vector, model.layout)
-    own = model.layout.effect(effect.name)
-    there[own] = start
-    added, left = [], []
+    there[model.layout.effect(effect.name)] = start
+    return there
+
+
+def _rows_from(
+    fit: Fit, model: ClosureModel, effect: AngleEffect, groups: Sequence[int], start: FloatArray
+) -> list[FloatArray] | None:
+    """Return derivatives by the effect's parameters, and the change of the signal by the start, of each group tried.
+
+    Other groups are left out, as if the effect did not change them.
+
+    Returns:
+        (k + 1, 3, REAL) of each group, None if the model has no solution.
+    """
+    there = _started(fit, model, effect, start)
+    found = []
     try:
-        for index in range(len(model.campaign.groups)):
-            if index not in groups:
-                added.append(np.zeros((own.stop - own.start, len(fit.residual[index]))))
-                left.append(fit.residual[index][None])
-                continue
+        for index in groups:
             _, base, derivatives = model.group_derivatives(there, index, only=effect.name)
-            added.append(data.white(index, derivatives))
-            left.append((fit.residual[index] - data.white(index, base - fit.predicted[index]))[None])
+            found.append(as_real(np.concatenate([derivatives, (base - fit.predicted[index])[None]])))
     except (NoShapeError, np.linalg.LinAlgError):
         return None
-    # Rows of the effect, and the residual with the start in place.
-    new = [np.concatenate([row, residual]) for row, residual in zip(added, left, strict=True)]
-    if not all(np.isfinite(rows).all() for rows in new):
-        return None
-    inner = gram(new, None, fit.applied) / fit.scale
-    cross = fit.cross(new)
+    return found if all(np.isfinite(rows).all() for rows in found) else None
+
+
+def _trial(
+    fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray, inner: FloatArray, cross: FloatArray
+) -> Trial | None:
+    """Return the linear fit from a start; None if it is singular.
+
+    Args:
+        fit: of the model without the effect.
+        model: with it.
+        effect: to try.
+        start: initial parameters.
+        inner: products of the derivatives and the change of the signal by the start, (k + 1, k + 1).
+        cross: products of those of the fit and its residual with them, (P + 1, k + 1).
+    """
+    there, own = _started(fit, model, effect, start), model.layout.effect(effect.name)
+    # From the change of the signal to the residual with the start in place.
+    misfit = fit.residual_product - 2.0 * float(cross[-1, -1]) + float(inner[-1, -1])
+    slope = np.concatenate([fit.slope - cross[:-1, -1], cross[-1, :-1] - inner[:-1, -1]])
     mean, _ = model.priors(there)
     prior = model.prior_precision(there)
     old = _places(fit, model)
@@ -159,24 +190,19 @@ def _try_from(
     matrix = prior.copy()
     # A fit that misses an effect has widened errors, and the effect may be what is missing: its prior stays as it is.
     matrix[np.ix_(old, old)] += fit.information
-    matrix[np.ix_(old, new_places)] += cross[:, :-1]
-    matrix[np.ix_(new_places, old)] += cross[:, :-1].T
+    matrix[np.ix_(old, new_places)] += cross[:-1, :-1]
+    matrix[np.ix_(new_places, old)] += cross[:-1, :-1].T
     matrix[own, own] += inner[:-1, :-1]
     away = there - mean
     gradient = -prior @ away
-    gradient[old] += cross[:, -1]
-    gradient[own] += inner[:-1, -1]
+    gradient[np.concatenate([old, new_places])] += slope
     try:
         change = np.linalg.solve(matrix, gradient)
-        _, log_new = np.linalg.slogdet(matrix)
-        _, log_old = np.linalg.slogdet(fit.precision)
-        _, log_prior = np.linalg.slogdet(prior)
-        _, log_fit = np.linalg.slogdet(fit.prior_precision)
+        occam = float(np.linalg.slogdet(matrix)[1] - np.linalg.slogdet(prior)[1]) - fit.log_occam
     except np.linalg.LinAlgError:
         return None
-    cost = float(inner[-1, -1] + away @ prior @ away - change @ gradient)
+    cost = misfit + float(away @ prior @ away - change @ gradient)
     known = model.witness_deviance() - fit.model.witness_deviance()
-    occam = float(log_new - log_old - log_prior + log_fit)
     occam += 2.0 * (model.log_choices() - fit.model.log_choices())
     return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - known - occam))
 

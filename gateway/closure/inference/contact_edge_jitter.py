@@ -69,8 +69,6 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
             verdict=Verdict.NAMED if named else Verdict.REFUSED,
             parameters=_parameters(seen, mean, mean_std),
             chi2=sum(group.edges.chi2 for group in seen),
-            held_out_gain=math.nan,
-            held_out_std=math.nan,
             rms_mps2=math.sqrt(max(0.0, sum(group.edges.explained_m2ps4 for group in seen)) / len(seen)),
             reason=reason,
             summary=CONTACT_EDGE_JITTER.summary,

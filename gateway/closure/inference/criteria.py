@@ -27,6 +27,16 @@ rms from which a note says that the evidence was divided by it."""
 LENGTHS_RAD: Final = (0.03, 0.12, 0.4)
 """Correlation lengths of the discrepancy: a tread block, a contact edge, the belt's lowest free shapes."""
 
+BURST_WIDTHS_RAD: Final = (0.1, 0.3)
+"""Widths of the places at which a discrepancy may be concentrated: a splice or a stone, and what rings there."""
+
+CONCENTRATED_SHARE: Final = 0.2
+"""Share of the residual's power beyond noise that a single order or place must hold for the discrepancy to be
+concentrated there: of a residual that is spread out it is a part like any other."""
+
+MOST_CONCENTRATED: Final = 4
+"""Most single orders and places at which a discrepancy is concentrated: each doubles the work of a set."""
+
 NEAR_RAD: Final = 0.15
 """Angle beyond the contact edge up to which a discrepancy counts as near the contact: the belt's bending layers."""
 

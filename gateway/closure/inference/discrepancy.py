@@ -1,54 +1,29 @@
 """Discrepancy: the part of the waveforms that no effect explains, a Gaussian process over the belt's angle.
 
-For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each. Recordings
-of one state of the tire share them: a part in proportion to omega^2 and, where the speeds differ, one that is the same
-at all speeds. A share of their power is each recording's own, as nature keeps no such law strictly.
+For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each, and of the
+single orders and places at which it is concentrated. Recordings of one state of the tire share them: a part in
+proportion to omega^2 and, where the speeds differ, one that is the same at all speeds. A share of their power is each
+recording's own, as nature keeps no such law strictly.
 Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.inference import criteria
-from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, REAL, Whitened
+from gateway.closure.inference.discrepancy_kernels import Concentration, kernel, smooth_kernels
+from gateway.closure.inference.likelihood import REAL, Whitened
+from gateway.closure.inference.place_covariance import Inverse, Place, Rows, Scatter, inverse_of
 from gateway.types import FloatArray
 
-_JITTER: Final = 1e-10
 _AXES: Final = 3
-
-
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Groups of one state of the tire, on one axis.
-
-    Attributes:
-        groups: indices.
-        columns: of each group, the columns of its whitened coefficients that belong to the axis.
-        factors: of each group, (m, REAL).
-        scales: (parts, groups) size of each part of the discrepancy in each group.
-        kernels: (kernels, REAL, REAL) of unit amplitude.
-    """
-
-    groups: tuple[int, ...]
-    columns: tuple[slice, ...]
-    factors: tuple[FloatArray, ...]
-    scales: FloatArray
-    kernels: FloatArray
-
-    @property
-    def parts(self) -> int:
-        """Number of parts: in proportion to omega^2, and constant."""
-        return len(self.scales)
 
 
 class Discrepancy:
@@ -57,26 +32,35 @@ class Discrepancy:
     Amplitudes are mean squares, (m/s^2)^2, an array (places, parts, kernels); a place without a second part ignores it.
     """
 
-    def __init__(self, campaign: Campaign, data: Whitened, lengths_rad: Sequence[float] = criteria.LENGTHS_RAD) -> None:
+    def __init__(
+        self,
+        campaign: Campaign,
+        data: Whitened,
+        lengths_rad: Sequence[float] = criteria.LENGTHS_RAD,
+        concentrations: Sequence[Concentration] = (),
+    ) -> None:
         """Prepare the places of a campaign.
 
         Args:
             campaign: conditions.
             data: whitened.
             lengths_rad: correlation lengths.
+            concentrations: single orders and places.
         """
         self.size = data.size
+        self.concentrations = tuple(concentrations)
         self.reference_mps2 = float(
             np.mean([group.conditions.radius_m * group.conditions.omega_radps**2 for group in campaign.groups])
         )
-        self._places: list[tuple[int, int, _Place]] = []
-        ends = [np.cumsum([0, *(len(factor) for factor in factors)]) for factors in data.factors]
+        self._places: list[tuple[int, int, Place]] = []
         for state in range(campaign.states):
             groups = tuple(index for index, group in enumerate(campaign.groups) if group.state == state)
             if not groups:
                 continue
             angle = float(np.mean([campaign.groups[index].half_angle_rad for index in groups]))
-            kernels = _kernels(round(angle, 3), tuple(lengths_rad))
+            kernels = smooth_kernels(round(angle, 3), tuple(lengths_rad))
+            if concentrations:
+                kernels = np.concatenate([kernels, [kernel(one) for one in concentrations]])
             omega = np.array([campaign.groups[index].conditions.omega_radps for index in groups])
             scales = [np.square(omega) / float(np.square(omega).mean())]
             if omega.max() > criteria.SPEEDS_APART * omega.min():
@@ -85,41 +69,50 @@ class Discrepancy:
                 factors = tuple(data.factors[index][axis] for index in groups)
                 if not any(len(factor) for factor in factors):
                     continue
-                columns = tuple(slice(int(ends[index][axis]), int(ends[index][axis + 1])) for index in groups)
-                place = _Place(groups, columns, factors, np.stack(scales), kernels)
+                place = Place(groups, tuple(map(Scatter.of, factors)), np.stack(scales), kernels)
                 self._places.append((state, axis, place))
-        self.shape = len(self._places), 2, 2 * len(lengths_rad)
+        self.shape = len(self._places), 2, 2 * len(lengths_rad) + len(concentrations)
 
     def start(self, residual: Sequence[FloatArray]) -> FloatArray:
         """Return amplitudes to start from: every place shares its residual's power beyond the scatter.
 
         Args:
-            residual: whitened, (m,) of each group.
+            residual: real coefficients of each group, (3, REAL).
         """
         amplitudes = np.empty(self.shape)
         least = (criteria.START_SHARE * self.reference_mps2) ** 2
-        for at, (_, _, place) in self.enumerate():
+        for at, (_, axis, place) in self.enumerate():
             powers = [0.0]
-            for index, columns, factor in zip(place.groups, place.columns, place.factors, strict=True):
-                own = residual[index][columns]
+            for index, scatter in zip(place.groups, place.scatters, strict=True):
+                own = scatter.factor @ residual[index][axis]
                 # Whitened power beyond its expectation, in units of the smallest errors.
                 excess = max(0.0, float(own @ own) - len(own))
-                powers.append(excess / max(float(np.square(factor).sum()), 1e-300))
+                powers.append(excess / max(float(np.square(scatter.factor).sum()), 1e-300))
             amplitudes[at] = max(max(powers), least)
         return amplitudes
 
     def applied(self, amplitudes: FloatArray) -> Applied:
         """Return the discrepancy with its amplitudes."""
-        return Applied(self, amplitudes, tuple(_solved(place, amplitudes[at]) for at, (*_, place) in self.enumerate()))
+        inverses = tuple(inverse_of(place, amplitudes[at]) for at, (*_, place) in self.enumerate())
+        return Applied(self, amplitudes, inverses)
 
     def thinned(self, share: float) -> Discrepancy:
         """Return the same discrepancy for data with a share of the revolutions."""
         thin = copy(self)
-        thin._places = [
-            (state, axis, replace(place, factors=tuple(math.sqrt(share) * factor for factor in place.factors)))
+        thin._places = [(state, axis, place.thinned(share)) for state, axis, place in self._places]
+        return thin
+
+    def concentrated(self, also: Concentration) -> Discrepancy:
+        """Return the discrepancy with one more concentration, whose amplitudes are the last."""
+        more = copy(self)
+        more.concentrations = (*self.concentrations, also)
+        added = kernel(also)[None]
+        more._places = [
+            (state, axis, replace(place, kernels=np.concatenate([place.kernels, added])))
             for state, axis, place in self._places
         ]
-        return thin
+        more.shape = self.shape[0], self.shape[1], self.shape[2] + 1
+        return more
 
     def scales(self, state: int, axis: int, group: int) -> FloatArray:
         """Return the size of each part of the discrepancy in one group, (parts,)."""
@@ -129,41 +122,9 @@ class Discrepancy:
                 return result
         raise KeyError(f"no discrepancy on axis {axis} of state {state}")
 
-    def enumerate(self) -> list[tuple[int, tuple[int, int, _Place]]]:
+    def enumerate(self) -> list[tuple[int, tuple[int, int, Place]]]:
         """Return every place with its index, state and axis."""
         return list(enumerate(self._places))
-
-
-@dataclass(frozen=True, slots=True)
-class _Solved:
-    """A place with amplitudes.
-
-    Attributes:
-        covariance: posterior covariance of its coefficients.
-        information: of its coefficients, (parts REAL, parts REAL).
-        triangles: of each group the Cholesky factor (m, m) of the scatter and its own share, None where it has none.
-        through: of each group the matrix (m, REAL) from whitened rows to what the coefficients see.
-        log_determinant: of the covariance over that of the scatter.
-    """
-
-    covariance: FloatArray
-    information: FloatArray
-    triangles: tuple[FloatArray | None, ...]
-    through: tuple[FloatArray, ...]
-    log_determinant: float
-
-    def inner(self, place: _Place, rows: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
-        """Return the product of rows and others' under the scatter and the groups' own share, (p, q)."""
-        total = np.zeros((len(rows[0]), len(others[0])))
-        for index, columns, triangle in zip(place.groups, place.columns, self.triangles, strict=True):
-            left, right = rows[index][:, columns], others[index][:, columns]
-            if triangle is None:
-                total += left @ right.T
-                continue
-            seen = solve_triangular(triangle, left.T, lower=True, check_finite=False)
-            same = others is rows
-            total += seen.T @ (seen if same else solve_triangular(triangle, right.T, lower=True, check_finite=False))
-        return total
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,155 +134,105 @@ class Applied:
     Attributes:
         discrepancy: places and kernels.
         amplitudes: (places, parts, kernels).
-        solved: of each place.
+        inverses: of each place's covariance.
     """
 
     discrepancy: Discrepancy
     amplitudes: FloatArray
-    solved: tuple[_Solved, ...]
+    inverses: tuple[Inverse, ...]
 
     @property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the data's covariance over that of the scatter."""
-        return sum(place.log_determinant for place in self.solved)
+        return sum(inverse.log_determinant for inverse in self.inverses)
 
-    def gram(self, rows: Sequence[FloatArray], others: Sequence[FloatArray] | None = None) -> FloatArray:
-        """Return rows C^-1 others' for the data's covariance C, (p, q).
+    def weighted(self, rows: Rows) -> list[FloatArray]:
+        """Return C^-1 rows' for the data's covariance C, (k, 3, REAL) of each group.
 
         Args:
-            rows: whitened by the scatter, (p, m) of each group.
-            others: likewise, (q, m); None for `rows`.
+            rows: real coefficients, (k, 3, REAL) of each group; None stands for zeros.
         """
-        pairs = rows if others is None else others
-        total = np.zeros((len(rows[0]), len(pairs[0])))
-        for (_, (_, _, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True):
-            left = projected(place, solved, rows)
-            right = left if others is None else projected(place, solved, pairs)
-            total += solved.inner(place, rows, pairs) - left @ solved.covariance @ right.T
-        return total
-
-    def seen(self, rows: Sequence[FloatArray]) -> tuple[FloatArray, ...]:
-        """Return rows (p, m) of each group as each place corrects for them, for `cross`."""
-        return tuple(
-            projected(place, solved, rows) @ solved.covariance
-            for (_, (_, _, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True)
-        )
-
-    def cross(self, rows: Sequence[FloatArray], seen: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
-        """Return `gram(rows, others)` where `seen` is known."""
-        total = np.zeros((len(rows[0]), len(others[0])))
-        for (_, (_, _, place)), solved, known in zip(self.discrepancy.enumerate(), self.solved, seen, strict=True):
-            total += solved.inner(place, rows, others) - known @ projected(place, solved, others).T
-        return total
-
-    def mean(self, residual: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray, FloatArray]]:
-        """Return the posterior mean and covariance of the discrepancy for a residual (m,) of each group.
-
-        Returns:
-            for every place its state, its axis, the coefficients (parts, REAL) and their covariance.
-        """
-        found = []
-        rows = [row[None] for row in residual]
-        for (_, (state, axis, place)), solved in zip(self.discrepancy.enumerate(), self.solved, strict=True):
-            coefficients = solved.covariance @ projected(place, solved, rows)[0]
-            found.append((state, axis, coefficients.reshape(place.parts, REAL), solved.covariance))
+        size = next(len(row) for row in rows if row is not None)
+        found = [np.zeros((size, _AXES, REAL)) for _ in rows]
+        for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            own = _of_place(rows, place, axis)
+            if own is not None:
+                for index, weighted in zip(place.groups, inverse.weighted(own), strict=True):
+                    found[index][:, axis] = weighted
         return found
 
-    def improved(self, rows: Sequence[FloatArray], residual: Sequence[FloatArray], precision: FloatArray) -> Applied:
+    def products(self, rows: Rows, batches: int = 1) -> FloatArray:
+        """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
+        size = next(len(row) for row in rows if row is not None) // batches
+        total = np.zeros((batches, size, size))
+        for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            own = _of_place(rows, place, axis)
+            if own is not None:
+                total += inverse.products(own, batches)
+        return total
+
+    def mean(self, weighted: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray]]:
+        """Return the posterior mean of the discrepancy.
+
+        Args:
+            weighted: C^-1 times the residual, (3, REAL) of each group.
+
+        Returns:
+            for every place its state, its axis and the coefficients (parts, REAL).
+        """
+        found = []
+        for (_, (state, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            seen = place.seen([weighted[index][axis][None] for index in place.groups])
+            coefficients = [prior @ part[0] for prior, part in zip(inverse.priors, seen, strict=True)]
+            found.append((state, axis, np.stack(coefficients)))
+        return found
+
+    def improved(self, weighted: Sequence[FloatArray], precision: FloatArray) -> Applied:
         """Return the discrepancy with better amplitudes: one step of restricted maximum likelihood.
 
         The step a <- a (alpha' K alpha) / trace ends where the likelihood is stationary (MacKay's fixed point).
 
         Args:
-            rows: whitened derivatives (p, m) of each group.
-            residual: whitened, (m,) of each group, at the parameters of the fit.
+            weighted: C^-1 times the derivatives and the residual at the parameters of the fit, (p + 1, 3, REAL) of each
+                group.
             precision: (p, p) inverse of the parameters' posterior covariance.
         """
-        stacked = [np.concatenate([row, left[None]]) for row, left in zip(rows, residual, strict=True)]
-        spread = np.linalg.inv(precision)
         amplitudes = self.amplitudes.copy()
         least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
-        for at, (_, _, place) in self.discrepancy.enumerate():
-            solved = self.solved[at]
-            seen = projected(place, solved, stacked)
-            # C^-1 of rows and residual, as the coefficients see it, and C^-1 itself.
-            through = seen - seen @ solved.covariance @ solved.information
-            inside = solved.information - solved.information @ solved.covariance @ solved.information
-            fitted = through[:-1].T @ spread
-            for part in range(place.parts):
-                own = slice(part * REAL, (part + 1) * REAL)
-                answer = through[-1, own]
-                for kernel, matrix in enumerate(place.kernels):
-                    data = float(answer @ matrix @ answer)
-                    trace = float(np.einsum("ij,ij->", inside[own, own], matrix))
-                    trace -= float(np.einsum("ij,ij->", fitted[own] @ through[:-1, own], matrix))
-                    if trace > 0.0:
-                        amplitudes[at, part, kernel] *= min(max(data / trace, 1e-6), 1e6)
+        answers = self.answers(weighted, precision)
+        for (at, (_, _, place)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
+            kernels = place.kernels.reshape(len(place.kernels), -1)
+            for part, (answer, information) in enumerate(parts):
+                data = kernels @ np.outer(answer, answer).ravel()
+                trace = kernels @ information.ravel()
+                better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
+                amplitudes[at, part] *= np.where(trace > 0.0, better, 1.0)
         return self.discrepancy.applied(np.maximum(amplitudes, least))
 
+    def answers(
+        self, weighted: Sequence[FloatArray], precision: FloatArray
+    ) -> list[list[tuple[FloatArray, FloatArray]]]:
+        """Return C^-1 r and C^-1 as each part of each place sees them, what is fitted left out.
 
-def plain_gram(rows: Sequence[FloatArray], others: Sequence[FloatArray]) -> FloatArray:
-    """Return the sum over groups of rows (p, m) times others' (q, m), (p, q)."""
-    total = np.zeros((len(rows[0]), len(others[0])))
-    for row, other in zip(rows, others, strict=True):
-        total += row @ other.T
-    return total
+        Args:
+            weighted: as for `improved`.
+            precision: (p, p) inverse of the parameters' posterior covariance.
 
-
-def projected(place: _Place, solved: _Solved, rows: Sequence[FloatArray]) -> FloatArray:
-    """Return whitened rows (p, m) of each group as the coefficients of a place see them, (p, parts REAL)."""
-    seen = np.zeros((place.parts, len(rows[0]), REAL))
-    for number, (index, columns, through) in enumerate(zip(place.groups, place.columns, solved.through, strict=True)):
-        seen += place.scales[:, number, None, None] * (rows[index][:, columns] @ through)
-    return np.concatenate(seen, axis=1)
-
-
-def _solved(place: _Place, amplitudes: FloatArray) -> _Solved:
-    size = place.parts * REAL
-    priors = [np.tensordot(amplitudes[part], place.kernels, axes=1) for part in range(place.parts)]
-    lower = np.zeros((size, size))
-    for part, prior in enumerate(priors):
-        own = slice(part * REAL, (part + 1) * REAL)
-        lower[own, own] = cholesky(prior + np.eye(REAL) * (_JITTER * float(np.trace(prior)) / REAL), lower=True)
-    information = np.zeros((place.parts, REAL, place.parts, REAL))
-    triangles: list[FloatArray | None] = []
-    through = []
-    log_determinant = 0.0
-    for number, factor in enumerate(place.factors):
-        triangle, passed = None, factor
-        if len(place.groups) > 1:
-            # What the groups do not share. Where there is one group, it is no different from what they share.
-            shared = sum(scale**2 * prior for scale, prior in zip(place.scales[:, number], priors, strict=True))
-            spread = np.eye(len(factor)) + criteria.OWN_SHARE * (factor @ shared @ factor.T)
-            triangle = cholesky(spread, lower=True, check_finite=False)
-            passed = cho_solve((triangle, True), factor, check_finite=False)
-            log_determinant += 2.0 * float(np.log(np.diagonal(triangle)).sum())
-        triangles.append(triangle)
-        through.append(passed)
-        gram = factor.T @ passed
-        scales = place.scales[:, number]
-        information += np.multiply.outer(scales, np.multiply.outer(scales, gram)).transpose(0, 2, 1, 3)
-    flat = information.reshape(size, size)
-    inner = lower.T @ flat @ lower
-    inner[np.diag_indices(size)] += 1.0
-    chol = cholesky(inner, lower=True)
-    half = solve_triangular(chol, lower.T, lower=True)
-    log_determinant += 2.0 * float(np.log(np.diagonal(chol)).sum())
-    return _Solved(half.T @ half, flat, tuple(triangles), tuple(through), log_determinant)
+        Returns:
+            for every place and part, (REAL,) and (REAL, REAL).
+        """
+        spread = np.linalg.inv(precision)
+        found = []
+        for at, (_, axis, place) in self.discrepancy.enumerate():
+            parts = []
+            for part, through in enumerate(place.seen([weighted[index][:, axis] for index in place.groups])):
+                rows, answer = through[:-1], through[-1]
+                parts.append((answer, self.inverses[at].inside(part) - rows.T @ (spread @ rows)))
+            found.append(parts)
+        return found
 
 
-@lru_cache(maxsize=32)
-def _kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> FloatArray:
-    """Return kernels of unit power of curves near the contact and away from it, (2 lengths, REAL, REAL)."""
-    beyond = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
-    near = np.cos(0.5 * math.pi * beyond)
-    away = 1.0 - np.cos(ANGLES[:, None] - ANGLES[None, :])
-    found = []
-    for window in (near, np.sin(0.5 * math.pi * beyond)):
-        for length in lengths_rad:
-            field = np.outer(window, window) * np.exp(-away / length**2)
-            field /= max(float(np.square(window).mean()), 1e-12)
-            found.append(FROM_FIELD @ field @ FROM_FIELD.T)
-    kernels = np.stack(found)
-    kernels.setflags(write=False)
-    return kernels
+def _of_place(rows: Rows, place: Place, axis: int) -> list[FloatArray | None] | None:
+    """Return the rows (k, REAL) of a place's groups, None if no group of it has any."""
+    given = [rows[index] for index in place.groups]
+    return None if all(row is None for row in given) else [None if row is None else row[:, axis] for row in given]

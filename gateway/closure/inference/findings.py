@@ -122,8 +122,6 @@ def _of_set(
         verdict=verdict,
         parameters=_parameters(one, effect),
         chi2=chi2,
-        held_out_gain=math.nan,
-        held_out_std=math.nan,
         rms_mps2=_size(one, effect),
         rms_before_mps2=rms_before,
         rms_after_mps2=rms_after,

@@ -9,8 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.inference.discrepancy import Applied, plain_gram
-from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.discrepancy import Applied
+from gateway.closure.inference.likelihood import REAL, Whitened, as_real
+from gateway.closure.inference.place_covariance import Rows
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.types import ComplexArray, FloatArray
@@ -39,10 +40,11 @@ class Fit:
 
     Attributes:
         model: the model.
+        data: whitened.
         vector: parameters, (P,).
         predicted: (3, ORDERS) for each group, at its mean conditions.
-        rows: (P, m) whitened derivatives of each group.
-        residual: (m,) whitened, of each group.
+        rows: derivatives of each group's real coefficients, (P, 3, REAL).
+        residual: real coefficients of each group, (3, REAL).
         prior_mean: (P,).
         prior_precision: (P, P).
         scale: factor on the variance of the data, 1 with a discrepancy.
@@ -50,6 +52,7 @@ class Fit:
     """
 
     model: ClosureModel
+    data: Whitened
     vector: FloatArray
     predicted: tuple[ComplexArray, ...]
     rows: tuple[FloatArray, ...]
@@ -59,20 +62,36 @@ class Fit:
     scale: float = 1.0
     applied: Applied | None = None
 
+    @property
+    def _stacked(self) -> list[FloatArray]:
+        return [np.concatenate([row, left[None]]) for row, left in zip(self.rows, self.residual, strict=True)]
+
+    @cached_property
+    def weighted(self) -> list[FloatArray]:
+        """C^-1 times derivatives and residual for the data's covariance C, (P + 1, 3, REAL) of each group."""
+        return weighted(self.data, self._stacked, self.applied)
+
     @cached_property
     def _gram(self) -> FloatArray:
-        stacked = [np.concatenate([row, left[None]]) for row, left in zip(self.rows, self.residual, strict=True)]
-        return gram(stacked, None, self.applied) / self.scale
+        return product(self.weighted, self._stacked) / self.scale
+
+    def cross(self, others: Rows) -> FloatArray:
+        """Return derivatives and residual C^-1 others' for others (q, 3, REAL) of each group, (P + 1, q)."""
+        return product(self.weighted, others) / self.scale
+
+    def own(self, others: Rows, batches: int) -> FloatArray:
+        """Return others C^-1 others' within equal batches of others (k, 3, REAL) of each group, (batches, q, q)."""
+        return products(self.data, others, self.applied, batches) / self.scale
 
     @cached_property
-    def _seen(self) -> tuple[FloatArray, ...]:
-        return () if self.applied is None else self.applied.seen(self.rows)
+    def log_occam(self) -> float:
+        """Logarithm of the determinant of the precision over that of the priors."""
+        return float(np.linalg.slogdet(self.precision)[1] - np.linalg.slogdet(self.prior_precision)[1])
 
-    def cross(self, others: Sequence[FloatArray]) -> FloatArray:
-        """Return the rows times the inverse of the data's covariance times others' (q, m) of each group, (P, q)."""
-        if self.applied is None:
-            return plain_gram(self.rows, others) / self.scale
-        return self.applied.cross(self.rows, self._seen, others)
+    @property
+    def residual_product(self) -> float:
+        """Chi-square of the data."""
+        return float(self._gram[-1, -1])
 
     @property
     def information(self) -> FloatArray:
@@ -84,16 +103,16 @@ class Fit:
         """Half the negative gradient of the data's chi-square, (P,)."""
         return self._gram[:-1, -1]
 
-    @property
+    @cached_property
     def misfit(self) -> float:
         """Chi-square of the data by the scatter alone."""
-        return sum(float(left @ left) for left in self.residual)
+        return chi_square(self.data, self.residual, None)
 
     @property
     def cost(self) -> float:
         """Chi-square of data and priors."""
         away = self.vector - self.prior_mean
-        return float(self._gram[-1, -1]) + float(away @ self.prior_precision @ away)
+        return self.residual_product + float(away @ self.prior_precision @ away)
 
     @cached_property
     def precision(self) -> FloatArray:
@@ -117,15 +136,40 @@ class Fit:
 
     def moved(self, change: FloatArray) -> Fit:
         """Return the linearised model moved by a change of its parameters (P,)."""
-        residual = tuple(left - change @ row for row, left in zip(self.rows, self.residual, strict=True))
-        return replace(self, vector=self.vector + change, residual=residual)
+        residual = tuple(
+            left - np.tensordot(change, row, axes=1) for row, left in zip(self.rows, self.residual, strict=True)
+        )
+        there = replace(self, vector=self.vector + change, residual=residual)
+        # Products of the residual follow from those of the derivatives.
+        turn = np.eye(len(change) + 1)
+        turn[-1, :-1] = -change
+        there.__dict__["weighted"] = [np.tensordot(turn, rows, axes=1) for rows in self.weighted]
+        there.__dict__["_gram"] = turn @ self._gram @ turn.T
+        return there
 
 
-def gram(rows: Sequence[FloatArray], others: Sequence[FloatArray] | None, applied: Applied | None) -> FloatArray:
-    """Return rows C^-1 others', (p, q), for the covariance with a discrepancy or by the scatter alone."""
-    if applied is not None:
-        return applied.gram(rows, others)
-    return plain_gram(rows, rows if others is None else others)
+def weighted(data: Whitened, rows: Rows, applied: Applied | None) -> list[FloatArray]:
+    """Return C^-1 rows' for rows (k, 3, REAL) of each group, with a discrepancy in C or by the scatter alone."""
+    return data.weighted(rows) if applied is None else applied.weighted(rows)
+
+
+def product(rows: Sequence[FloatArray], others: Rows) -> FloatArray:
+    """Return the sum over groups of rows (p, 3, REAL) times others' (q, 3, REAL), (p, q); None stands for zeros."""
+    pairs = [(row, other) for row, other in zip(rows, others, strict=True) if other is not None]
+    total = np.zeros((len(pairs[0][0]), len(pairs[0][1])))
+    for row, other in pairs:
+        total += row.reshape(len(row), -1) @ other.reshape(len(other), -1).T
+    return total
+
+
+def products(data: Whitened, rows: Rows, applied: Applied | None, batches: int = 1) -> FloatArray:
+    """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
+    return data.products(rows, batches) if applied is None else applied.products(rows, batches)
+
+
+def chi_square(data: Whitened, residual: Sequence[FloatArray], applied: Applied | None) -> float:
+    """Return the chi-square of a residual (3, REAL) of each group."""
+    return float(products(data, [left[None] for left in residual], applied)[0, 0, 0])
 
 
 def fit_model(
@@ -192,13 +236,14 @@ def linearised(
     predicted, rows, residuals = [], [], []
     for index in range(len(model.campaign.groups)):
         places, base, derivatives = model.group_derivatives(vector, index)
-        dense = np.zeros((model.layout.size, sum(len(factor) for factor in data.factors[index])))
-        dense[places] = data.white(index, derivatives)
+        dense = np.zeros((model.layout.size, 3, REAL))
+        dense[places] = as_real(derivatives)
         predicted.append(base)
         rows.append(dense)
-        residuals.append(data.white(index, data.mean(index, data.orders[index]) - base))
+        residuals.append(as_real(data.mean(index, data.orders[index]) - base))
     return Fit(
         model,
+        data,
         vector,
         tuple(predicted),
         tuple(rows),
@@ -271,10 +316,10 @@ def _better(fit: Fit, data: Whitened, change: FloatArray) -> FloatArray | None:
 def _misfit(model: ClosureModel, data: Whitened, vector: FloatArray, applied: Applied | None) -> float:
     """Return the chi-square of the data at these parameters."""
     residual = [
-        data.white(index, data.mean(index, data.orders[index]) - model.predict_mean(vector, index))[None]
+        as_real(data.mean(index, data.orders[index]) - model.predict_mean(vector, index))
         for index in range(len(model.campaign.groups))
     ]
-    return float(gram(residual, None, applied)[0, 0])
+    return chi_square(data, residual, applied)
 
 
 def _overdispersion(misfit: float, data: Whitened, model: ClosureModel) -> float:

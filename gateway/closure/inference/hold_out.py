@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from gateway.closure.inference.discrepancy import Applied
 from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import Whitened, as_complex
+from gateway.closure.inference.likelihood import Whitened, as_complex, as_real
 from gateway.closure.inference.posterior import Posterior
 from gateway.closure.inference.residual import POWER_SHARE
 from gateway.closure.inference.set_evidence import Evaluated, log_evidence
@@ -186,49 +186,42 @@ def _without(
     """Return the prediction of one fold by the linear fit to the others."""
     if fit.applied is None:
         raise ValueError("a set is held out with its discrepancy")
-    rows, residuals, means = [], [], []
+    residuals, shares = [], []
     kept = total = 0.0
     for index, counts in enumerate(data.counts):
         others = counts.copy()
         if fold < len(counts) and len(counts) > 1:
             others[fold] = 0.0
-        share = float(others.sum() / counts.sum())
+        shares.append(float(others.sum() / counts.sum()))
         kept, total = kept + float(others.sum()), total + float(counts.sum())
         blocks = data.orders[index] - deviations[index]
         mean = np.tensordot(others / others.sum(), blocks, axes=1)
-        change = data.white(index, mean - data.mean(index, blocks))
-        rows.append(math.sqrt(share) * fit.rows[index])
-        residuals.append(math.sqrt(share) * (fit.residual[index] + change))
-        means.append(share)
+        residuals.append(fit.residual[index] + as_real(mean - data.mean(index, blocks)))
     # Folds of nearly the same size share one discrepancy: its information is that of the mean share.
     key = round(kept / total, 2)
     if key not in applied:
         applied[key] = fit.applied.discrepancy.thinned(key).applied(fit.applied.amplitudes)
-    thin = Fit(
-        fit.model,
-        fit.vector,
-        fit.predicted,
-        tuple(rows),
-        tuple(residuals),
-        fit.prior_mean,
-        fit.prior_precision,
-        1.0,
-        applied[key],
+    weights = [math.sqrt(share / key) for share in shares]
+    thin = replace(
+        fit,
+        rows=tuple(weight * rows for weight, rows in zip(weights, fit.rows, strict=True)),
+        residual=tuple(weight * residual for weight, residual in zip(weights, residuals, strict=True)),
+        applied=applied[key],
     )
     step = thin.step
     there = thin.moved(step)
     predicted: list[ComplexArray | None] = []
     whole: list[ComplexArray | None] = []
-    left = there.applied.mean(there.residual) if there.applied is not None else []
+    left = applied[key].mean([rows[-1] for rows in there.weighted])
     for index, counts in enumerate(data.counts):
         if fold >= len(counts) or len(counts) < 2:
             predicted.append(None)
             whole.append(None)
             continue
-        base = _unwhitened(fit, data, index, step) + deviations[index][fold]
+        base = _predicted(fit, data, index, step) + deviations[index][fold]
         predicted.append(base)
         own = base.copy()
-        for state, axis, coefficients, _ in left:
+        for state, axis, coefficients in left:
             if state == fit.model.campaign.groups[index].state:
                 scales = fit.applied.discrepancy.scales(state, axis, index)
                 own[axis] += as_complex(scales @ coefficients)
@@ -236,7 +229,7 @@ def _without(
     return _Fold(log_evidence(there), predicted, whole)
 
 
-def _unwhitened(fit: Fit, data: Whitened, index: int, step: FloatArray) -> ComplexArray:
+def _predicted(fit: Fit, data: Whitened, index: int, step: FloatArray) -> ComplexArray:
     """Return the group's prediction after a step, (3, ORDERS), by the linearised model."""
-    change = step @ fit.rows[index]
-    return data.mean(index, data.orders[index]) - data.plain(index, fit.residual[index] - change)
+    left = fit.residual[index] - np.tensordot(step, fit.rows[index], axes=1)
+    return data.mean(index, data.orders[index]) - as_complex(left)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -42,7 +44,7 @@ TO_FIELD: Final[FloatArray] = _to_field()
 FROM_FIELD: Final[FloatArray] = np.asarray(np.linalg.inv(TO_FIELD), dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Whitened:
     """A campaign's data with their weights.
 
@@ -71,22 +73,31 @@ class Whitened:
         """Most blocks of any group."""
         return max(len(counts) for counts in self.counts)
 
-    def white(self, group: int, coefficients: ComplexArray) -> FloatArray:
-        """Return coefficients (..., 3, ORDERS) of one group whitened as its mean, (..., m)."""
-        real = as_real(coefficients)
-        return np.concatenate([real[..., axis, :] @ self.factors[group][axis].T for axis in range(3)], axis=-1)
+    @cached_property
+    def precisions(self) -> tuple[FloatArray, ...]:
+        """Inverse of the scatter's covariance of each group's coefficients, (3, REAL, REAL)."""
+        return tuple(np.stack([factor.T @ factor for factor in group]) for group in self.factors)
 
-    def plain(self, group: int, white: FloatArray) -> ComplexArray:
-        """Return the coefficients (3, ORDERS) of a whitened vector (m,) of one group; 0 where none is compared."""
-        result = np.zeros((3, REAL))
-        begin = 0
-        for axis, factor in enumerate(self.factors[group]):
-            chosen = np.flatnonzero(factor.any(axis=0))
-            if len(chosen):
-                own = white[begin : begin + len(factor)]
-                result[axis, chosen] = solve_triangular(factor[:, chosen], own, lower=True)
-            begin += len(factor)
-        return as_complex(result)
+    def weighted(self, rows: Sequence[FloatArray | None]) -> list[FloatArray]:
+        """Return real coefficients (k, 3, REAL) of each group times the precision of the scatter, likewise.
+
+        Args:
+            rows: None stands for zeros.
+        """
+        size = next(len(row) for row in rows if row is not None)
+        return [
+            np.zeros((size, 3, REAL)) if row is None else np.matmul(row.swapaxes(0, 1), precision).swapaxes(0, 1)
+            for row, precision in zip(rows, self.precisions, strict=True)
+        ]
+
+    def products(self, rows: Sequence[FloatArray | None], batches: int = 1) -> FloatArray:
+        """Return rows C^-1 rows' for the scatter C within equal batches of rows as for `weighted`, (batches, k, k)."""
+        size = next(len(row) for row in rows if row is not None) // batches
+        total = np.zeros((batches, size, size))
+        for left, row in zip(self.weighted(rows), rows, strict=True):
+            if row is not None:
+                total += left.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
+        return total
 
     def loosened(self, share: float) -> Whitened:
         """Return the same data as if every order were uncertain by this share of the signal, for a rough fit."""

@@ -6,12 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
 from gateway.closure.inference import criteria
-from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.residual import group_residuals
+from gateway.closure.inference.residual import residual_ratio
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names
 from gateway.reasons import Code, Reason
@@ -33,15 +30,6 @@ def doubted_sets(found: Mapping[Names, Evaluated], data: Whitened) -> tuple[dict
     possible = [one for one in result.values() if not one.objections]
     best = min(possible, key=lambda one: (-one.log_evidence, sorted(one.names)))
     return result, math.sqrt(ratios[best.names])
-
-
-def residual_ratio(fit: Fit, data: Whitened) -> float:
-    """Return the mean square of what a fit leaves over that of the noise of the groups' means, at least 1."""
-    excess = noise = 0.0
-    for residual in group_residuals(fit, data):
-        excess += float(np.square(residual.rms_mps2()).sum())
-        noise += float(residual.variance.sum())
-    return 1.0 + excess / noise if noise > 0.0 else 1.0
 
 
 def _explaining(one: Evaluated, ratios: Mapping[Names, float]) -> Evaluated:

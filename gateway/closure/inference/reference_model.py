@@ -34,8 +34,10 @@ def numbers_of_exact_ring(fit: Fit) -> Mapping[str, Fitted] | None:
     for effect in there.effects:
         vector[there.layout.effect(effect.name)] = fit.vector[model.layout.effect(effect.name)]
     data = whiten(model.campaign, core)
+    concentrations = () if fit.applied is None else fit.applied.discrepancy.concentrations
+    discrepancy = Discrepancy(model.campaign, data, concentrations=concentrations)
     try:
-        found = evaluate(fit_model(there, data, vector, from_afar=True), data, Discrepancy(model.campaign, data), None)
+        found = evaluate(fit_model(there, data, vector, from_afar=True), data, discrepancy, None)
     except FitFailedError:
         return None
     estimates, _ = estimates_of([(found.fit, 1.0)])

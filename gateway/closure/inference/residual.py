@@ -74,6 +74,15 @@ def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
     return tuple(residuals)
 
 
+def residual_ratio(fit: Fit, data: Whitened) -> float:
+    """Return the mean square of what a fit leaves over that of the noise of the groups' means, at least 1."""
+    excess = noise = 0.0
+    for residual in group_residuals(fit, data):
+        excess += float(np.square(residual.rms_mps2()).sum())
+        noise += float(residual.variance.sum())
+    return 1.0 + excess / noise if noise > 0.0 else 1.0
+
+
 def _excess(residual: GroupResidual) -> FloatArray:
     """Return the mean square beyond noise of each order, (3, ORDERS)."""
     square = np.abs(residual.orders_mps2) ** 2

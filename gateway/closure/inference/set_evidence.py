@@ -79,12 +79,10 @@ def log_evidence(fit: Fit) -> float:
     """Return the log evidence of a fit with a discrepancy, prior odds of its effects included."""
     if fit.applied is None:
         raise ValueError("the evidence of a set needs its discrepancy")
-    _, log_precision = np.linalg.slogdet(fit.precision)
     known = fit.model.witness_deviance()
-    _, log_prior = np.linalg.slogdet(fit.prior_precision)
     odds = len(fit.model.effects) * math.log(criteria.PRIOR_ODDS) - fit.model.log_choices()
     odds += _absent(fit)
-    return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + float(log_precision - log_prior))
+    return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + fit.log_occam)
 
 
 def _absent(fit: Fit) -> float:
@@ -133,7 +131,7 @@ def _settled(fit: Fit, applied: Applied, steps: int) -> tuple[Fit, Applied]:
         if abs(now - was) < _SETTLED:
             break
         was = now
-        applied = applied.improved(there.rows, there.residual, there.precision)
+        applied = applied.improved(there.weighted, there.precision)
         fit = fit.under(applied)
     return fit, applied
 

@@ -2,7 +2,8 @@
 
 Proposals come from chains without a discrepancy, which add the effect of the largest gain each time. All sets on the
 chains, and those near them, get their evidence with a discrepancy. From the best set, every effect is removed, added or
-exchanged in turn until no set is better. Sets are visited in an order that depends on evidence and name alone.
+exchanged in turn until no set is better. The discrepancy is then concentrated at single orders or places while the
+evidence calls for it. Sets are visited in an order that depends on evidence and name alone.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from gateway.closure.data.condition_groups import far_apart, telling
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import Trial, refit, start_of, try_effect
 from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.discrepancy_concentration import most_evident
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence
@@ -79,13 +81,40 @@ class SetSearch:
         )
         self._evaluate(start, None)
         self._chains(self._corrected(start))
-        best = self.best
-        while not self._stop():
-            self._neighbours(best)
-            if self.best is best:
-                break
-            best = self.best
+        self._climb()
+        while not self._stop() and self._concentrate():
+            self._climb()
         return self.best
+
+    def _climb(self) -> None:
+        """Evaluate the neighbours of the best set until it is the best of them."""
+        best: Evaluated | None = None
+        while not self._stop() and self.best is not best:
+            best = self.best
+            self._neighbours(best)
+
+    def _concentrate(self) -> bool:
+        """Concentrate the discrepancy at one more order or place if the best set calls for it.
+
+        All sets get their evidence anew: an effect may have stood for what happens there.
+        """
+        applied = self.best.fit.applied
+        if applied is None or len(self.discrepancy.concentrations) >= criteria.MOST_CONCENTRATED:
+            return False
+        evident = most_evident(self.best.fit, self.data)
+        if evident is None:
+            return False
+        before, smoother = self.found, self.discrepancy
+        self.found, self.discrepancy = {}, smoother.concentrated(evident.concentration)
+        amplitudes = np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2)
+        for one in sorted(before.values(), key=lambda one: (-one.log_evidence, sorted(one.names))):
+            # Even without time left, the best set and the empty one are needed.
+            if not (self.found and one.names and self._stop()):
+                self._evaluate(one.fit, _amplitudes(self.best) if self.found else amplitudes)
+        if frozenset() not in self.found:
+            self.found, self.discrepancy = before, smoother
+            return False
+        return True
 
     @property
     def best(self) -> Evaluated:
@@ -106,7 +135,7 @@ class SetSearch:
             try:
                 enough = self.best.log_evidence - criteria.WORTH_WORK if self.found else -math.inf
                 self.found[names] = evaluate(fit, self.data, self.discrepancy, amplitudes, enough)
-            except FitFailedError:
+            except (FitFailedError, np.linalg.LinAlgError):
                 self.rejected.add(names)
                 return None
         return self.found[names]
@@ -191,7 +220,7 @@ class SetSearch:
             effect = self.effects[name]
             if is_taken(effect, taken):
                 continue
-            trial = try_effect(fit, self.data, effect, self._scanned)
+            trial = try_effect(fit, effect, self._scanned)
             if trial is not None:
                 trials.append(trial)
         trials.sort(key=lambda trial: (-trial.promise, trial.effect.name))

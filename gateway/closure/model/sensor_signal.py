@@ -24,7 +24,10 @@ _SCALE.setflags(write=False)
 
 def field_orders(field: FloatArray) -> ComplexArray:
     """Return the coefficients c - i s of orders 0 to 110 of curves on the model's grid, (..., ORDERS)."""
-    spectrum: ComplexArray = np.fft.rfft(field, axis=-1)[..., :ORDERS] * _SCALE
+    spectrum = np.zeros((*field.shape[:-1], ORDERS), dtype=np.complex128)
+    # Derivatives by most parameters are zero on some axes.
+    busy = field.any(axis=-1)
+    spectrum[busy] = np.fft.rfft(field[busy], axis=-1)[:, :ORDERS] * _SCALE
     return spectrum
 
 

@@ -103,17 +103,22 @@ def ring_grid(nodes: int) -> Grid:
 
 def following(values: FloatArray) -> FloatArray:
     """Return the values of node i + 1 at i."""
-    return np.roll(values, -1, axis=0)
+    return np.concatenate((values[1:], values[:1]))
 
 
 def preceding(values: FloatArray) -> FloatArray:
     """Return the values of node i - 1 at i."""
-    return np.roll(values, 1, axis=0)
+    return np.concatenate((values[-1:], values[:-1]))
 
 
 def outer(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return the outer products (N, d, e) of the rows of a (N, d) and b (N, e)."""
-    return a[:, :, None] * b[:, None, :]
+    # Column by column: broadcasting over axes this short takes three times as long.
+    result = np.empty((len(a), a.shape[1], b.shape[1]))
+    for row in range(a.shape[1]):
+        for column in range(b.shape[1]):
+            np.multiply(a[:, row], b[:, column], out=result[:, row, column])
+    return result
 
 
 class RoadPush(NamedTuple):
@@ -171,8 +176,10 @@ def road_push(law: BeltLaw, grid: Grid, position: FloatArray, height_m: float, t
     along = normal @ QUARTER_TURN.T
     direction = normal + traction * along
     # d normal / d position is (I - n n^T) / distance: zero on a flat road.
-    turn = np.eye(2) + traction * QUARTER_TURN
-    bend = np.einsum("ab,ibc->iac", turn, (np.eye(2) - outer(normal, normal)) * (push * spread)[:, None, None])
+    bend = np.zeros((nodes, 2, 2))
+    if spread.any():
+        turn = np.eye(2) + traction * QUARTER_TURN
+        bend = np.einsum("ab,ibc->iac", turn, (np.eye(2) - outer(normal, normal)) * (push * spread)[:, None, None])
     active = np.where(touching, 1.0, 0.0)[:, None]
     d_position = np.zeros((3, nodes, 2, 2))
     d_position[1] = bend - law.tread_npm2 * outer(active * direction, normal)
@@ -361,7 +368,10 @@ def _border(
     for k, weight in enumerate(weights):
         for offset in (-1, 0, 1):
             pulled = np.einsum("ia,iab->ib", weight, road.d_position[offset + 1])
-            rows[k, :, :2] += length * np.roll(pulled, offset, axis=0)
+            if offset == 0:
+                rows[k, :, :2] += length * pulled
+            else:
+                rows[k, :, :2] += length * (preceding(pulled) if offset > 0 else following(pulled))
         corner[k, 0] = np.einsum("ia,ia->", weight, by_height)
         if size == 2:
             corner[k, 1] = np.einsum("ia,ia->", weight, by_traction)

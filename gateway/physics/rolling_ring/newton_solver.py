@@ -88,7 +88,8 @@ class FoldedBand(NamedTuple):
 
     Attributes:
         unknown: (N, d) position of each unknown in the folded vector.
-        flat: (offsets, N, d, d) index into the raveled band storage; [o, i, a, b] is row (i, a), column (i + o, b).
+        flat: (offsets, N, d, d) index into the band storage, column by column; [o, i, a, b] is row (i, a), column
+            (i + o, b).
         half: number of sub- and of super-diagonals.
     """
 
@@ -108,7 +109,7 @@ def folded_band(nodes: int, dof: int, reach: int) -> FoldedBand:
     row = unknown[None, :, :, None]
     column = columns[:, :, None, :]
     # LAPACK keeps `half` extra rows on top for fill-in by pivoting; entry (r, c) lies in band row 2 half + r - c.
-    flat = (2 * half + row - column) * (nodes * dof) + column
+    flat = column * (3 * half + 1) + 2 * half + row - column
     return FoldedBand(unknown, flat, half)
 
 
@@ -144,7 +145,7 @@ def solve_bordered(
     for k in range(border):
         sides[layout.unknown, k + 1] = columns[k]
     _, _, solution, info = dgbsv(
-        layout.half, layout.half, band.reshape(-1, size), sides, overwrite_ab=True, overwrite_b=True
+        layout.half, layout.half, band.reshape(size, -1).T, sides, overwrite_ab=True, overwrite_b=True
     )
     if info != 0:
         raise FloatingPointError("the tangent stiffness of the ring is singular")

@@ -108,8 +108,6 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "evidence": {
             "log_odds": _number(finding.log_odds),
             "chi2": _number(finding.chi2),
-            "held_out_gain": _number(finding.held_out_gain),
-            "held_out_std": _number(finding.held_out_std),
             "rms_mps2": _number(finding.rms_mps2),
             "held_out_rms_before_mps2": _number(finding.rms_before_mps2),
             "held_out_rms_after_mps2": _number(finding.rms_after_mps2),

@@ -1,0 +1,116 @@
+"""Single orders and places at which the data concentrate what a set of effects leaves unexplained."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.inference import criteria
+from gateway.closure.inference.discrepancy_kernels import Concentration, concentrations
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, Whitened
+from gateway.closure.inference.residual import group_residuals, residual_ratio
+from gateway.types import FloatArray
+
+# Amplitudes that are tried, as powers over the noise: log evidence is flat about its maximum.
+_POWERS: Final = np.logspace(0.0, 8.0, 17)
+
+
+@dataclass(frozen=True, slots=True)
+class Evident:
+    """A concentration that the evidence asks for.
+
+    Attributes:
+        concentration: order or place.
+        amplitudes: mean squares to start from, (m/s^2)^2, (places, parts).
+        gain: of log evidence.
+        share: of the residual's power beyond noise and other concentrations that it takes.
+    """
+
+    concentration: Concentration
+    amplitudes: FloatArray
+    gain: float
+    share: float
+
+
+def most_evident(fit: Fit, data: Whitened) -> Evident | None:
+    """Return the concentration of the highest gain of log evidence; None if none is worth its odds.
+
+    For curves L of unit weights, C^-1 r as they see it z and C^-1 as they see it V diag(v) V', an amplitude a gains
+    1/2 sum [a z^2 / (1 + a v) - ln(1 + a v)]. A concentration has the odds of a stand-in, shared among all, and its
+    gain is divided by the temperature, as all evidence is. It must hold most of the residual beyond noise and beyond
+    other concentrations: where it does not, the smooth kernels are right for the rest.
+
+    Args:
+        fit: with a discrepancy, at its optimum.
+        data: whitened.
+    """
+    if fit.applied is None:
+        raise ValueError("a discrepancy is concentrated where a fit has one")
+    possible = concentrations()
+    known = set(fit.applied.discrepancy.concentrations)
+    answers = fit.applied.answers(fit.weighted, fit.precision)
+    # At ANGLES in place of orders, where a burst is narrow.
+    seen = [
+        _Seen(answer @ FROM_FIELD, FROM_FIELD.T @ information @ FROM_FIELD, at, part, float(np.square(scale).sum()))
+        for (at, (_, _, place)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
+        for part, ((answer, information), scale) in enumerate(zip(parts, place.scales, strict=True))
+    ]
+    power = sum(float(np.square(residual.rms_mps2()).sum()) for residual in group_residuals(fit, data))
+    for number, one in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
+        for each in seen:
+            weights = fit.applied.amplitudes[each.place, each.part, -number] * (one.curves().T @ each.answer)
+            power -= each.power * float(np.square(one.curves() @ weights).mean())
+    every = [_evident(one, seen, fit.applied.amplitudes.shape[:2], power) for one in possible if one not in known]
+    best = max(every, key=lambda one: one.gain)
+    odds = math.log(criteria.STAND_IN_ODDS / len(possible))
+    worth = best.gain / math.sqrt(residual_ratio(fit, data)) + odds > 0.0
+    return best if worth and best.share > criteria.CONCENTRATED_SHARE else None
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """C^-1 r (REAL,) and C^-1 (REAL, REAL) at ANGLES as one part of one place sees them.
+
+    Attributes:
+        answer: C^-1 r.
+        information: C^-1.
+        place: index.
+        part: index.
+        power: sum over groups of the part's squared size.
+    """
+
+    answer: FloatArray
+    information: FloatArray
+    place: int
+    part: int
+    power: float
+
+
+def _evident(one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float) -> Evident:
+    """Return what a concentration gains: at every place the part of the larger gain."""
+    curves = one.curves()
+    inside = np.flatnonzero(np.abs(curves).max(axis=1) > 1e-3)
+    curves = curves[inside]
+    amplitudes, gains, powers = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[0])
+    for each in seen:
+        values, vectors = np.linalg.eigh(curves.T @ each.information[np.ix_(inside, inside)] @ curves)
+        values = np.maximum(values, 0.0)
+        if values[-1] <= 0.0:
+            continue
+        along = vectors.T @ (curves.T @ each.answer[inside])
+        tried = _POWERS[:, None] / values[-1]
+        gained = 0.5 * (tried * np.square(along) / (1.0 + tried * values) - np.log1p(tried * values)).sum(axis=1)
+        top = int(np.argmax(gained))
+        if gained[top] > gains[each.place]:
+            amplitude = float(tried[top, 0])
+            gains[each.place] = gained[top]
+            amplitudes[each.place] = 0.0
+            amplitudes[each.place, each.part] = amplitude
+            field = curves @ (vectors @ (along / (1.0 / amplitude + values)))
+            powers[each.place] = each.power * float(field @ field) / len(ANGLES)
+    return Evident(one, amplitudes, float(gains.sum()), float(powers.sum()) / power if power > 0.0 else 0.0)

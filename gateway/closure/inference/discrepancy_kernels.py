@@ -1,0 +1,104 @@
+"""Covariance kernels of the discrepancy: curves near the contact and away from it, single orders, single places."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeAlias
+
+import numpy as np
+
+from gateway.closure.inference import criteria
+from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD
+from gateway.types import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class OrderLine:
+    """Part of the discrepancy at one order, of any phase: a pole wheel, a gear, the rotor of a motor.
+
+    Attributes:
+        order: per revolution.
+    """
+
+    order: int
+
+    def curves(self) -> FloatArray:
+        """Return curves at ANGLES whose sum with independent normal weights has the kernel, (REAL, 2)."""
+        turned = self.order * ANGLES
+        return np.stack([np.cos(turned), np.sin(turned)], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """Part of the discrepancy at one place of the revolution: a splice, a stone, a part that rubs or strikes.
+
+    Attributes:
+        place: index into ANGLES of its centre.
+        width_rad: standard deviation of its Gaussian window.
+        length_rad: correlation length inside.
+    """
+
+    place: int
+    width_rad: float
+    length_rad: float
+
+    def curves(self) -> FloatArray:
+        """Return curves at ANGLES whose sum with independent normal weights has the kernel, (REAL, m)."""
+        return np.roll(_centred(self.width_rad, self.length_rad), self.place - len(ANGLES) // 2, axis=0)
+
+
+Concentration: TypeAlias = OrderLine | Burst
+
+
+def concentrations() -> tuple[Concentration, ...]:
+    """Return all concentrations that a discrepancy may have."""
+    found: list[Concentration] = [OrderLine(order) for order in range(1, len(ANGLES) // 2 + 1)]
+    step_rad = 2.0 * math.pi / len(ANGLES)
+    for width in criteria.BURST_WIDTHS_RAD:
+        places = range(0, len(ANGLES), max(1, round(width / step_rad)))
+        lengths = (length for length in criteria.LENGTHS_RAD if length <= width + step_rad)
+        found += [Burst(place, width, length) for length in lengths for place in places]
+    return tuple(found)
+
+
+@lru_cache(maxsize=32)
+def smooth_kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> FloatArray:
+    """Return kernels of unit power of curves near the contact and away from it, (2 lengths, REAL, REAL)."""
+    beyond = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
+    near = np.cos(0.5 * math.pi * beyond)
+    found = []
+    for window in (near, np.sin(0.5 * math.pi * beyond)):
+        for length in lengths_rad:
+            field = _windowed(window, length)
+            field /= max(float(np.square(window).mean()), 1e-12)
+            found.append(FROM_FIELD @ field @ FROM_FIELD.T)
+    kernels = np.stack(found)
+    kernels.setflags(write=False)
+    return kernels
+
+
+def kernel(concentration: Concentration) -> FloatArray:
+    """Return the kernel of a concentration, of unit variance at its centre, (REAL, REAL)."""
+    coefficients = FROM_FIELD @ concentration.curves()
+    result: FloatArray = coefficients @ coefficients.T
+    return result
+
+
+def _windowed(window: FloatArray, length_rad: float) -> FloatArray:
+    """Return the covariance at ANGLES of a curve of one correlation length in a window, (REAL, REAL)."""
+    away = 1.0 - np.cos(ANGLES[:, None] - ANGLES[None, :])
+    field: FloatArray = np.outer(window, window) * np.exp(-away / length_rad**2)
+    return field
+
+
+@lru_cache(maxsize=16)
+def _centred(width_rad: float, length_rad: float) -> FloatArray:
+    """Return the curves of a burst in the middle of ANGLES."""
+    window = np.exp(-0.5 * np.square((ANGLES - ANGLES[len(ANGLES) // 2]) / width_rad))
+    values, vectors = np.linalg.eigh(_windowed(window, length_rad))
+    kept = values > 1e-6 * values[-1]
+    curves: FloatArray = vectors[:, kept] * np.sqrt(values[kept])
+    curves.setflags(write=False)
+    return curves

@@ -1,0 +1,112 @@
+"""Discrepancy concentrated at single orders and places."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.effect import RADIAL, GroupConditions
+from gateway.closure.inference.discrepancy_concentration import most_evident
+from gateway.closure.inference.discrepancy_kernels import Burst, OrderLine, concentrations, kernel
+from gateway.closure.inference.likelihood import ANGLES, TO_FIELD
+from gateway.closure.inference.set_evidence import log_evidence
+from gateway.types import FloatArray
+from tests.closure.planted_campaign import (
+    ALL_AXES,
+    ONE_SPEED,
+    TWO_SPEEDS,
+    Plant,
+    among,
+    campaign_of,
+    evaluated,
+    searched,
+)
+
+
+def tone(size_mps2: float, order: int) -> Plant:
+    """Return a pole wheel's tone on every axis, of the same size at every speed."""
+    phases = np.array([0.3, 1.9, -2.2])[:, None]
+
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        return signal + size_mps2 * np.cos(order * theta + phases)
+
+    return plant
+
+
+def ringing(size_mps2: float, at_rad: float) -> Plant:
+    """Return short ringing at one place, on the radial axis."""
+
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        away = theta - at_rad
+        read = signal.copy()
+        read[RADIAL] += size_mps2 * np.exp(-0.5 * np.square(away / 0.12)) * np.sin(55.0 * away)
+        return read
+
+    return plant
+
+
+@cache
+def noisy() -> Campaign:
+    return campaign_of(ONE_SPEED, axes=ALL_AXES)
+
+
+def test_tone_of_one_order_is_no_ripple() -> None:
+    campaign = campaign_of(TWO_SPEEDS, tone(1.0, 31))
+    posterior, search = searched(campaign, among("torsional ripple"))
+    assert search.discrepancy.concentrations == (OrderLine(31),)
+    assert posterior.probability(["torsional ripple"]) < 0.05
+    # The tone has the same size at both speeds.
+    applied = posterior.best.fit.applied
+    assert applied is not None
+    sizes = np.sqrt(applied.amplitudes[:, :, -1])
+    assert sizes[:, 1] == pytest.approx(1.0, rel=0.4)
+    assert np.all(sizes[:, 0] < 0.2 * sizes[:, 1])
+
+
+def test_ringing_at_one_place_is_no_tread_pitch() -> None:
+    campaign = campaign_of(ONE_SPEED, ringing(5.0, 1.2))
+    posterior, search = searched(campaign, among("tread pitch"))
+    first = search.discrepancy.concentrations[0]
+    assert isinstance(first, Burst)
+    assert ANGLES[first.place] == pytest.approx(1.2, abs=0.12)
+    assert posterior.probability(["tread pitch"]) < 0.05
+
+
+def test_noise_is_not_concentrated() -> None:
+    found, data = evaluated(noisy())
+    assert most_evident(found.fit, data) is None
+
+
+def test_gain_is_that_of_the_evidence() -> None:
+    campaign = campaign_of(ONE_SPEED, tone(1.0, 31))
+    found, data = evaluated(campaign)
+    evident = most_evident(found.fit, data)
+    assert evident is not None
+    applied = found.fit.applied
+    assert applied is not None
+    more = applied.discrepancy.concentrated(evident.concentration)
+    amplitudes = np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2)
+    after = found.fit.under(more.applied(amplitudes))
+    assert log_evidence(after.moved(after.step)) - found.log_evidence == pytest.approx(evident.gain, rel=0.02)
+
+
+@pytest.mark.parametrize("one", [OrderLine(7), Burst(40, 0.1, 0.03), Burst(3, 0.3, 0.12)])
+def test_kernel_has_unit_variance_at_its_centre(one: OrderLine | Burst) -> None:
+    covariance = TO_FIELD @ kernel(one) @ TO_FIELD.T
+    variance = np.diagonal(covariance)
+    if isinstance(one, Burst):
+        assert int(np.argmax(variance)) == one.place
+        away = np.abs(np.mod(ANGLES - ANGLES[one.place] + math.pi, 2.0 * math.pi) - math.pi)
+        assert np.all(variance[away > 4.0 * one.width_rad] < 1e-3)
+    assert variance.max() == pytest.approx(1.0, rel=1e-3)
+
+
+def test_concentrations_cover_the_revolution() -> None:
+    places = {ANGLES[one.place] for one in concentrations() if isinstance(one, Burst)}
+    gaps = np.diff(np.sort([*places, min(places) + 2.0 * math.pi]))
+    assert gaps.max() < 0.12
+    assert {one.order for one in concentrations() if isinstance(one, OrderLine)} == set(range(1, 111))
