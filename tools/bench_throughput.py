@@ -170,7 +170,7 @@ class StageClock:
 def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     """Estimate a recording and return its revolutions, CPU in s, and peak memory in MB."""
     from gateway.config.vehicle import parse_vehicle
-    from gateway.estimators.registry import DEFAULT_ESTIMATORS
+    from gateway.estimators.registry import DEFAULT_ESTIMATORS, make_estimator
     from gateway.io.source import Chunk
     from gateway.recording.decoder_blocks import LinkBlocks
     from gateway.recording.reader import RecordingReader
@@ -182,6 +182,8 @@ def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     if clock is not None:
         clock.install()
     names = {DEFAULT: DEFAULT_ESTIMATORS, "none": ()}.get(case.estimators, (case.estimators,))
+    for name in names:
+        make_estimator(name)  # imports its modules
     reader = RecordingReader(path)
     vehicle = parse_vehicle(reader.vehicle_toml, "bench")
     summary = ResultSummary()

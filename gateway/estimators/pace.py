@@ -13,19 +13,15 @@ import numpy as np
 
 from gateway.types import BoolArray, FloatArray
 
-# Revolutions up to which everything is renewed in each, and the longest pause between renewals afterwards.
-_EVERY_UP_TO: Final = 4
-LONGEST: Final = 32
+LONGEST: Final = 64
+"""Longest pause between renewals, in revolutions: less than the memory of any average."""
 SHARE_OF_STD: Final = 0.2
 """Share of a standard error within which a condition may differ from that of the last renewal."""
 
 
 def is_due(count: int) -> bool:
-    """Return whether to renew after `count` revolutions: 1, 2, 3, 4, 6, 8, 12, 16, 24, ..., 96, 128, 160, ..."""
-    if count <= _EVERY_UP_TO:
-        return True
-    step = min(1 << ((count - 1).bit_length() - 2), LONGEST)
-    return count % step == 0
+    """Return whether to renew after `count` revolutions: 1, 2, 4, 8, ..., 64, 128, then every 64."""
+    return count & (count - 1) == 0 if count < LONGEST else count % LONGEST == 0
 
 
 def differ(values: FloatArray, renewed: FloatArray, allowed: FloatArray) -> BoolArray:

@@ -82,8 +82,11 @@ _TRUNCATION: Final = (1.46, 0.35)
 _MOVED_STDS: Final = 0.5
 # Relative change of the belt radius that does not matter to a slope.
 _NEGLIGIBLE_RADIUS: Final = 1e-3
-# Relative changes of roll error, highest order, radius, gain error and speed from which the maps are renewed.
-_STATE_SHARES: Final[FloatArray] = np.array([SHARE_OF_STD, 0.0, _NEGLIGIBLE_RADIUS, SHARE_OF_STD, SHARE_OF_STD])
+# Relative change of the speed that does not matter to the errors. Only that of the mounting depends on it, by gravity,
+# where there is no circumferential axis.
+_SPEED_CHANGE: Final = 0.5
+# Relative changes of highest order, radius, gain error and speed from which the maps are renewed.
+_STATE_SHARES: Final[FloatArray] = np.array([0.0, _NEGLIGIBLE_RADIUS, SHARE_OF_STD, _SPEED_CHANGE])
 _FROM_MEANS: Final = (Reason(Code.FROM_AXIS_MEANS),)
 
 
@@ -221,9 +224,14 @@ class PlySteerEstimator:
             if not len(values):
                 self._renewed = _renew(measured[first], block, states[first])
                 values = self._renewed.values_rad[np.newaxis]
+            assert self._renewed is not None
+            taken = measured[first : first + len(values)]
+            stds = self._renewed.stds_rad(
+                [_roll_error(one.followed.roll, block.conditions[one.index].claims) for one in taken]
+            )
             made += [
-                self._estimates(one, own[:-2], block.conditions[one.index].claims)
-                for one, own in zip(measured[first : first + len(values)], values.tolist(), strict=True)
+                self._estimates(one, own[:-2], own_stds, block.conditions[one.index].claims)
+                for one, own, own_stds in zip(taken, values.tolist(), stds.tolist(), strict=True)
             ]
         return made
 
@@ -236,12 +244,14 @@ class PlySteerEstimator:
         outdated = renewed.are_outdated(values, states, counts)
         return values[: int(outdated.argmax())] if outdated.any() else values
 
-    def _estimates(self, measured: _Measured, values_rad: list[float], claims: SensorClaims) -> tuple[Estimate, ...]:
-        """Return the estimates of one revolution from the first six values of the maps."""
+    def _estimates(
+        self, measured: _Measured, values_rad: list[float], stds_rad: list[float], claims: SensorClaims
+    ) -> tuple[Estimate, ...]:
+        """Return the estimates of one revolution from the first six values of the maps and their standard errors."""
         renewed, edges, unusable = self._renewed, measured.edges_rad, measured.unusable
         assert renewed is not None
         *slopes_rad, line, difference, ahead = values_rad
-        *stds, line_std, difference_std, ahead_std = renewed.stds_rad
+        *stds, line_std, difference_std, ahead_std = stds_rad
         doubt = unusable or _doubt(measured.followed, claims)
         notes = renewed.notes
         estimates = [
@@ -299,11 +309,10 @@ class _Measured:
     unusable: Reason | None
 
     def state(self, block: RevolutionBlock) -> tuple[float, ...]:
-        """Return what maps rest on besides the average: edges, roll, orders, radius, gain and speed."""
+        """Return what maps rest on besides the average: edges, orders, radius, gain and speed."""
         followed, conditions = self.followed, block.conditions[self.index]
         return (
             *self.edges_rad,
-            _roll_error(followed.roll, conditions.claims),
             followed.order_max,
             conditions.radius_m,
             conditions.gain_std,
@@ -318,24 +327,31 @@ class _Renewed:
     Attributes:
         rows: (8, 2 k) maps to the slopes of NAMES, the contact line, the difference of the halves, the slope ahead, and
             the slopes at both ends of the adhesion line.
-        stds_rad: standard errors of the first six.
+        variance_rad2: (6,) of the first six, without that of the roll.
+        by_roll: (6,) their derivatives by the roll.
         values_rad: what the maps gave then.
         limits_rad: how far the values may move until the maps are renewed: by a share of a standard error, and at an
             end of the adhesion line by the slope's, beyond which it ends elsewhere.
         notes: of the estimates of NAMES.
         count: revolutions averaged then.
-        state: (7,) what else the maps rest on, as in `_Measured.state`.
-        allowed: (7,) by how much each of these may change.
+        state: (6,) what else the maps rest on, as in `_Measured.state`.
+        allowed: (6,) by how much each of these may change.
     """
 
     rows: FloatArray
-    stds_rad: tuple[float, ...]
+    variance_rad2: FloatArray
+    by_roll: FloatArray
     values_rad: FloatArray
     limits_rad: FloatArray
     notes: tuple[Reason, ...]
     count: int
     state: FloatArray
     allowed: FloatArray
+
+    def stds_rad(self, roll_std_rad: Sequence[float]) -> FloatArray:
+        """Return the standard errors of the first six with k errors of the roll, (k, 6)."""
+        result: FloatArray = np.sqrt(self.variance_rad2 + np.square(np.multiply.outer(roll_std_rad, self.by_roll)))
+        return result
 
     def are_outdated(self, values_rad: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:
         """Return for each of k revolutions whether to renew, (k,), by the values of the maps, (k, 8), and what else."""
@@ -357,7 +373,6 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance = np.sum((rows @ record.covariance) * rows, axis=1)
     # Peak and slope ahead are the largest of several places: their noise counts once more.
     variance[[0, -1]] *= 2.0
-    variance += np.square(rows @ record.radial_m * _roll_error(followed.roll, conditions.claims))
     variance += np.square(rows @ _along(record, revolution, conditions) * MOUNTING_STD_RAD)
     # The slopes scale with the lateral axis's gain over the radius.
     too_short = _truncation_std(record.order_max, edges)
@@ -368,13 +383,15 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
     variance[:-1] += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
     orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
-    stds = np.sqrt(variance)
+    by_roll = rows @ record.radial_m
+    stds = np.sqrt(variance + np.square(by_roll * _roll_error(followed.roll, conditions.claims)))
     # Where the line ends at an edge of the contact, the slope there does not matter.
     ends_std[np.array(found.stretch_rad) == np.array(edges)] = math.inf
     rows = np.concatenate([rows, ends])
     return _Renewed(
         rows,
-        tuple(stds.tolist()),
+        variance,
+        by_roll,
         rows @ record.lateral_m,
         np.concatenate([_MOVED_STDS * stds, ends_std]),
         (Reason(Code.INCLUDES_CONICITY), orders),

@@ -73,6 +73,8 @@ _ROLL_SEPARATED_RAD: Final = math.radians(0.2)
 # Relative change of the speed within a revolution up to which gravity is separated from it. In a first revolution it is
 # not known, and given as 0.
 _STEADY_SPEED: Final = 0.03
+# Longest pause between renewals, which look for a change of direction too.
+_LONGEST: Final = 32
 _LEAST_REVOLUTIONS: Final = 8
 # Ratio of squared residuals from which the circumferential axis points against the rolling direction: gravity of twice
 # its size then remains in order 1.
@@ -219,7 +221,7 @@ class SelfCalibrationEstimator:
         for index, revolution in enumerate(block.revolutions):
             refused = _refused(revolution, block.conditions[index])
             count = self._last.count + len(taken) + 1
-            due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1
+            due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
             if refused is not None or due:
                 steps += self._take(block, taken)
                 taken = []

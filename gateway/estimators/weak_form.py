@@ -60,11 +60,13 @@ _OFFSET_STEPS: Final[FloatArray] = np.array([[0.0], [-_OFFSET_STEP], [_OFFSET_ST
 # of the value. A change of one standard error renews the solution in any case.
 _FOLLOWING_STDS: Final = 0.05
 # A pass that changes a number by more standard errors is followed by another.
-_CONVERGED_STDS: Final = 0.1
+_CONVERGED_STDS: Final = 0.2
 _FURTHER_PASSES: Final = 2
-# Relative change of the revolutions' scatter, which weights the orders, from which the solution is renewed.
-_SCATTER_CHANGE: Final = 0.25
+# Relative change of the scatter's variance from which the solution is renewed. Until then it scales the errors by noise
+# and is taken to leave the weights of the orders among each other.
+_SCATTER_CHANGE: Final = 0.5
 # Relative changes of scatter, errors of the sensor, and speed from which the solution is renewed.
+_SCATTER: Final = 2
 _STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, *[SHARE_OF_STD] * 4])
 _ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
 
@@ -107,6 +109,11 @@ class _Renewed:
         result: FloatArray = self.values + (orders - self.signal) @ self.response.T
         result += np.multiply.outer(offsets, self.by_offset)
         return result
+
+    def noise(self, scatter: float, effective_count: float) -> float:
+        """Return the variance of the average's noise over that at the renewal."""
+        before = float(self.state[_SCATTER])
+        return (scatter / before if before > 0.0 else 1.0) * self.effective_count / effective_count
 
     def are_outdated(self, values: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:
         """Return for each of k revolutions whether to renew, (k,).
@@ -211,7 +218,8 @@ class WeakFormEstimator:
         renewed, conditions = self._renewed, block.conditions[index]
         assert renewed is not None
         count = block.averages.effective_counts[index]
-        fitted = renewed.fits.numbers(0, load_number(conditions), values, renewed.effective_count / count)
+        noise = renewed.noise(block.averages.scatters[index], count)
+        fitted = renewed.fits.numbers(0, load_number(conditions), values, noise)
         return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
 
     def _renew(

@@ -127,6 +127,16 @@ class HostClock:
             self._open_from = window - _CLOSED_AFTER_WINDOWS + 1
             self._closed.extend(self._open.pop(done) for done in sorted(self._open) if done < self._open_from)
 
+    def stamp_arrival(self, ticks_us: Sequence[int], host_ns: int) -> None:
+        """Add frames, at least one, that arrived together at `host_ns`, in their order."""
+        latest_us = max(ticks_us)
+        if self._first is None or min(ticks_us) // _HOST_WINDOW_US != latest_us // _HOST_WINDOW_US:
+            for tick_us in ticks_us:
+                self.stamp(tick_us, host_ns)
+        else:
+            # The latest one had the least delay, which alone counts.
+            self.stamp(latest_us, host_ns)
+
     def stamp_all(self, ticks_us: NDArray[np.int64], hosts_ns: NDArray[np.int64]) -> None:
         """Add the arrivals of frames, (n,) each, in their order, n > 0."""
         if self._first is None:

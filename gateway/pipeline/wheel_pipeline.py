@@ -68,7 +68,7 @@ class WheelPipeline:
         Args:
             setup: of the wheel.
             estimators: names from the registry.
-            hold_s: time for which a revolution may wait for the next ones.
+            hold_s: longest time for which a revolution may wait for the next ones.
         """
         self.setup = setup
         self._hold_s = hold_s
@@ -88,12 +88,15 @@ class WheelPipeline:
         self._samples = self._lost = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
         self.blocks_before_hello = 0
+        # The latest state for views, until something changes it.
+        self._snapshot: WheelSnapshot | None = None
 
     def hello(self, hello: Hello) -> None:
         """Take the layout and scaling of the samples; a changed sensor or rate restarts the wheel's processing."""
         known = self._sensor
         if known is not None and known.hello == hello:
             return
+        self._snapshot = None
         self._revolve()
         reading = SensorReading.from_hello(hello)
         same_layout = (
@@ -119,6 +122,7 @@ class WheelPipeline:
 
     def environment(self, tick_us: int, environment: Environment) -> None:
         """Take a pressure and temperature reading with its hub time."""
+        self._snapshot = None
         if self._decided:
             self._environments_waiting += 1
             # The revolutions found before this reading must not see it, nor lose an earlier one.
@@ -129,6 +133,7 @@ class WheelPipeline:
 
     def restart(self) -> None:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""
+        self._snapshot = None
         self._revolve()
         self._sensor = None
         self._tire.forget_environment()
@@ -170,6 +175,7 @@ class WheelPipeline:
             counts: (n, channels) raw values.
             host: maps hub time to host time.
         """
+        self._snapshot = None
         sensor, buffer, clock = self._sensor, self._buffer, self._clock
         known = sensor is not None and axes == sensor.hello.axes and sensor.reading.has_radial
         if sensor is None or buffer is None or clock is None or not known:
@@ -223,6 +229,7 @@ class WheelPipeline:
 
     def finish(self, host: HostClock) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more samples will come."""
+        self._snapshot = None
         if self._segmenter is None:
             return self.complete()
         self._host = host
@@ -235,10 +242,13 @@ class WheelPipeline:
         """Keep revolutions that the segmenter has found."""
         assert self._segmenter is not None
         if pairs and not self._decided:
+            assert self._buffer is not None
             assert self._clock is not None
-            end, hold_s = pairs[0].end.centre, self._hold_s
-            self._due_at = end + hold_s * self._clock.nominal_rate_hz
-            self._due_us = self._clock.hub_us(end) + hold_s * 1e6
+            head, hold_s = self._buffer.head, self._hold_s
+            self._due_at = head + hold_s * self._clock.nominal_rate_hz
+            # All wheels of a hub at the same times: the work on one finds the code of that on another in the cache.
+            now_us, step_us = self._clock.hub_us(head), hold_s * 1e6
+            self._due_us = (now_us // step_us + 1.0) * step_us if step_us else now_us
         for pair in pairs:
             self._decided.append(_Decided(pair, self._segmenter.sign))
             self._missing.came(pair.end.centre)
@@ -312,6 +322,8 @@ class WheelPipeline:
         """Work on the waiting revolutions, in blocks that end where the timing's template is renewed."""
         waiting, self._decided = self._decided, []
         self._environments_waiting = 0
+        if waiting:
+            self._snapshot = None
         done = 0
         while done < len(waiting):
             pair, sign = waiting[done]
@@ -394,6 +406,11 @@ class WheelPipeline:
 
     def snapshot(self) -> WheelSnapshot:
         """Return the latest state for views."""
+        if self._snapshot is None:
+            self._snapshot = self._present()
+        return self._snapshot
+
+    def _present(self) -> WheelSnapshot:
         conditions = self._tire.conditions(math.inf)
         load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._sensor.hello if self._sensor is not None else None

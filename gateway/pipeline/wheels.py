@@ -9,7 +9,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from operator import itemgetter
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 # Sample numbers have 32 bits.
 _SAMPLE_NUMBERS: Final = 1 << 32
+# Share of the longest wait of revolutions for which samples wait for the next ones, and the most blocks that wait.
+_GATHERED_SHARE: Final = 0.1
+_MOST_BLOCKS: Final = 64
 
 
 class _Hub:
@@ -53,22 +56,28 @@ class _Run:
 
     __slots__ = ("_axes", "_block", "_first", "_host", "_next", "_parts", "_ticks_us")
 
-    def __init__(self, message: SampleBlock, host: HostClock) -> None:
-        """Start before a block."""
-        self._first = self._next = message.first_sample
-        self._axes, self._block, self._host = message.axes, len(message.counts), host
-        self._ticks_us: list[int] = []
-        self._parts: list[NDArray[np.int16]] = []
+    def __init__(self, message: SampleBlock, tick_us: int, host: HostClock) -> None:
+        """Start with a block and the hub time of its first sample."""
+        self._first, self._axes, self._block = message.first_sample, message.axes, len(message.counts)
+        self._next = (self._first + self._block) % _SAMPLE_NUMBERS
+        self._host = host
+        self._ticks_us = [tick_us]
+        self._parts: list[NDArray[np.int16]] = [message.counts]
 
-    def goes_on_with(self, message: SampleBlock) -> bool:
-        """Return whether a block follows the last one and is like it."""
-        return message.first_sample == self._next and message.axes == self._axes and len(message.counts) == self._block
-
-    def append(self, message: SampleBlock, tick_us: int) -> None:
-        """Append a block, with the hub time of its first sample."""
+    def goes_on(self, message: SampleBlock, tick_us: int) -> bool:
+        """Append a block, with the hub time of its first sample, if it follows the last one and is like it."""
+        first_sample, axes, counts = message
+        if first_sample != self._next or axes != self._axes or len(counts) != self._block:
+            return False
         self._ticks_us.append(tick_us)
-        self._parts.append(message.counts)
-        self._next = (self._next + self._block) % _SAMPLE_NUMBERS
+        self._parts.append(counts)
+        self._next = (first_sample + self._block) % _SAMPLE_NUMBERS
+        return True
+
+    def is_long(self, longest_us: float) -> bool:
+        """Return whether the samples have waited long enough; by their number too: the hub's time may stand still."""
+        ticks_us = self._ticks_us
+        return ticks_us[-1] - ticks_us[0] >= longest_us or len(ticks_us) >= _MOST_BLOCKS
 
     def add_to(self, wheel: WheelPipeline) -> None:
         """Add the samples to the wheel."""
@@ -81,6 +90,22 @@ def _add_runs(runs: dict[WheelPipeline, _Run]) -> None:
     for wheel, run in runs.items():
         run.add_to(wheel)
     runs.clear()
+
+
+class _Source(NamedTuple):
+    """Hub and wheel from which samples come, None for the hub itself, and the hub times of the present frames."""
+
+    hub: _Hub
+    wheel: WheelPipeline | None
+    ticks_us: list[int]
+
+
+def _stamp_arrivals(sources: dict[tuple[int, int], _Source | None], host_ns: int) -> None:
+    """Let the hubs' clocks know frames that arrived together at `host_ns`, and forget their sources."""
+    for source in sources.values():
+        if source is not None:
+            source.hub.host.stamp_arrival(source.ticks_us, host_ns)
+    sources.clear()
 
 
 class Pipeline:
@@ -103,7 +128,7 @@ class Pipeline:
             setups: configured wheels.
             unknown: template for wheels that are not configured; position, hub and wheel number are filled in.
             estimators: names from the registry, in the order of their output.
-            hold_s: time by which `frames` may return a revolution later, together with the next ones: work on
+            hold_s: longest time by which `frames` may return a revolution later, together with the next ones: work on
                 several at once takes less than on one at a time. By the hub's samples and clock, so that the results
                 do not depend on when frames arrive.
 
@@ -114,41 +139,52 @@ class Pipeline:
         self._hold_s = hold_s
         self._unknown = unknown
         self._setups = {(setup.hub, setup.wheel): setup for setup in setups}
-        self._order = [WheelPipeline(setup, self._estimators, hold_s) for setup in setups]
+        self._wheel_hold_s = (1.0 - _GATHERED_SHARE) * hold_s
+        self._order = [WheelPipeline(setup, self._estimators, self._wheel_hold_s) for setup in setups]
         self._configured = {(w.setup.hub, w.setup.wheel): w for w in self._order}
         self._claimed: dict[tuple[int, int], str] = {}
         self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
         self._hubs: dict[tuple[str, int], _Hub] = {}
         self.limit = WheelLimit(self._setups)
+        # Samples of each link that have not been added to their wheels yet.
+        self._runs: dict[str, dict[WheelPipeline, _Run]] = {}
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
         newest: tuple[_Hub, int] | None = None
-        runs: dict[WheelPipeline, _Run] = {}
+        sources: dict[tuple[int, int], _Source | None] = {}
+        runs = self._runs.setdefault(link, {})
         for frame in frames:
             message = frame.message
             if not isinstance(message, SampleBlock):
                 # It takes effect between the samples before and behind it.
                 _add_runs(runs)
-            stamped = self._stamped(link, frame, host_ns)
-            if stamped is None:
+                _stamp_arrivals(sources, host_ns)
+                stamped = self._stamped(link, frame, host_ns)
+                if stamped is not None:
+                    newest = stamped
+                    self._slow(link, frame, stamped[1])
                 continue
-            hub, tick_us = newest = stamped
-            if not isinstance(message, SampleBlock):
-                self._slow(link, frame, tick_us)
+            key = frame.hub, frame.wheel
+            if key not in sources:
+                sources[key] = self._source(link, *key)
+            source = sources[key]
+            if source is None:
                 continue
-            wheel = self._wheel(link, frame.hub, frame.wheel)
-            if wheel is None:
-                continue
-            run = runs.get(wheel)
-            if run is None or not run.goes_on_with(message):
-                if run is not None:
-                    run.add_to(wheel)
-                run = runs[wheel] = _Run(message, hub.host)
-            run.append(message, tick_us)
-        _add_runs(runs)
+            hub, wheel, ticks_us = source
+            tick_us = hub.unwrap(frame.tick_us)
+            ticks_us.append(tick_us)
+            newest = hub, tick_us
+            if wheel is not None and not (wheel in runs and runs[wheel].goes_on(message, tick_us)):
+                if wheel in runs:
+                    runs[wheel].add_to(wheel)
+                runs[wheel] = _Run(message, tick_us, hub.host)
+        _stamp_arrivals(sources, host_ns)
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
+        longest_us = _GATHERED_SHARE * self._hold_s * 1e6
+        if any(run.is_long(longest_us) for run in runs.values()):
+            _add_runs(runs)
         return [result for wheel in self._due() for result in wheel.complete()]
 
     def _due(self) -> list[WheelPipeline]:
@@ -169,9 +205,16 @@ class Pipeline:
 
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
+        _add_runs(self._runs.get(link, {}))
         return [
             result for (of_link, _, _), wheel in self._wheels.items() if of_link == link for result in wheel.complete()
         ]
+
+    def _source(self, link: str, hub: int, wheel: int) -> _Source | None:
+        """Return a source of samples; None if not admitted."""
+        if not self.limit.admits(link, hub, wheel):
+            return None
+        return _Source(self._known_hub(link, hub), self._wheel(link, hub, wheel), [])
 
     def _slow_frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame without samples."""
@@ -295,7 +338,7 @@ class Pipeline:
             if configured is None:
                 name = f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
                 configured = WheelPipeline(
-                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators, self._hold_s
+                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators, self._wheel_hold_s
                 )
                 self._order.append(configured)
             wheel = self._wheels[key] = configured
@@ -303,6 +346,8 @@ class Pipeline:
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""
+        for runs in self._runs.values():
+            _add_runs(runs)
         results: list[RevolutionResult] = []
         for (link, hub, _), wheel in self._wheels.items():
             results += wheel.finish(self._hubs[(link, hub)].host)

@@ -54,12 +54,12 @@ _logger = logging.getLogger(__name__)
 _SHOWN_NOTICES: Final = 20
 # Notices waiting for `take_notices`; the oldest are dropped.
 _WAITING_NOTICES: Final = 8192
-# Time by which a result comes later than its revolution, so that fast wheels have several worked on at once. Views are
-# drawn ten times a second, and a revolution at 130 km/h takes 57 ms.
-_HOLD_S: Final = 0.2
+# Longest time by which a result comes later than its revolution, so that fast wheels have several worked on at once: a
+# revolution at 130 km/h takes 57 ms.
+_HOLD_S: Final = 0.5
 _WAVEFORM_INTERVAL_NS: Final = 1_000_000_000
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
-_SILENT_NS: Final = round(2.0 * _HOLD_S * 1e9)
+_SILENT_NS: Final = 400_000_000
 
 _BEHIND: Final[Mapping[Stage, Code]] = {
     Stage.RECORDING: Code.RECORDING_BEHIND,

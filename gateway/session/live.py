@@ -39,7 +39,7 @@ _IDLE_S: Final = 0.05
 # Chunks of a device come a hundred times a second. Taken together a few times less often, they find the code and data
 # of the last ones still in the processor's cache; a screen that is drawn ten times a second shows no
 # difference.
-_ROUND_S: Final = 0.05
+_ROUND_S: Final = 0.1
 _JOIN_S: Final = 5.0
 
 

@@ -46,7 +46,7 @@ _PRESSURE_PA: Final = (-101_325.0, 1e7)
 _TEMPERATURE_DEGC: Final = (-100.0, 300.0)
 
 # Blocks of a wheel that are reviewed together.
-_REVIEW_BLOCKS: Final = 64
+_REVIEW_BLOCKS: Final = 128
 # Blocks of a wheel that are compared with later ones: some seconds at 9600 Hz. A hub keeps no more.
 _RECENT_BLOCKS: Final = 1024
 # One block may have been late when the hub changed its axes; one unknown frame may be an experiment of the hub.
@@ -151,15 +151,16 @@ class StatementWatch:
         self._links.add(link)
         for frame in frames:
             source = link, frame.hub, frame.wheel
-            if not self._limit.admits(*source):
-                continue
             message = frame.message
+            wheel = self._wheels.get(source)
+            if wheel is None and not self._limit.admits(*source):
+                continue
             if not isinstance(message, SampleBlock):
                 self._slow(source, frame.type, frame.tick_us, message)
             elif frame.wheel == HUB_ITSELF:
                 self._find(source, Code.HUB_SENDS_AS_WHEEL)
             else:
-                wheel = self._wheel(source)
+                wheel = wheel or self._wheel(source)
                 wheel.pending.append((message.first_sample, frame.tick_us, message.axes))
                 if len(wheel.pending) >= _REVIEW_BLOCKS:
                     self._review_pending(source, wheel)

@@ -137,7 +137,7 @@ def test_change_of_direction_starts_calibration_again() -> None:
             revolution = replace(revolution, axes_mps2=revolution.axes_mps2 * turned)
         found = estimator.update(revolution, take(average, revolution), result.conditions)
         offset = {estimate.name: estimate for estimate in found}["sensor_offset_m"]
-        assert (Code.AXIS_AGAINST_ROLLING in codes_of(offset.reasons)) is (number >= 23)
+        assert (Code.AXIS_AGAINST_ROLLING in codes_of(offset.reasons)) is (number >= 31)
     assert within(offset, 0.005)
 
 

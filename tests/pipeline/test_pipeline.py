@@ -327,6 +327,25 @@ def test_held_revolutions_agree_and_come_in_time(four_wheels):
     assert max(later_ns.count(at) for at in later_ns) > 1
 
 
+def test_wheels_of_a_hub_come_together(four_wheels):
+    results, came_ns, _ = arrivals_ns(stream(four_wheels, step_ns=938_000), 0.2)
+    assert len({result.position for result in results}) > 1
+    apart_ns = np.diff(np.unique(came_ns))
+    assert len(apart_ns) > 5
+    assert ((apart_ns < 20e6) | (apart_ns > 150e6)).all()
+
+
+def test_snapshot_is_new_only_after_a_change(roll, to_frames):
+    frames = to_frames(roll(65.0, 1.0).radial_mps2)
+    _, pipeline = run_live(stream(frames))
+    (before,) = pipeline.wheels()
+    assert pipeline.wheels()[0] is before
+    reading = frames[-1]._replace(type=int(MessageType.ENVIRONMENT), message=Environment(190e3, 41.0, None))
+    pipeline.frames("link", [reading], 10**18)
+    assert before.pressure_pa != 190e3
+    assert pipeline.wheels()[0].pressure_pa == 190e3
+
+
 def test_revolutions_of_a_silent_wheel_do_not_wait(four_wheels):
     pipeline = Pipeline((SETUP,), UNKNOWN, hold_s=0.2)
     stops = len(four_wheels) // 2

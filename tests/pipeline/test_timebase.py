@@ -76,3 +76,16 @@ def test_latency_is_relative_to_fastest_frames():
     tick = stamps[-1][0]
     clock.measure_latency(tick, clock.host_ns(tick) + 50_000_000)
     assert abs(clock.latency_s - 0.05) < 1e-3
+
+
+def test_frames_that_arrive_together_count_as_one_by_one():
+    one, other = HostClock(), HostClock()
+    stamps = arrivals(12, 30e-6)
+    for at in range(0, len(stamps), 7):
+        together = [tick_us for tick_us, _ in stamps[at : at + 7]]
+        host_ns = stamps[min(at + 6, len(stamps) - 1)][1]
+        for tick_us in together:
+            one.stamp(tick_us, host_ns)
+        other.stamp_arrival(together, host_ns)
+    times_us = range(stamps[0][0], stamps[-1][0], 500_000)
+    assert [one.host_ns(time_us) for time_us in times_us] == [other.host_ns(time_us) for time_us in times_us]
