@@ -24,11 +24,12 @@ from accuracy.tables import Table
 
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions
 from gateway.closure.result import Diagnosis, Finding, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import FloatArray
 
 _NUMBERS = ("Bs", "Cw", "Rs", "Ts")
 _MOST_VALUES = 4
@@ -74,15 +75,6 @@ def read(path: Path, depth_mm: int) -> Rolled:
     return Rolled(about, signal)
 
 
-def orders_of(signal: FloatArray) -> ComplexArray:
-    """Return c - i s of orders 0 to 110 of curves over theta = -pi + 2 pi k / n, (..., ORDERS)."""
-    n = signal.shape[-1]
-    theta = -math.pi + 2.0 * math.pi / n * np.arange(n)
-    orders: ComplexArray = 2.0 / n * signal @ np.exp(-1j * np.outer(theta, np.arange(ORDERS)))
-    orders[..., 0] *= 0.5
-    return orders
-
-
 def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed: int) -> Campaign:
     """Return a campaign with one recording for each tire; `noise_mps2` is that of an order of one revolution."""
     rng = np.random.default_rng(seed)
@@ -90,7 +82,7 @@ def campaign_of(tires: Sequence[Rolled], depth_mm: int, noise_mps2: float, seed:
     variance[1] = np.nan
     groups = []
     for index, tire in enumerate(tires):
-        about, truth = tire.about, orders_of(tire.signal_mps2)
+        about, truth = tire.about, waveform_orders(tire.signal_mps2)
         here = GroupConditions(
             omega_radps=tire.omega_radps,
             omega_dot_radps2=0.0,

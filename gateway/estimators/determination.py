@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS
+from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.reasons import Code, Reason
@@ -35,6 +36,8 @@ DETERMINED: Final = 3.0
 # own: it must be determined better by this factor.
 _WEAK_BENDING: Final = 1e-3
 _WEAK_FACTOR: Final = 2.0
+# Share of the error of a comparison from which what a disagreement adds to it matters.
+_NEGLIGIBLE: Final = 0.3
 # Correlations above this are reported.
 _CONFOUNDED: Final = 0.95
 
@@ -123,7 +126,8 @@ def number_estimates(
 
     All four numbers are proportional to Q / (p0 R^2), so their errors include those of Q, p0 and R^2. Without load or
     pressure they are invalid, but not the ratios. The width of a belt does not change with wear: where Cw differs from
-    the new tire's, load, pressure or radius are not as stated, and the four numbers are provisional.
+    the new tire's, load, pressure or radius are not as stated, and the four numbers are provisional; where it differs
+    by less than a contradiction, their errors grow by the chance of that.
 
     Args:
         estimator: name in the registry.
@@ -137,9 +141,14 @@ def number_estimates(
     std = [math.sqrt(max(row[place], 0.0)) for place, row in enumerate(covariance)]
     determined = _determined(values, free, covariance, std)
     missing = missing_conditions(conditions)
-    width = () if missing else _other_width(estimator, values[_CW], std[_CW], conditions)
     scale = 0.0 if missing else scale_error(conditions)
-    numbers_doubts = (*doubts, *width)
+    numbers_doubts, numbers_notes = doubts, notes
+    width, added = (None, 0.0) if missing else _other_width(estimator, values[_CW], std[_CW], conditions)
+    if added:
+        scale = math.hypot(scale, added)
+        numbers_notes = (*notes, *((width,) if width is not None else ()))
+    elif width is not None:
+        numbers_doubts = (*doubts, width)
     estimates = []
     for i, name in enumerate(RING_NUMBERS):
         if missing:
@@ -147,7 +156,7 @@ def number_estimates(
             continue
         error = math.hypot(std[i], values[i] * scale)
         why_not = () if determined[i] else determination(fitted).why_not(i)
-        estimates.append(_estimate(name, values[i], error, why_not, numbers_doubts, notes))
+        estimates.append(_estimate(name, values[i], error, why_not, numbers_doubts, numbers_notes))
     cw = values[_CW]
     for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
         if not free[_CW] or not cw > 0.0:
@@ -174,16 +183,23 @@ def _determined(values: list[float], free: list[bool], covariance: list[list[flo
     return determined
 
 
-def _other_width(estimator: str, cw: float, std: float, conditions: TireConditions) -> tuple[Reason, ...]:
-    """Return the contradiction between Cw and that of the new tire, empty without one."""
+def _other_width(estimator: str, cw: float, std: float, conditions: TireConditions) -> tuple[Reason | None, float]:
+    """Return what the difference between Cw and that of the new tire says, and what it adds to the relative error.
+
+    A contradiction adds nothing. The reason is None where the difference hardly matters.
+    """
     reference = conditions.tire.reference
     if reference.estimator != estimator or not reference.Cw or not cw > 0.0:
-        return ()
+        return None, 0.0
     error = math.hypot(std / cw, scale_error(conditions), reference.Cw_std / reference.Cw)
     ratio = cw / reference.Cw
-    if not abs(math.log(ratio)) > DETERMINED * error:
-        return ()
-    return (Reason(Code.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error),)
+    difference = math.log(ratio)
+    if abs(difference) > CONTRADICTION * error:
+        return Reason(Code.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error), 0.0
+    added = disagreement_std(difference, error)
+    if not added > _NEGLIGIBLE * error:
+        return None, added
+    return Reason(Code.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added), added
 
 
 def _estimate(

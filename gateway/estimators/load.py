@@ -14,11 +14,11 @@ import math
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from gateway.estimators.determination import DETERMINED
+from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
-from gateway.estimators.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration
+from gateway.estimators.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration, TireData
 from gateway.estimators.wear import bending_since_reference
 from gateway.reasons import Code, Reason
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
@@ -58,6 +58,8 @@ class LoadEstimator:
     def reset(self) -> None:
         """Forget the warm start of the estimator that gives Cw."""
         self._numbers: Estimator | None = None
+        nothing = TireData()
+        self._tires = nothing, nothing
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return load_n, load_by_angle_n, load_by_width_n and pressure_number Q / (2 p0 theta R^2) (Eq. 33).
@@ -86,6 +88,14 @@ class LoadEstimator:
         doubts = _contradictions((by_angle, by_width), conditions)
         return load, by_angle, by_width, _pressure_number(load, conditions, doubts, half, half_std, pressure)
 
+    def _without_width(self, tire: TireData) -> TireData:
+        """Return data of the tire without its width, which an assumed load must not be compared with."""
+        known, without = self._tires
+        if tire is not known:
+            without = replace(tire, reference=replace(tire.reference, Cw=None))
+            self._tires = tire, without
+        return without
+
     def _by_width(self, block: RevolutionBlock, index: int) -> Estimate:
         conditions = block.conditions[index]
         reference = conditions.tire.reference
@@ -99,7 +109,7 @@ class LoadEstimator:
                 if reference.estimator not in ESTIMATORS:
                     return Estimate.invalid(NAMES[2], Reason(Code.UNKNOWN_ESTIMATOR, estimator=reference.estimator))
                 self._numbers = make_estimator(reference.estimator)
-            assumed = replace(conditions, load_n=load, load_std_n=0.0)
+            assumed = replace(conditions, load_n=load, load_std_n=0.0, tire=self._without_width(conditions.tire))
             made = self._numbers.update(block.revolutions[index], block.averages.at(index), assumed)
             numbers = {found.name: found for found in made}
         width = numbers.get("Cw")
@@ -117,12 +127,19 @@ class LoadEstimator:
 
 
 def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
-    """Return an estimate of the load, provisional where it contradicts the stated load."""
+    """Return an estimate of the load, provisional where it contradicts the stated load.
+
+    Short of that its error grows by the chance that pressure or radius are not as stated.
+    """
     stated_n, stated_std_n = conditions.load_n, conditions.load_std_n
     if stated_n is None or estimate.status is Status.INVALID:
         return estimate
-    if not abs(estimate.value - stated_n) > DETERMINED * math.hypot(estimate.std, stated_std_n):
-        return estimate
+    difference, both = estimate.value - stated_n, math.hypot(estimate.std, stated_std_n)
+    if not abs(difference) > CONTRADICTION * both:
+        # The error of the width has it already.
+        included = any(reason.code is Code.WIDTH_DISAGREES for reason in estimate.reasons)
+        added = 0.0 if included else disagreement_std(difference, both)
+        return replace(estimate, std=math.hypot(estimate.std, added)) if added else estimate
     against = Reason(Code.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
     return replace(estimate, status=Status.PROVISIONAL, reasons=(against, *estimate.reasons))
 
@@ -227,6 +244,15 @@ def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> 
     return tuple(dict.fromkeys(reason for one in found for reason in one.reasons if reason.code in against))
 
 
+def _width_disagreement(conditions: TireConditions) -> float:
+    """Return the relative error that the belt width of the new tire adds to load and pressure as stated."""
+    width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
+    for reason in width.reasons if width is not None else ():
+        if reason.code is Code.WIDTH_DISAGREES and isinstance(error := reason["error"], float):
+            return error
+    return 0.0
+
+
 def _pressure_number(
     load: Estimate,
     conditions: TireConditions,
@@ -247,11 +273,13 @@ def _pressure_number(
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
     # The error of the edge's definition counts here, because the number is compared between tires.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
+    unsure = _width_disagreement(conditions)
     relative = math.hypot(
         std / value,
         half_std / half,
         conditions.pressure_std_pa / pressure,
         2.0 * conditions.radius_std_m / conditions.radius_m,
+        unsure,
     )
     return Estimate(NAMES[3], number, number * relative, status, reasons)
 

@@ -235,15 +235,22 @@ class SelfCalibrationEstimator:
         self._steps = steps
         return [step.measured for step in steps]
 
-    def estimates(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Return the estimates of NAMES after each revolution of the block that was measured last."""
+    def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of NAMES after each revolution of the block that was measured last.
+
+        Args:
+            block: as measured.
+            unsure: relative error of gain or rate of each revolution beyond what is stated; None for none.
+        """
         return [
             (
                 *_gain_estimates(revolution, conditions, step),
                 _roll_estimate(revolution, conditions, step),
-                *_mounting_estimates(conditions, step),
+                *_mounting_estimates(conditions, step, further),
             )
-            for revolution, conditions, step in zip(block.revolutions, block.conditions, self._steps, strict=True)
+            for revolution, conditions, step, further in zip(
+                block.revolutions, block.conditions, self._steps, unsure or (0.0,) * len(block), strict=True
+            )
         ]
 
     def _renew(self, block: RevolutionBlock, index: int) -> Reason | None:
@@ -467,12 +474,13 @@ def _mounting(solution: Sequence[float], stds: Sequence[float], axes_std: float)
     return pitch, _Found(offset, offset_std)
 
 
-def _mounting_estimates(conditions: TireConditions, step: _Step) -> tuple[Estimate, Estimate]:
+def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) -> tuple[Estimate, Estimate]:
     if step.pitch is None or step.offset is None:
         reason = step.refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
         return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
     doubt = step.refused or _unsettled(step)
-    offset = _estimate(NAMES[5], step.offset, doubt)
+    value, std = step.offset
+    offset = _estimate(NAMES[5], _Found(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
     if step.against:
         offset = replace(offset, reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
     stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m

@@ -3,7 +3,8 @@
 `assess` compares what self-calibration measures with what is stated, each with its standard error. Beyond three
 standard errors of both together there is a `Contradiction`: it lists the causes that would explain it, and the
 estimates that it moves are provisional, or invalid where it may move them by more than a fifth. Where nothing is
-stated, the measured value is used and its error carried.
+stated, the measured value is used and its error carried. Short of three standard errors, the errors of what is stated
+grow by the chance that it is wrong (`gateway.estimators.disagreement`).
 
 The steady value. The mean of the radial axis over a closed belt is G R Omega^2 (1 - e/R mean(k^2)) + z. So its ratio to
 the value expected is G r f^2 with the relative errors G of the gain, r of the belt radius and f of the sampling rate,
@@ -20,13 +21,12 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.self_calibration import Equations, Measured, speed_errors
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
 from gateway.reasons import Code, Reason
 
-# Standard errors of stated and measured value together from which they contradict each other.
-_CONTRADICTION: Final = 3.0
 # Relative change of an estimate from which it is invalid.
 _INVALID_FROM: Final = 0.2
 # Share of an estimate's standard error below which a change of it does not matter.
@@ -91,6 +91,8 @@ _EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
 }
 _SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0}
 _SLOPES: Final = ("ply_steer_", "slip_", "conicity_")
+# Estimates that are the stated radius times something measured much better.
+_OF_RADIUS: Final = frozenset({"speed_mps", "distance_m", "contact_length_m"})
 # Estimates that rest on the shape of the belt, which offset and zero of the sensor change.
 _OF_SHAPE: Final = frozenset({*RING_NUMBERS, *RING_RATIOS, "half_angle_rad"})
 
@@ -143,6 +145,8 @@ class Evidence:
         radius_m: in use.
         radius_std_m: its standard error.
         contradictions: of stated and measured values.
+        unsure: relative error of radius, gain and rate beyond the stated ones, by a steady value near a contradiction.
+        disagreement: of the steady value with what is stated, where it is most of the radius's error; None elsewhere.
     """
 
     sensor_offset_m: float
@@ -153,6 +157,8 @@ class Evidence:
     radius_m: float
     radius_std_m: float
     contradictions: tuple[Contradiction, ...] = ()
+    unsure: float = 0.0
+    disagreement: Reason | None = None
 
     def applied_to(
         self, conditions: TireConditions, given: Mapping[str, Mapping[str, Estimate]] | None = None
@@ -178,7 +184,7 @@ class Evidence:
     @property
     def says_anything(self) -> bool:
         """Whether `qualified` changes any estimate."""
-        return bool(self.contradictions) or not self.offset_is_known
+        return bool(self.contradictions) or not self.offset_is_known or self.disagreement is not None
 
     def qualified(self, estimate: Estimate) -> Estimate:
         """Return an estimate with what the evidence says against it.
@@ -200,6 +206,8 @@ class Evidence:
             return Estimate.invalid(estimate.name, *reasons)
         if reasons:
             return replace(estimate, status=Status.PROVISIONAL, reasons=(*reasons, *estimate.reasons))
+        if self.disagreement is not None and estimate.name in _OF_RADIUS:
+            return replace(estimate, reasons=(*estimate.reasons, self.disagreement))
         if not self.offset_is_known and estimate.name in _OF_SHAPE:
             unknown = Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m)
             return replace(estimate, reasons=(*estimate.reasons, unknown))
@@ -227,6 +235,8 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
     zero_std, gain_std = claims.zero_g_std_mps2, claims.gain_std
     # Relative error of the measured offset that a contradicted gain or rate makes.
     offset_error = 0.0
+    # Of the steady value, relative: radius, gain, rate or zero may be wrong by it.
+    unsure, disagreement = 0.0, None
     if measured is not None and (ratio := _steady_ratio(measured, zero_std)) is not None:
         # The offset enters the mean by e/R mean(k^2).
         depth_m = 0.0 if measured.offset_m is not None else UNKNOWN_OFFSET_STD_M
@@ -236,20 +246,29 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
         by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, measured.mean_square * depth)
         found_radius = _Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
         if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
-            _CONTRADICTION * math.hypot(radius.std, found_radius.std)
+            CONTRADICTION * math.hypot(radius.std, found_radius.std)
         ):
             radius = _weighted(radius, found_radius)
-        elif abs(ratio.value - 1.0) > _CONTRADICTION * math.hypot(by_gain, radius_std):
+        elif abs(ratio.value - 1.0) > CONTRADICTION * (tolerance := math.hypot(by_gain, radius_std)):
             contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
         elif (alone := _gravity_contradiction(measured, claims.gain_std, depth)) is not None:
             contradictions.append(alone)
+        else:
+            unsure = disagreement_std(ratio.value - 1.0, tolerance)
+            radius = _Value(radius.value, math.hypot(radius.std, unsure * radius.value))
+            gain_std = math.hypot(gain_std, unsure)
+            offset_error = unsure
+            if unsure > radius_std:
+                disagreement = Reason(Code.STEADY_VALUE_DISAGREES, ratio=ratio.value, std=tolerance, error=unsure)
         for contradiction in contradictions:
             changed = contradiction.ratios.get(Cause.GAIN, 1.0)
             gain_std = max(gain_std, abs(changed - 1.0))
             by_rate = contradiction.ratios.get(Cause.RATE, 1.0) ** -2.0
             offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
-    if measured is not None and (zero := _zero(measured)) is not None and zero.std < _ZERO_MEASURED * zero_std:
-        if abs(zero.value) > _CONTRADICTION * math.hypot(zero.std, zero_std):
+    zero = None if measured is None else _zero(measured)
+    zero_is_measured = zero is not None and zero.std < _ZERO_MEASURED * zero_std
+    if zero is not None and zero_is_measured:
+        if abs(zero.value) > CONTRADICTION * math.hypot(zero.std, zero_std):
             reason = Reason(Code.ZERO_CONTRADICTED, zero_mps2=zero.value, std_mps2=zero.std, stated_std_mps2=zero_std)
             contradictions.append(Contradiction(Subject.ZERO, reason, {Cause.ZERO: math.nan}))
             zero_std = abs(zero.value)
@@ -258,11 +277,13 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
     offset_m, offset_std_m, known = _offset(measured, conditions, offset_error, contradictions)
     if ac_coupled:
         # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.
-        steady_std = steady_mps2 * math.hypot(radius_std, claims.gain_std)
+        steady_std = steady_mps2 * math.hypot(radius_std, claims.gain_std, unsure)
     else:
         # A zero-g offset larger than the errors of gain and radius would show in the steady value.
         scale = steady_mps2 * math.hypot(radius_std, claims.gain_std, 2.0 * claims.rate_std)
         steady_std = zero_std * scale / math.hypot(zero_std, scale) if scale and zero_std else zero_std
+        if not zero_is_measured:
+            steady_std = math.hypot(steady_std, min(unsure * steady_mps2, _LIKELY_ZERO_MPS2))
     return Evidence(
         sensor_offset_m=offset_m,
         sensor_offset_std_m=offset_std_m,
@@ -272,6 +293,8 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
         radius_m=radius.value,
         radius_std_m=radius.std,
         contradictions=tuple(contradictions),
+        unsure=unsure,
+        disagreement=disagreement,
     )
 
 
@@ -295,7 +318,7 @@ def _offset(
         assert one is not None
         return one.value, one.std, True
     difference = abs(stated.value - found.value)
-    if difference <= _CONTRADICTION * math.hypot(stated.std, found.std):
+    if difference <= CONTRADICTION * math.hypot(stated.std, found.std):
         both = _weighted(stated, found)
         return both.value, both.std, True
     reason = Reason(
@@ -404,13 +427,13 @@ def _causes(
     measured: Measured, conditions: TireConditions, ratio: _Value, by_gain: float, depth: float
 ) -> Iterator[_Possible]:
     claims = conditions.claims
-    tolerance = _CONTRADICTION * math.hypot(by_gain, conditions.radius_std_m / conditions.radius_m) * abs(ratio.value)
+    tolerance = CONTRADICTION * math.hypot(by_gain, conditions.radius_std_m / conditions.radius_m) * abs(ratio.value)
     gravity = _gravity_gain(measured, depth)
 
     def gravity_allows(gain: float) -> bool:
         if gravity is None:
             return True
-        return abs(gravity.value - gain) <= _CONTRADICTION * math.hypot(gravity.std, claims.gain_std * gain)
+        return abs(gravity.value - gain) <= CONTRADICTION * math.hypot(gravity.std, claims.gain_std * gain)
 
     value = ratio.value
     if gravity_allows(value):

@@ -57,6 +57,8 @@ _SATURATED_SHARE: Final = 0.2
 _UNIT_TOLERANCE: Final = 0.16
 # The mean may differ from R Omega^2 by this ratio before the stated rate is doubted.
 _RATE_TOLERANCE: Final = 2.2
+# A rate is hardly mistaken by more, such as that before decimation; then the scale is wrong.
+_MISTAKEN_RATE: Final = 11.0
 # Below this share of R Omega^2, dips of an AC-coupled sensor come from gravity.
 _AC_CONTACT_SHARE: Final = 0.05
 
@@ -217,7 +219,7 @@ def _length(
 
 
 def _rate(signal: RadialSignal, mean: float, depth: float, period_s: float) -> Reason | None:
-    """Return a reason when the rotation fits the mean at another sampling rate only."""
+    """Return a reason when the rotation fits the mean at another sampling rate or scale only."""
     level = mean if signal.is_dc else depth
     expected = _centripetal_mps2(signal, period_s)
     if not signal.is_dc and level < _AC_CONTACT_SHARE * expected:
@@ -225,6 +227,8 @@ def _rate(signal: RadialSignal, mean: float, depth: float, period_s: float) -> R
     ratio = level / expected
     if level < _ROLLING_MPS2 or 1.0 / _RATE_TOLERANCE < ratio < _RATE_TOLERANCE:
         return None
+    if not 1.0 / _MISTAKEN_RATE < math.sqrt(ratio) < _MISTAKEN_RATE:
+        return Reason(Code.RADIAL_SCALE_DOES_NOT_FIT, level_mps2=level, expected_mps2=expected, ratio=ratio)
     fitting_hz = signal.rate_hz * math.sqrt(ratio)
     return Reason(
         Code.RATE_DOES_NOT_FIT,

@@ -269,7 +269,7 @@ class TireEstimates:
         is_doubtful = any(evidence.says_anything for evidence in evidences) or any(doubts)
         for estimator in series.estimators:
             if estimator is series.calibration:
-                made = series.calibration.estimates(stated_block)
+                made = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
             elif estimator.name in series.of_blocks:
                 made = cast("BlockEstimator", estimator).update_block(block)
             else:

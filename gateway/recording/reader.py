@@ -13,6 +13,7 @@ from typing import BinaryIO, Final
 from mcap.opcode import Opcode
 from mcap.records import Channel, Metadata
 
+from firmware_protocol.decoder import FrameDecoder
 from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
 from gateway.reasons import Code, Reason
@@ -43,6 +44,8 @@ from gateway.recording.mcap_records import (
 )
 
 REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."
+# Begin of a file that is no recording, looked at for frames of a link.
+_LOOKED_AT_BYTES: Final = 1 << 14
 _MAX_TIME_DIGITS: Final = 19
 _FOOTER_BYTES: Final = RECORD_HEAD.size + 20
 
@@ -250,9 +253,12 @@ class RecordingReader:
         file.seek(0)
         magic = file.read(len(MAGIC))
         if magic != MAGIC:
-            remedy = (
-                REPAIR_REMEDY if size > 1 << 10 else "Recordings are created by `treadlink record` and end in .mcap."
-            )
+            if FrameDecoder().feed(magic + file.read(_LOOKED_AT_BYTES)):
+                remedy = f"It is the raw dump of a link: `treadlink record 'replay:{self._path}?speed=max'` records it."
+            elif size > 1 << 10:
+                remedy = REPAIR_REMEDY
+            else:
+                remedy = "Recordings are created by `treadlink record` and end in .mcap."
             raise RecordingError(f"'{self._path}' is not a recording: it does not start like an MCAP file", remedy)
         self.position = len(MAGIC)
         entries: dict[str, str] = {}

@@ -47,6 +47,8 @@ _TEMPERATURE_DEGC: Final = (-100.0, 300.0)
 
 # Blocks of a wheel that are reviewed together.
 _REVIEW_BLOCKS: Final = 128
+# Blocks of a wheel that are compared with later ones: some seconds at 9600 Hz. A hub keeps no more.
+_RECENT_BLOCKS: Final = 1024
 # One block may have been late when the hub changed its axes; one unknown frame may be an experiment of the hub.
 _LEAST: Final[Mapping[Code, int]] = {
     Code.HELLO_AXES_DIFFER: 3,
@@ -73,9 +75,9 @@ class _Blocks(NamedTuple):
 
 
 class _Wheel:
-    """State of one wheel: its hello, the last block, and the span over which the rate is measured."""
+    """State of one wheel: its hello, the last blocks, and the span over which the rate is measured."""
 
-    __slots__ = ("changes", "former_sensor", "hello", "last", "pending", "since")
+    __slots__ = ("below", "changes", "former_sensor", "hello", "last", "pending", "recent", "since")
 
     def __init__(self) -> None:
         self.hello: Hello | None = None
@@ -90,6 +92,28 @@ class _Wheel:
         # First sample and tick of the last block; samples and us since the begin of the span.
         self.last: tuple[int, int] | None = None
         self.since = (0, 0)
+        # The last blocks, and the last sample number below the highest.
+        self.recent = np.empty(0, np.int64)
+        self.below = 0
+
+    def repeated(self, blocks: _Blocks, samples: NDArray[np.int64], *, jumped: bool) -> int:
+        """Take blocks; return how many came before, with the same first sample and tick.
+
+        Args:
+            blocks: the next ones.
+            samples: steps of their sample numbers, (k,).
+            jumped: whether the numbers begin anew among them.
+        """
+        known = np.concatenate([self.recent, (blocks.first << 32) ^ blocks.tick])
+        number = np.cumsum(samples) + self.below
+        highest = np.maximum.accumulate(np.append(0, number))
+        self.below = 0 if jumped else int(number[-1] - highest[-1])
+        count = 0
+        if (number <= highest[:-1]).any():
+            firsts = np.unique(known, return_index=True)[1]
+            count = len(blocks.first) - int(np.count_nonzero(firsts >= len(self.recent)))
+        self.recent = known[-_RECENT_BLOCKS:].copy()
+        return count
 
 
 class _Finding:
@@ -318,6 +342,7 @@ class StatementWatch:
             self._find(source, Code.HELLO_AXES_DIFFER, len(other), sent=sent, stated=stated)
         if wheel.last is None:
             wheel.last = int(blocks.first[0]), int(blocks.tick[0])
+            wheel.repeated(blocks.part(0, 1), np.ones(1, np.int64), jumped=False)
             blocks = blocks.part(1, len(blocks.first))
             if not len(blocks.first):
                 return
@@ -325,10 +350,10 @@ class StatementWatch:
         wheel.last = int(blocks.first[-1]), int(blocks.tick[-1])
         samples = _steps(last[0], blocks.first)
         us = _steps(last[1], blocks.tick)
-        repeated = int(np.count_nonzero((samples == 0) & (us == 0)))
+        jumps = np.flatnonzero(is_jump(samples, us, hello.rate_hz))
+        repeated = wheel.repeated(blocks, samples, jumped=len(jumps) > 0)
         if repeated:
             self._find(source, Code.SAMPLES_REPEATED, repeated)
-        jumps = np.flatnonzero(is_jump(samples, us, hello.rate_hz))
         if len(jumps):
             jumps_s = apart_s(samples, us, hello.rate_hz)[jumps]
             self._find(source, Code.SAMPLE_NUMBERS_JUMP, len(jumps), last_s=float(jumps_s[-1]))

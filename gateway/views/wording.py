@@ -68,6 +68,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
     ),
     Code.RADIAL_OUTWARD: "the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign",
+    Code.RADIAL_SCALE_DOES_NOT_FIT: (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.3g m/s²} for "
+        "{expected_mps2:.0f m/s²}), too far for a wrong rate: the scale or the unit of the axis is wrong"
+    ),
     Code.RATE_DOES_NOT_FIT: (
         "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
         "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
@@ -138,6 +142,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.STEADY_VALUE_CONTRADICTED: (
         "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
     ),
+    Code.STEADY_VALUE_DISAGREES: (
+        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: the error includes "
+        "{error:.1%} because the radius may not be as stated"
+    ),
     Code.UNIT_IS_G: "values in g taken for m/s² would fit",
     Code.UNIT_IS_MPS2: "values in m/s² taken for g would fit",
     Code.VEHICLE_SPEED_CONTRADICTED: (
@@ -149,6 +157,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WIDTH_CONTRADICTED: (
         "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
         "radius are not as stated"
+    ),
+    Code.WIDTH_DISAGREES: (
+        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire: the error includes {error:.1%} because load, "
+        "pressure or belt radius may not be as stated"
     ),
     Code.ZERO_CONTRADICTED: (
         "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "
@@ -355,8 +367,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.SENDS_AGAIN: "sends again after {away_s:.1f s}",
     Code.SENSOR_NEVER_HEARD: (
-        "nothing received from its sensor in {silence_s:.0f s}. Is it switched on, and are hub and wheel number as "
-        "configured?"
+        "nothing received from its sensor in {silence_s:.0f s}, or only what was rejected. Is it switched on, and are "
+        "hub and wheel number as configured?"
     ),
     Code.SENSOR_SILENT: (
         "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
@@ -524,9 +536,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
     ),
     Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has",
-    Code.SAMPLES_REPEATED: (
-        "sends samples again under new counters: {count} blocks are not used. A fault of the firmware"
-    ),
+    Code.SAMPLES_REPEATED: ("sends the same samples again: {count} blocks are not used. A fault of the firmware"),
     Code.SAMPLE_NUMBERS_JUMP: (
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"

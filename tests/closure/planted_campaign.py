@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
+from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.closure.effects.catalogue import catalogue, corrections
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -110,15 +111,6 @@ def larger_belt(signal: FloatArray, theta: FloatArray, here: GroupConditions) ->
     return signal_of(here, 1.016 * RADIUS_M)
 
 
-def orders_of(signal: FloatArray) -> ComplexArray:
-    """Return c - i s of orders 0 to 110 of curves over theta = -pi + 2 pi k / n, (..., ORDERS)."""
-    n = signal.shape[-1]
-    theta = -math.pi + 2.0 * math.pi / n * np.arange(n)
-    orders: ComplexArray = 2.0 / n * signal @ np.exp(-1j * np.outer(theta, np.arange(ORDERS)))
-    orders[..., 0] *= 0.5
-    return orders
-
-
 def campaign_of(
     groups: Sequence[GroupConditions],
     plant: Plant = nothing,
@@ -146,7 +138,7 @@ def campaign_of(
     made = []
     for index, here in enumerate(groups):
         solved = ring(here.load_n)
-        truth = orders_of(plant(signal_of(here), solved.theta_rad, here))
+        truth = waveform_orders(plant(signal_of(here), solved.theta_rad, here))
         blocks = []
         for _ in range(BLOCKS):
             real, imaginary = rng.normal(0.0, noise_mps2 / math.sqrt(REVOLUTIONS), (2, 3, ORDERS))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gateway.closure.data.campaign_data import ORDERS, Campaign
+from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.closure.effects.effect import LATERAL, RADIAL, GroupConditions
 from gateway.closure.inference.hold_out import HeldOutErrors, hold_out
 from gateway.types import FloatArray
@@ -22,7 +23,6 @@ from tests.closure.planted_campaign import (
     among,
     campaign_of,
     nothing,
-    orders_of,
     searched,
     signal_of,
     turned,
@@ -57,7 +57,7 @@ def rolled() -> HeldOutErrors:
 def planted() -> float:
     """Return the mean square of what a roll tilt adds to the lateral axis, per axis and curve."""
     squares = [
-        float((POWER * np.abs(math.sin(ROLL_RAD) * orders_of(signal_of(here)[RADIAL])) ** 2).sum())
+        float((POWER * np.abs(math.sin(ROLL_RAD) * waveform_orders(signal_of(here)[RADIAL])) ** 2).sum())
         for here in TWO_SPEEDS
     ]
     return sum(squares) / (3 * len(TWO_SPEEDS))
@@ -73,7 +73,7 @@ def test_error_of_an_undisturbed_ring_is_its_noise() -> None:
     """The noise is that of the blocks beside the signal that was planted, computed by explicit sums."""
     campaign = campaign_of(ONE_SPEED, nothing, axes=ALL_AXES)
     errors = held_out(campaign)
-    truth = orders_of(signal_of(ONE_SPEED[0]))
+    truth = waveform_orders(signal_of(ONE_SPEED[0]))
     blocks = np.stack([block.orders_mps2 for block in campaign.groups[0].blocks])
     rms = math.sqrt(float((POWER * np.abs(blocks - truth) ** 2).sum()) / (3 * BLOCKS))
     assert errors.summary.rms_before_mps2 == pytest.approx(rms, rel=0.02)
@@ -117,7 +117,7 @@ def test_effect_in_one_fold_does_not_predict_it() -> None:
     """Its size without the fold is a quarter in the others: 1 + 4/16 of the square is left, in-sample 4/5."""
     campaign = campaign_of(ONE_SPEED, axes=ALL_AXES)
     shift = np.zeros((3, ORDERS), complex)
-    shift[LATERAL] = math.sin(0.004) * orders_of(signal_of(ONE_SPEED[0]))[RADIAL]
+    shift[LATERAL] = math.sin(0.004) * waveform_orders(signal_of(ONE_SPEED[0]))[RADIAL]
     errors = held_out(with_blocks(campaign, lambda k, orders: orders + shift * (k == 2)))
     square = float((POWER * np.abs(shift) ** 2).sum()) / (3 * BLOCKS)
     plain = held_out(campaign)

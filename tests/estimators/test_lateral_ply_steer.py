@@ -139,6 +139,36 @@ def test_offset_camber_and_yaw_stay_within_the_error() -> None:
         assert np.all(stated < 0.02)
 
 
+def test_zero_that_nearly_contradicts_the_roll_widens_the_error() -> None:
+    """A lateral zero of 4.5 g looks like a roll of 2.5 deg, which is within three errors of mounting by hand."""
+    found = estimate(rolled(radial(), sensor=replace(QUIET, lateral_offset_mps2=44.0)))
+    stated = np.degrees([found[name].std for name in NAMES])
+    assert np.all(np.abs(angles_deg(found) - angles_deg(estimate(rolled(radial())))) < 3.0 * stated)
+    assert abs(found[CONICITY_NAME].value) < 3.0 * found[CONICITY_NAME].std
+
+
+def with_orders(revolutions: Sequence[Revolution], order_max: int) -> list[Revolution]:
+    """Return revolutions of a slower sampling."""
+    return [replace(revolution, order_max=order_max) for revolution in revolutions]
+
+
+@pytest.mark.parametrize("order_max", [12, 18])
+def test_few_orders_widen_the_error_of_the_peak(order_max: int) -> None:
+    ring = radial()
+    found = estimate(with_orders(rolled(ring), order_max))
+    assert all(found[name].status is Status.VALID for name in NAMES)
+    stated = np.degrees([found[name].std for name in NAMES])
+    assert np.all(np.abs(angles_deg(found) - true_deg(ring, lateral(ring))) < 2.0 * stated)
+    peak = found["ply_steer_peak_rad"]
+    assert peak.std > 0.034 * (18.0 / order_max) ** 3 * abs(peak.value)
+
+
+def test_too_few_orders_make_slopes_provisional() -> None:
+    found = estimate(with_orders(rolled(radial()), 9))
+    assert found[LINE_NAME].status is Status.PROVISIONAL
+    assert Reason(Code.TOO_FEW_ORDERS, orders=9, needed=10) in found[LINE_NAME].reasons
+
+
 @lru_cache(maxsize=4)
 def two_speeds(offset_mps2: float) -> tuple[Revolution, ...]:
     """Return revolutions at two speeds of a rolled sensor with an error of its lateral zero."""

@@ -164,12 +164,29 @@ def measured(ratio: float, *, gain: float = 1.0, gain_std: float = 0.01, offset_
     )
 
 
-@pytest.mark.parametrize("ratio", [0.97, 1.0, 1.04])
+@pytest.mark.parametrize("ratio", [0.985, 1.0, 1.01])
 def test_ratio_within_errors_changes_nothing(ratio: float) -> None:
     evidence = assess(measured(ratio), CONDITIONS, 1000.0, ac_coupled=False)
     assert evidence.contradictions == ()
     assert evidence.radius_m == CONDITIONS.radius_m
+    assert evidence.radius_std_m == pytest.approx(CONDITIONS.radius_std_m, rel=0.05)
     assert evidence.qualified(SPEED) == SPEED
+
+
+@pytest.mark.parametrize("ratio", [0.96, 1.04])
+def test_ratio_near_a_contradiction_widens_the_errors(ratio: float) -> None:
+    """A radius that is 4 % off is within three errors of a gain known to 1.5 %."""
+    evidence = assess(measured(ratio), replace(CONDITIONS, radius_std_m=0.001), 1000.0, ac_coupled=False)
+    assert evidence.contradictions == ()
+    assert evidence.radius_m == CONDITIONS.radius_m
+    assert 3.0 * evidence.radius_std_m > 0.04 * CONDITIONS.radius_m
+    assert 3.0 * evidence.gain_std > 0.04
+    # As if the zero-g offset were wrong by as much as the steady value.
+    assert 3.0 * evidence.steady_std_mps2 > 40.0
+    speed = evidence.qualified(SPEED)
+    assert speed.status is Status.VALID
+    assert codes_of(speed.reasons) == (Code.STEADY_VALUE_DISAGREES,)
+    assert evidence.qualified(replace(SPEED, name="leading_edge_rad")).reasons == ()
 
 
 def test_gravity_decides_between_gain_and_radius() -> None:
@@ -191,6 +208,18 @@ def test_invalid_estimate_stays_as_it_is() -> None:
     evidence = assess(measured(4.0), CONDITIONS, 1000.0, ac_coupled=False)
     invalid = Estimate.invalid("speed_mps", Reason(Code.NO_CONTACT_EDGES))
     assert evidence.qualified(invalid) is invalid
+
+
+def test_rate_near_a_contradiction_widens_the_measured_depth() -> None:
+    """A rate of 9984 Hz for 9600 Hz is within three errors of a gain known to 3 %."""
+    claims = SensorClaims(gain_std=0.03)
+    setup = replace(SETUP, sensor=claims)
+    found = last(restated(DEEP, 4.0, setup, ("kinematic", "self-calibration"), rate_factor=1.04)[0])
+    for name, true in (("sensor_offset_m", 0.008), ("speed_mps", 65.0 / 3.6)):
+        assert found[name].status is Status.VALID
+        assert abs(found[name].value - true) < 3.0 * found[name].std
+    # Beyond the gains of two axes, 4.2 %.
+    assert found["sensor_offset_m"].std > 0.048 * found["sensor_offset_m"].value
 
 
 def test_agreeing_depths_are_averaged() -> None:

@@ -188,6 +188,24 @@ def test_stated_load_does_not_set_the_estimate() -> None:
     assert Code.WIDTH_CONTRADICTED not in codes_of(found["load_by_width_n"].reasons)
 
 
+def test_load_near_a_contradiction_widens_errors() -> None:
+    # The wheel carries 5000 N: three standard errors more, less than three of load, pressure and radius together.
+    setup = replace(wheel(4850.0), load_std_n=48.5, radius_std_m=0.001)
+    found = last(simulated("", 8.0, setup, ESTIMATORS)[0])
+    for name in ("Bs", "Cw", "Rs", "load_by_width_n", "pressure_number"):
+        assert found[name].status is Status.VALID, found[name]
+        assert found[name].std > 0.014 * found[name].value
+    assert Code.WIDTH_DISAGREES in codes_of(found["Cw"].reasons)
+
+
+def test_assumed_load_is_not_compared_with_the_width() -> None:
+    """Without a stated load 4000 N are assumed, which a load of 4100 N nearly contradicts."""
+    near, far = (last(simulated("", 8.0, wheel(None), ESTIMATORS, f"load_n = {load_n}")[0]) for load_n in (4100, 5000))
+    found = near["load_by_width_n"]
+    assert Code.WIDTH_DISAGREES not in codes_of(found.reasons)
+    assert found.std / found.value == pytest.approx(far["load_by_width_n"].std / far["load_by_width_n"].value, rel=0.2)
+
+
 def test_load_by_angle_is_corrected_for_wear() -> None:
     found = last(simulated("[tire]\nwear_mm = 5", 14.0, wheel(None, CALIBRATED), ESTIMATORS)[0])
     by_angle = found["load_by_angle_n"]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import Coupling, Frame, MessageType, SampleBlock
+from firmware_protocol.messages import Coupling, Frame, Hello, MessageType, SampleBlock
 from gateway.constants import STANDARD_GRAVITY_MPS2 as G
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
@@ -90,6 +90,18 @@ def test_wrong_rate_names_the_fitting_one(roll: Roll, to_frames: ToFrames, facto
     assert reason.code is Code.RATE_DOES_NOT_FIT
     assert reason["rate_hz"] == stated_hz
     assert reason["fitting_hz"] == pytest.approx(RATE_HZ, rel=0.03)
+
+
+def test_scale_beyond_any_wrong_rate_is_named(roll: Roll, to_frames: ToFrames) -> None:
+    frames = to_frames(roll(65.0, 5.0).radial_mps2)
+    scaled = [
+        frame._replace(message=frame.message._replace(scale_mps2=tuple(1e6 * s for s in frame.message.scale_mps2)))
+        if isinstance(frame.message, Hello)
+        else frame
+        for frame in frames
+    ]
+    wheel, _ = run(scaled)
+    assert main_reason(wheel).code is Code.RADIAL_SCALE_DOES_NOT_FIT
 
 
 @pytest.mark.parametrize("kmh", [30.0, 65.0, 100.0])

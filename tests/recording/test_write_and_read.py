@@ -232,6 +232,14 @@ def test_other_files_are_rejected(tmp_path: Path, content: bytes) -> None:
         RecordingReader(path)
 
 
+def test_dump_of_a_link_is_recorded_first(tmp_path: Path) -> None:
+    path = tmp_path / "dump.bin"
+    path.write_bytes(bytes(50) + b"".join(streams.frames(np.random.default_rng(1), 50)))
+    with pytest.raises(RecordingError) as failure:
+        RecordingReader(path)
+    assert f"treadlink record 'replay:{path}?speed=max'" in str(failure.value.remedy)
+
+
 def test_missing_recording_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"recording '.*nope\.mcap' does not exist"):
         RecordingReader(tmp_path / "nope.mcap")

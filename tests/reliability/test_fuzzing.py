@@ -9,6 +9,7 @@ import pytest
 
 from tools import fuzz_files
 from tools.reliability.fuzz_targets import TARGETS, UnclearError
+from tools.reliability.mutations import mdf_content
 
 # A process of their own reads these.
 CASES = {"mat": 20, "parquet": 20, "hdf5": 20, "mf4": 20}
@@ -43,6 +44,11 @@ def test_failures_of_a_case_are_reported(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_cases_depend_on_kind_seed_and_number_only() -> None:
     assert fuzz_files.case("keys", 1, 5) == fuzz_files.case("keys", 1, 5)
     assert len({fuzz_files.case("keys", seed, number) for seed in (1, 2) for number in range(10)}) == 20
+
+
+def test_empty_compressed_block_is_changed_elsewhere() -> None:
+    block = b"##DZ" + bytes(4) + (48).to_bytes(8, "little") + bytes(48)
+    assert mdf_content(np.random.default_rng(1), block) != block
 
 
 @pytest.mark.parametrize("name", list(TARGETS))

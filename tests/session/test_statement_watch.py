@@ -24,7 +24,7 @@ from gateway.session.campaign_recording import ReadOrder, read_recording
 from gateway.session.core import SessionCore
 from gateway.session.statement_watch import StatementWatch
 from gateway.views.wording import notice_text
-from tests.session.hub_frames import HELLO, HubFrames
+from tests.session.hub_frames import BLOCK, HELLO, HubFrames
 
 START_NS = 1_700_000_000_000_000_000
 FL = {(0, 0): "FL"}
@@ -144,6 +144,16 @@ def repeated_samples(hub: HubFrames) -> None:
         hub.samples(36 / 9600)
 
 
+def repeated_stretch(hub: HubFrames) -> None:
+    """Send 20 of 100 blocks again under new counters."""
+    hub.hello()
+    block_s = BLOCK / 9600
+    first, start_us = hub.samples(80.5 * block_s)
+    last = hub.samples(20.5 * block_s, first=first, start_us=start_us)
+    hub.samples(20.5 * block_s, first=first, start_us=start_us)
+    hub.samples(0.5, first=last[0], start_us=last[1])
+
+
 def looped_back(hub: HubFrames) -> None:
     hub.send(MessageType.SET_RATE, SetRate(9600.0), HUB_ITSELF)
     hub.send(MessageType.SET_STREAM, SetStream(True), 3)
@@ -166,6 +176,7 @@ CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = 
     (only_unknown_types, "FL", Code.ONLY_UNKNOWN_TYPES, {"count": 7}),
     (changing_hello, "FL", Code.HELLO_KEEPS_CHANGING, {"count": 15}),
     (repeated_samples, "FL", Code.SAMPLES_REPEATED, {"count": 9}),
+    (repeated_stretch, "FL", Code.SAMPLES_REPEATED, {"count": 20}),
     (looped_back, "hub 0", Code.HUB_SENDS_COMMANDS, {"count": 2}),
     (impossible_pressure, "FL", Code.PRESSURE_IMPOSSIBLE, {"pressure_pa": -2e9, "count": 1}),
     (impossible_temperature, "FL", Code.TEMPERATURE_IMPOSSIBLE, {"count": 1}),

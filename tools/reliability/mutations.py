@@ -139,6 +139,9 @@ def mdf_content(rng: np.random.Generator, data: bytes) -> bytes:
         content = zlib.decompressobj().decompress(data[at + 48 : at + length], 1 << 20)
     except zlib.error:
         return change(rng, data)
+    if not content:
+        # An earlier change has cut it off.
+        return change(rng, data)
     changed = bytearray(content)
     for _ in range(int(rng.integers(1, 9))):
         changed[int(rng.integers(len(changed)))] = int(rng.integers(256))
