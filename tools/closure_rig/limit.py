@@ -147,7 +147,7 @@ def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[floa
         strength: of a size.
     """
     entry = stranger(name) if outside else cause(name)
-    sizes, lowest = entry.sizes, entry.lowest
+    sizes, lowest, highest = entry.sizes, entry.lowest, None if outside else cause(name).highest
 
     def size_at(step: float) -> float:
         small, middle, large = sizes
@@ -158,7 +158,8 @@ def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[floa
     # Strengths grow with the step. They are almost straight on logarithms, so a secant is close at once; the bracket
     # keeps it safe.
     bottom = _BELOW if lowest is None else math.log(lowest / sizes[0]) / math.log(sizes[1] / sizes[0])
-    low, high = bottom, _ABOVE
+    top = _ABOVE if highest is None else 1.0 + math.log(highest / sizes[1]) / math.log(sizes[2] / sizes[1])
+    low, high = bottom, top
     at, best = 0.0, (math.inf, 0.0, 0.0)
     known: list[tuple[float, float]] = []
     for _ in range(_MOST_PASSES):
@@ -167,7 +168,7 @@ def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[floa
         error = math.log(max(found, 1e-12) / wanted)
         if abs(error) < best[0]:
             best = (abs(error), size, found)
-        if abs(error) < _CLOSE or high - low < 1e-3 or (error > 0.0 and at == bottom) or (error < 0.0 and at == _ABOVE):
+        if abs(error) < _CLOSE or high - low < 1e-3 or (error > 0.0 and at == bottom) or (error < 0.0 and at == top):
             break
         low, high = (low, at) if error > 0.0 else (at, high)
         known = [*known, (at, error)][-2:]
@@ -182,8 +183,8 @@ def size_of(name: str, *, outside: bool, wanted: float, strength: Callable[[floa
         at = min(max(guess, low + 0.02 * (high - low)), high - 0.02 * (high - low))
         if guess <= bottom and low == bottom:
             at = bottom
-        if guess >= _ABOVE and high == _ABOVE:
-            at = _ABOVE
+        if guess >= top and high == top:
+            at = top
     return best[1], best[2]
 
 

@@ -17,7 +17,9 @@ from gateway.types import FloatArray, IntArray
 
 _STEP_LIMIT_M: Final = 0.01
 _TOLERANCE: Final = 1e-9
-_MAX_ITERATIONS: Final = 40
+_MAX_ITERATIONS: Final = 60
+# Newton's method ends within ten steps or so unless it alternates between two extents of the contact.
+_ALTERNATING: Final = 15
 _MAX_HALVINGS: Final = 5
 
 
@@ -62,6 +64,7 @@ def find_equilibrium(law: BeltLaw, grid: Grid, start: NewtonState, depth: int = 
 def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
     """Return the equilibrium by semi-smooth Newton: the extent of the contact is part of the solution."""
     state, height, traction = start.state, start.height_m, start.traction
+    share, before = 1.0, math.inf
     for iteration in range(1, _MAX_ITERATIONS + 1):
         balance = belt_balance(law, grid, state, height, traction)
         change, border = solve_bordered(
@@ -70,7 +73,10 @@ def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
         size = max(float(np.abs(change[:, :2]).max()), abs(float(border[0])))
         if not math.isfinite(size):
             raise RingNotConvergedError("the iteration diverged")
-        damp = min(1.0, _STEP_LIMIT_M / size) if size > 0.0 else 1.0
+        if iteration > _ALTERNATING:
+            share = 0.5 if size > before else min(1.0, 1.3 * share)
+        before = size
+        damp = share * min(1.0, _STEP_LIMIT_M / size) if size > 0.0 else 1.0
         state = state + damp * change
         height += damp * float(border[0])
         if len(border) == 2:
