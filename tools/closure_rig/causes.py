@@ -232,7 +232,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac, lowest=0.05),
     # Beside its delay, which is the contact centre's, it goes with the cube of what is listed.
     Cause("anti-alias filter", "Hz", (1800.0, 1250.0, 600.0), _low_pass, lowest=0.45 * SAMPLE_RATE_HZ),
-    Cause("sample clock error", "ppm", (40.0, 120.0, 1000.0), _clock, highest=1000.0),
+    Cause("sample clock error", "ppm", (40.0, 120.0, 1000.0), _clock, highest=999.0),
     Cause("clipping", "R Omega^2 of the fastest run", (1.36, 1.28, 1.1), _clip),
     Cause("structural damping", "N s/m^2", (1.5, 4.5, 100.0), _tire("foundation_damping_nspm2")),
     Cause("tread damping (shifted pressure)", "N s/m^2", (180.0, 540.0, 20_000.0), _tire("tread_damping_nspm2")),
