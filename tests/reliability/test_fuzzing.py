@@ -111,4 +111,5 @@ def test_sample_numbers_jumping_back_twice() -> None:
     for seq, first in enumerate((0, 36, 33_554_504, 2_097_260, 144, 180, 0), 1):
         frame = Frame(MessageType.SAMPLES, 0, 0, seq, 3750 * seq, SampleBlock(first, 4, counts))
         core.take(Chunk("x", seq, encode_frame(frame)))
+    core.finish()
     assert core.snapshot(0.0).wheels[0].counters.samples == 7 * 36
