@@ -9,8 +9,9 @@ import pytest
 
 from gateway.closure.effects.effect import Parameter
 from gateway.closure.inference import criteria
+from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.parameter_range import outside_range
-from gateway.closure.inference.set_evidence import log_evidence
+from gateway.closure.inference.set_evidence import evaluated_at, log_evidence
 from gateway.reasons import Code
 from tests.closure.dense_covariance import covariance_of, joined
 from tests.closure.planted_campaign import (
@@ -18,6 +19,7 @@ from tests.closure.planted_campaign import (
     ONE_SPEED,
     TWO_SPEEDS,
     Sideways,
+    among,
     campaign_of,
     evaluated,
     fitted,
@@ -44,6 +46,17 @@ def test_evidence_needs_a_discrepancy() -> None:
     fit, _ = fitted(campaign_of(ONE_SPEED))
     with pytest.raises(ValueError, match="discrepancy"):
         log_evidence(fit)
+
+
+def test_set_without_a_shape_keeps_estimates_and_its_objection() -> None:
+    """An optimum may lie at a compliance below zero, at which no ring has a shape."""
+    one, _ = evaluated(campaign_of(ONE_SPEED), *among("shear flexibility").values())
+    change = np.zeros(len(one.fit.vector))
+    change[one.fit.model.layout.effect("shear flexibility")] = -1e-3
+    found = evaluated_at(one.fit.moved(change))
+    assert [name for name, _ in found.objections] == ["shear flexibility"]
+    estimates, _ = estimates_of([(found.fit, 1.0)])
+    assert estimates["Bs"].value == pytest.approx(2.6e-3, rel=0.2)
 
 
 def test_absent_effect_costs_its_odds_and_its_width() -> None:

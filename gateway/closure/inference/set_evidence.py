@@ -14,6 +14,7 @@ from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.parameter_range import outside_range
+from gateway.closure.model.baseline import NoShapeError
 from gateway.reasons import Reason
 from gateway.types import FloatArray
 
@@ -61,14 +62,28 @@ def evaluate(
         fit, applied = _settled(fit, applied, 1)
         rough = log_evidence(fit.moved(_limited(fit)))
         if rough < enough:
-            fit = fit.moved(_limited(fit))
-            return Evaluated(_names(fit), fit, rough, impossible(fit))
+            return evaluated_at(fit.moved(_limited(fit)))
     fit, applied = _settled(fit, applied, _STEPS)
     start = _inside(fit.vector + _limited(fit), fit)
     fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS)
     fit, applied = _settled(fit, applied, _STEPS)
-    fit = fit.moved(_limited(fit))
-    return Evaluated(_names(fit), fit, log_evidence(fit), impossible(fit))
+    return evaluated_at(fit.moved(_limited(fit)))
+
+
+def evaluated_at(fit: Fit) -> Evaluated:
+    """Return a set with the evidence at a fit's parameters.
+
+    Where the ring has no shape at them, the fit that is kept has every effect in its range.
+    """
+    inside = _inside(fit.vector, fit)
+    found = fit
+    if not np.array_equal(inside, fit.vector):
+        try:
+            for index in range(len(fit.model.campaign.groups)):
+                fit.model.shape(fit.vector, index)
+        except NoShapeError:
+            found = fit.moved(inside - fit.vector)
+    return Evaluated(_names(fit), found, log_evidence(fit), impossible(fit))
 
 
 def _names(fit: Fit) -> frozenset[str]:
