@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from gateway.closure.effects.effect import LATERAL, BaselineModel, GroupConditio
 from gateway.closure.inference import criteria
 from gateway.closure.inference.findings import findings_of
 from gateway.closure.inference.posterior import Posterior, over
+from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Verdict
@@ -189,3 +191,13 @@ def test_undisturbed_ring_lacks_only_model_terms(model: BaselineModel, lacking: 
     found, search = searched(campaign_of(TWO_SPEEDS, noise_mps2=1.5), effects, model)
     assert set(found.identified()) == lacking
     assert found.best.fit.misfit < 1.15 * search.data.size
+
+
+@pytest.mark.parametrize(("log_evidence", "doubted"), [(20.0, True), (2.0, False)])
+def test_most_probable_impossible_set_casts_doubt_on_numbers(log_evidence: float, doubted: bool) -> None:
+    reason = Reason(Code.LEAVES_MORE_THAN_WITHOUT, with_it=1.0, without=1.0)
+    none = Evaluated(frozenset(), cast(Any, None), 0.0)
+    beyond = Evaluated(frozenset("a"), cast(Any, None), log_evidence, (("a", reason),))
+    found = over({one.names: one for one in (none, beyond)})
+    assert found.best is none
+    assert found.impossible is (beyond if doubted else None)

@@ -72,6 +72,12 @@ class PosteriorOver(Generic[SetT]):
         """The set without effects."""
         return self.every[frozenset()]
 
+    @property
+    def impossible(self) -> SetT | None:
+        """The most probable of all sets if its values are impossible: what it stands for moves the numbers too."""
+        names = max(self.masses, key=lambda names: (self.masses[names], sorted(names)))
+        return self.every[names] if self.every[names].objections else None
+
     def probability(self, names: Iterable[str]) -> float:
         """Return the probability that at least one of these effects is present."""
         return _probability(self.every, self.masses, frozenset(names))
