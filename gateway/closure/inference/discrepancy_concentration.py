@@ -42,8 +42,8 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
 
     For curves L of unit weights, C^-1 r as they see it z and C^-1 as they see it V diag(v) V', an amplitude a gains
     1/2 sum [a z^2 / (1 + a v) - ln(1 + a v)]. A concentration has the odds of a stand-in, shared among all, and its
-    gain is divided by the temperature, as all evidence is. It must hold most of the residual beyond noise and beyond
-    other concentrations: where it does not, the smooth kernels are right for the rest.
+    gain is divided by the temperature, as all evidence is. It must hold `criteria.CONCENTRATED_SHARE` of the residual
+    beyond noise and other concentrations: less is a part like any other, which the smooth kernels describe.
 
     Args:
         fit: with a discrepancy, at its optimum.
