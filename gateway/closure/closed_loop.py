@@ -87,14 +87,15 @@ def diagnose(
     edges = edge_findings(campaign.groups)
     on_progress(_TIME_LOCKED, "preparing figures")
     exact = numbers_of_exact_ring(best.fit)
-    better = exact
+    better = [exact] if exact is not None else []
     if exact is None and posterior.impossible is not None:
-        better, _ = estimates_of([(posterior.impossible.fit, 1.0)])
+        better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
     after, determined = estimates_of([(one.fit, weight) for one, weight in posterior.considered], better)
     if exact is None and core.model is not BaselineModel.EXACT:
         # The error of the equations is unknown.
         determined = dict.fromkeys(determined, False)
-    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)], after if better is None else better)
+    to_before = better if exact is not None else [*better, after]
+    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)], to_before)
     left: tuple[Unexplained, ...] = (
         *changes,
         *unexplained(best.fit, data),

@@ -139,12 +139,12 @@ def test_unexplained_widens_the_errors_of_its_state() -> None:
     assert disturbed[f"Bs ({heavy}"].std > 2.0 * plain[f"Bs ({heavy}"].std
 
 
-def test_distance_to_a_better_model_is_part_of_the_error() -> None:
+def test_distance_to_the_farthest_better_model_is_part_of_the_error() -> None:
     campaign = campaign_of(TWO_SPEEDS, larger_belt, noise_mps2=0.2)
     after, _ = estimates_of([(fitted(campaign, RADIUS)[0], 1.0)])
     plain = fitted(campaign)[0]
     alone, _ = estimates_of([(plain, 1.0)])
-    before, _ = estimates_of([(plain, 1.0)], after)
+    before, _ = estimates_of([(plain, 1.0)], [alone, after])
     for name in TRUTH:
         apart = before[name].value - after[name].value
         assert before[name].value == alone[name].value
@@ -164,7 +164,7 @@ def test_series_carries_the_error_of_its_equations() -> None:
     fit = fit_model(there, whiten(campaign, core), start, from_afar=True)
     exact = numbers_of_exact_ring(fit)
     assert exact is not None
-    found, _ = estimates_of([(fit, 1.0)], exact)
+    found, _ = estimates_of([(fit, 1.0)], [exact])
     for name in NUMBERS:
         assert found[name].value == pytest.approx(TRUTH[name], abs=2.0 * found[name].std), name
     assert numbers_of_exact_ring(fitted(campaign)[0]) is None

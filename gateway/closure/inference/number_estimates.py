@@ -26,7 +26,7 @@ _UNITS: Final = {"tread_stiffness_npm2": "N/m^2", _HALF_ANGLE: "rad"}
 
 
 def estimates_of(
-    sets: Sequence[tuple[Fit, float]], better: Mapping[str, Fitted] | None = None
+    sets: Sequence[tuple[Fit, float]], better: Sequence[Mapping[str, Fitted]] = ()
 ) -> tuple[dict[str, Fitted], dict[str, bool]]:
     """Return every estimate, and whether the data determine it.
 
@@ -35,7 +35,7 @@ def estimates_of(
 
     Args:
         sets: fit and probability of each set of effects; probabilities add up to 1.
-        better: estimates by a model that explains more of the same data. The distance to them is an error too.
+        better: estimates by models that explain more of the same data. The distance to the farthest is an error too.
     """
     found: dict[str, Fitted] = {}
     determined: dict[str, bool] = {}
@@ -55,8 +55,8 @@ def estimates_of(
         known = groups[index].load_known and groups[index].pressure_known
         values, errors = _mixture(sets, index)
         for name, value in values.items():
-            if better is not None and name + suffix in better:
-                errors[name] = math.hypot(errors[name], value - better[name + suffix].value)
+            distances = [abs(value - other[name + suffix].value) for other in better if name + suffix in other]
+            errors[name] = math.hypot(errors[name], max(distances, default=0.0))
             found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state)
             determined[name + suffix] = _is_determined(name, values, errors, known)
     return found, determined
