@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring import RingParameters, RingSolution, nearby_solutions, solve_rolling_ring
 from gateway.physics.rolling_ring.force_balance import BeltLaw, belt_balance, ring_grid
 from gateway.physics.rolling_ring.newton_solver import solve_bordered
 
@@ -145,9 +145,8 @@ LAWS = {
 }
 
 
-@pytest.mark.parametrize("changes", LAWS.values(), ids=LAWS.keys())
-def test_tangent_matches_finite_differences(changes: dict[str, float]) -> None:
-    law = BeltLaw(
+def belt_law(changes: dict[str, float]) -> BeltLaw:
+    return BeltLaw(
         **{  # type: ignore[arg-type]
             "radius_m": RADIUS_M,
             "bending_nm2": 6.8,
@@ -170,6 +169,11 @@ def test_tangent_matches_finite_differences(changes: dict[str, float]) -> None:
         }
         | changes
     )
+
+
+@pytest.mark.parametrize("changes", LAWS.values(), ids=LAWS.keys())
+def test_tangent_matches_finite_differences(changes: dict[str, float]) -> None:
+    law = belt_law(changes)
     nodes, height, traction, step = 24, 0.3, 0.05, 1e-7
     grid, rng = ring_grid(nodes), np.random.default_rng(1)
     state = 0.002 * rng.standard_normal((nodes, law.dof))
@@ -206,7 +210,8 @@ def test_folded_band_matches_dense_solve(nodes: int, dof: int, border: int) -> N
     blocks = rng.standard_normal((5, nodes, dof, dof))
     blocks[2] += 10 * np.eye(dof)
     columns, rows = rng.standard_normal((2, border, nodes, dof))
-    corner, right, below = rng.standard_normal((border, border)), rng.standard_normal((nodes, dof)), np.ones(border)
+    corner, below = rng.standard_normal((border, border)), rng.standard_normal((2, border))
+    right = rng.standard_normal((2, nodes, dof))
     size = nodes * dof
     dense = np.zeros((size + border, size + border))
     for offset in range(5):
@@ -216,6 +221,47 @@ def test_folded_band_matches_dense_solve(nodes: int, dof: int, border: int) -> N
     dense[:size, size:] = columns.reshape(border, size).T
     dense[size:, :size] = rows.reshape(border, size)
     dense[size:, size:] = corner
-    expected = np.linalg.solve(dense, np.concatenate([right.reshape(-1), below]))
-    x, y = solve_bordered(blocks, columns, rows, corner, right, below)
-    assert np.concatenate([x.reshape(-1), y]) == pytest.approx(expected, abs=1e-9)
+    expected = np.linalg.solve(dense, np.concatenate([right.reshape(2, -1), below], axis=1).T).T
+    grid = ring_grid(24)
+    resting = belt_balance(belt_law({}), grid, RADIUS_M * grid.radial, RADIUS_M, 0.0)
+    balance = resting._replace(blocks=blocks, columns=columns, rows=rows, corner=corner)
+    x, y = solve_bordered(balance, right, below)
+    assert np.concatenate([x.reshape(2, -1), y], axis=1) == pytest.approx(expected, abs=1e-9)
+
+
+NEARBY = {
+    "plain": ({}, {}),
+    "damped": ({"foundation_damping_nspm2": 200.0, "tread_damping_nspm2": 1e3}, {}),
+    "drum with torque": ({}, {"drum_radius_m": 0.85, "axle_torque_nm": 100.0}),
+    "shear, sensor below the belt": ({"shear_stiffness_n": 6e4}, {"sensor_offset_m": 4e-3}),
+}
+
+
+@pytest.mark.parametrize("conditions", NEARBY.values(), ids=NEARBY.keys())
+def test_nearby_solution_is_exact_to_first_order(conditions: tuple[dict[str, float], dict[str, float]]) -> None:
+    fields, arguments = conditions
+    ring = replace(RING, **fields)
+    base = solve(ring, **arguments)
+    still = {name: value for name, value in arguments.items() if name != "nodes"}
+    errors = []
+    for step in (4e-3, 1e-3):
+        other = replace(
+            ring,
+            bending_stiffness_nm2=ring.bending_stiffness_nm2 * (1.0 + step),
+            radial_stiffness_npm2=ring.radial_stiffness_npm2 * (1.0 - step),
+            tread_stiffness_npm2=ring.tread_stiffness_npm2 * (1.0 + step),
+        )
+        same, near = nearby_solutions(base, [ring, other], **still)  # type: ignore[arg-type]
+        change = near.sensor.radial_m - same.sensor.radial_m
+        exact = solve(other, **arguments).sensor.radial_m - base.sensor.radial_m
+        errors.append(np.sqrt(np.mean((change - exact) ** 2)) / np.sqrt(np.mean(exact**2)))
+        assert near.axle_height_m - same.axle_height_m == pytest.approx(
+            solve(other, **arguments).axle_height_m - base.axle_height_m, rel=0.02
+        )
+    assert errors[1] < 0.003
+    assert errors[1] < 0.7 * errors[0]
+
+
+def test_nearby_solution_rejects_an_impossible_ring(plain: RingSolution) -> None:
+    with pytest.raises(ValueError, match="tread_stiffness_npm2 must be positive"):
+        nearby_solutions(plain, [replace(RING, tread_stiffness_npm2=-1.0)])

@@ -246,7 +246,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("tread pitch", "% of R Omega^2", (0.02, 0.06, 3.0), _pitch),
     Cause("torsional ripple", "%", (0.002, 0.006, 0.5), _ripple),
     Cause("imbalance and hub motion", "m/s^2", (0.08, 0.24, 3.0), _imbalance, (("vibration", "imbalance_deg"),)),
-    Cause("run-out", "mm", (0.025, 0.075, 1.5), _runout, (("tire", "runout_deg"),)),
+    Cause("run-out", "mm", (0.025, 0.075, 1.5), _runout, (("tire", "runout_deg"),), highest=2.99),
     Cause("road vibration", "m/s^2", (0.1, 0.3, 5.0), _road, locked=Locked.SPECTRUM),
     Cause("hub vibration", "m/s^2", (0.18, 0.54, 2.0), _hub, locked=Locked.SPECTRUM),
     Cause("cavity resonance", "m/s^2", (0.07, 0.2, 5.0), _cavity, locked=Locked.SPECTRUM),

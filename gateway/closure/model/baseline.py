@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
+
+import numpy as np
 
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
 from gateway.closure.model.ring_options import RingOptions
@@ -113,16 +115,25 @@ def differences(
 ) -> tuple[Shape, ...]:
     """Return the derivatives of a core's shape by the state's parameters, by one-sided differences."""
     base = core.shape(parameters, conditions, options, half_angle_rad)
-    tangents = []
-    for place, step in enumerate(core.steps):
-        there = parameters.copy()
-        there[place] += step
-        change = moved(core.shape(there, conditions, options, half_angle_rad), base, -1.0)
-        tangents.append(
+    shapes = [core.shape(one, conditions, options, half_angle_rad) for one in stepped(parameters, core.steps)]
+    return slopes(base, shapes, core.steps)
+
+
+def stepped(parameters: FloatArray, steps: FloatArray) -> list[FloatArray]:
+    """Return parameters (K,) with each in turn larger by its step (K,)."""
+    return list(parameters + np.diag(steps))
+
+
+def slopes(base: Shape, shapes: Sequence[Shape], steps: FloatArray) -> tuple[Shape, ...]:
+    """Return the differences of shapes from another over their steps (K,)."""
+    found = []
+    for shape, step in zip(shapes, steps.tolist(), strict=True):
+        change = moved(shape, base, -1.0)
+        found.append(
             Shape(
                 SensorWaveform(*(field / step for field in change.waveform)),
                 change.leading_edge_rad / step,
                 change.trailing_edge_rad / step,
             )
         )
-    return tuple(tangents)
+    return tuple(found)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from typing import Final, NamedTuple
@@ -12,12 +12,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
-from gateway.closure.model.baseline import Shape, moved
+from gateway.closure.model.baseline import Shape, moved, slopes, stepped
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.run_out_shape import LoadedShape, load_step, out_of_round
 from gateway.closure.model.shape_derivatives import Tangents
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring import RingParameters, RingSolution, nearby_solutions, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
@@ -107,14 +107,18 @@ class ExactCore:
         return out_of_round(lighter, middle, heavier, conditions.radius_m, *heights)
 
     def tangent(
-        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, half_angle_rad: float
+        self,
+        parameters: FloatArray,
+        conditions: GroupConditions,
+        options: RingOptions,
+        half_angle_rad: float,  # noqa: ARG002 - as above
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters, at a nearby point if one is known."""
         # A tire with a millimetre of run-out has the derivatives of a round one, which needs a third of the solutions.
         options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
         load, pressure, omega = _place(conditions)
         place = load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS
-        return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
+        return self._tangents.at(place, parameters, options, lambda: self._slopes(parameters, conditions, options))
 
     def change(
         self,
@@ -127,6 +131,30 @@ class ExactCore:
         """Return the approximate change of the shape by another option: on a coarse grid, at a nearby state."""
         near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
         return moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
+
+    def _slopes(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> tuple[Shape, ...]:
+        """Return the derivatives of a round tire's shape by the state's parameters."""
+        here, *there = map(_on_field, self._nearby([parameters, *stepped(parameters, self.steps)], conditions, options))
+        return slopes(here, there, self.steps)
+
+    def _nearby(
+        self, parameters: Sequence[FloatArray], conditions: GroupConditions, options: RingOptions
+    ) -> list[RingSolution]:
+        """Return solutions with parameters near the first ones, to first order in the difference from them."""
+        torques_nm = None
+        if options.traction:
+            free = self._nearby(parameters, conditions, replace(options, traction=0.0))
+            traction_nm = options.traction * conditions.load_n * conditions.radius_m
+            torques_nm = [one.axle_torque_nm + traction_nm for one in free]
+        nodes = self._grid(conditions)
+        return nearby_solutions(
+            self._solve(parameters[0], conditions, options, nodes).ring,
+            [ring_parameters(one, conditions, options) for one in parameters],
+            sensor_offset_m=options.sensor_offset_m,
+            drum_radius_m=options.drum_radius_m,
+            axle_torque_nm=self._torque_nm(parameters[0], conditions, options, nodes),
+            axle_torques_nm=torques_nm,
+        )
 
     def _round(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> Shape:
         """Return the shape of a round tire."""

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import spherical_jn
 
 from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
-from gateway.closure.model.baseline import Shape, moved
+from gateway.closure.model.baseline import Shape, differences, moved
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.shape_derivatives import Tangents
@@ -98,7 +98,9 @@ class SeriesCore:
         """Return the derivatives of the shape by the state's parameters."""
         # The shape depends only on these conditions and the half angle.
         place = conditions.radius_m, half_angle_rad
-        return self._tangents.at(self, place, parameters, conditions, options, half_angle_rad)
+        return self._tangents.at(
+            place, parameters, options, lambda: differences(self, parameters, conditions, options, half_angle_rad)
+        )
 
     def change(
         self,

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import astuple
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.effects.effect import GroupConditions
-from gateway.closure.model.baseline import Core, Shape, differences
+from gateway.closure.model.baseline import Shape
 from gateway.closure.model.ring_options import RingOptions
 from gateway.types import FloatArray
 
@@ -33,22 +32,18 @@ class Tangents:
 
     def at(
         self,
-        core: Core,
         place: Hashable,
         parameters: FloatArray,
-        conditions: GroupConditions,
         options: RingOptions,
-        half_angle_rad: float,
+        work_out: Callable[[], tuple[Shape, ...]],
     ) -> tuple[Shape, ...]:
-        """Return the derivatives of `core.shape` by the state's parameters, at a nearby point if one is known.
+        """Return the derivatives of a shape by the state's parameters, at a nearby point if one is known.
 
         Args:
-            core: the baseline model.
             place: key of the conditions on which the shape depends.
             parameters: of the state, (K,).
-            conditions: of the group.
             options: with every ring effect in.
-            half_angle_rad: of the contact as measured.
+            work_out: returns the derivatives at exactly these parameters and options.
         """
         kept = self._kept.setdefault(place, [])
         chosen = np.array(astuple(options))
@@ -57,7 +52,7 @@ class Tangents:
                 np.abs(known.options - chosen) <= _SAME * np.maximum(np.abs(known.options), np.abs(chosen))
             ):
                 return known.slopes
-        slopes = differences(core, parameters, conditions, options, half_angle_rad)
+        slopes = work_out()
         kept.append(_Known(parameters.copy(), chosen, slopes))
         del kept[:-_KEPT]
         return slopes

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Self
 
 import numpy as np
 
 from gateway.physics.rolling_ring.force_balance import BeltLaw, Grid, ring_grid, road_push, segment_turn
-from gateway.physics.rolling_ring.newton_solver import NewtonState, find_equilibrium, resting_state
+from gateway.physics.rolling_ring.newton_solver import (
+    NewtonState,
+    RingNotConvergedError,
+    find_equilibrium,
+    first_order_changes,
+    resting_state,
+)
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, angle_derivatives, sensor_waveform
 from gateway.types import BoolArray, FloatArray
 
@@ -192,8 +199,62 @@ def solve_rolling_ring(
         RingNotConvergedError: no equilibrium was found.
     """
     _check(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m)
+    law = _law(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m, axle_torque_nm)
+    grid = ring_grid(nodes)
+    found = find_equilibrium(law, grid, resting_state(law, grid) if start is None else _warm(law, grid, start))
+    return _solution(ring, law, grid, found, sensor_offset_m)
+
+
+def nearby_solutions(
+    solution: RingSolution,
+    rings: Sequence[RingParameters],
+    *,
+    sensor_offset_m: float = 0.0,
+    drum_radius_m: float = math.inf,
+    axle_torque_nm: float | None = None,
+    axle_torques_nm: Sequence[float] | None = None,
+) -> list[RingSolution]:
+    """Return the solutions of rings that differ little from a solved one, to first order in the difference.
+
+    They take a fraction of the time of `solve_rolling_ring`: the derivatives of a solution by its ring's parameters.
+
+    Args:
+        solution: of a ring, at a load, a pressure and a speed.
+        rings: similar ones, with the same degrees of freedom.
+        sensor_offset_m: sensor below (inside) the belt's neutral layer.
+        drum_radius_m: of the solution.
+        axle_torque_nm: of the solution.
+        axle_torques_nm: of the rings, None for that of the solution.
+
+    Raises:
+        ValueError: a stiffness is out of range; the message names it.
+        RingNotConvergedError: the solution is at the limit of stability.
+    """
+    nodes = len(solution.theta_rad)
+    torques = [axle_torque_nm] * len(rings) if axle_torques_nm is None else axle_torques_nm
+    conditions = solution.load_n, solution.pressure_pa, solution.omega_radps, nodes, drum_radius_m
+    for ring in rings:
+        _check(ring, *conditions)
+    grid, law = ring_grid(nodes), _law(solution.ring, *conditions, axle_torque_nm)
+    laws = [_law(ring, *conditions, torque) for ring, torque in zip(rings, torques, strict=True)]
+    try:
+        found = first_order_changes(law, grid, _warm(law, grid, solution), laws)
+    except (FloatingPointError, np.linalg.LinAlgError) as error:
+        raise RingNotConvergedError(f"no derivatives of the ring's equilibrium: {error}") from error
+    return [_solution(*one, sensor_offset_m) for one in zip(rings, laws, [grid] * len(laws), found, strict=True)]
+
+
+def _law(
+    ring: RingParameters,
+    load_n: float,
+    pressure_pa: float,
+    omega_radps: float,
+    nodes: int,
+    drum_radius_m: float,
+    axle_torque_nm: float | None,
+) -> BeltLaw:
     bending = ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2
-    law = BeltLaw(
+    return BeltLaw(
         radius_m=ring.radius_m,
         bending_nm2=bending,
         tension_width_m=ring.tension_width_m,
@@ -213,9 +274,6 @@ def solve_rolling_ring(
         drum_radius_m=drum_radius_m,
         torque_nm=axle_torque_nm,
     )
-    grid = ring_grid(nodes)
-    found = find_equilibrium(law, grid, resting_state(law, grid) if start is None else _warm(law, grid, start))
-    return _solution(ring, law, grid, found, sensor_offset_m)
 
 
 def _check(

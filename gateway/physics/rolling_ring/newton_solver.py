@@ -6,13 +6,14 @@ Each step solves a cyclic block band with a border. Folding the ring flat makes 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.physics.rolling_ring.force_balance import BeltLaw, Grid, belt_balance
+from gateway.physics.rolling_ring.force_balance import Balance, BeltLaw, Grid, belt_balance
 from gateway.types import FloatArray, IntArray
 
 _STEP_LIMIT_M: Final = 0.01
@@ -67,9 +68,8 @@ def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
     share, before = 1.0, math.inf
     for iteration in range(1, _MAX_ITERATIONS + 1):
         balance = belt_balance(law, grid, state, height, traction)
-        change, border = solve_bordered(
-            balance.blocks, balance.columns, balance.rows, balance.corner, -balance.residual, -balance.border
-        )
+        changes, borders = solve_bordered(balance, -balance.residual[None], -balance.border[None])
+        change, border = changes[0], borders[0]
         size = max(float(np.abs(change[:, :2]).max()), abs(float(border[0])))
         if not math.isfinite(size):
             raise RingNotConvergedError("the iteration diverged")
@@ -84,6 +84,27 @@ def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
         if size < _TOLERANCE * law.radius_m:
             return NewtonState(state, height, traction, start.iterations + iteration)
     raise RingNotConvergedError(f"still moving by {size:.1e} m after {_MAX_ITERATIONS} iterations")
+
+
+def first_order_changes(law: BeltLaw, grid: Grid, at: NewtonState, others: Sequence[BeltLaw]) -> list[NewtonState]:
+    """Return equilibria under laws that differ little from one whose equilibrium is known, to first order.
+
+    One factorisation of the tangent stiffness serves all of them.
+
+    Raises:
+        FloatingPointError: the tangent stiffness is singular.
+    """
+    here = belt_balance(law, grid, at.state, at.height_m, at.traction)
+    there = [belt_balance(other, grid, at.state, at.height_m, at.traction) for other in others]
+    changes, borders = solve_bordered(
+        here,
+        np.stack([here.residual - one.residual for one in there]),
+        np.stack([here.border - one.border for one in there]),
+    )
+    return [
+        NewtonState(at.state + change, at.height_m + border[0], at.traction + sum(border[1:]), at.iterations)
+        for change, border in zip(changes, borders.tolist(), strict=True)
+    ]
 
 
 class FoldedBand(NamedTuple):
@@ -119,44 +140,39 @@ def folded_band(nodes: int, dof: int, reach: int) -> FoldedBand:
     return FoldedBand(unknown, flat, half)
 
 
-def solve_bordered(
-    blocks: FloatArray, columns: FloatArray, rows: FloatArray, corner: FloatArray, right: FloatArray, below: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Solve `[[A, B], [C, D]] (x, y) = (right, below)` with A a cyclic block band.
+def solve_bordered(balance: Balance, right: FloatArray, below: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Solve `[[A, B], [C, D]] (x, y) = (right, below)` with A a cyclic block band, for several right sides.
 
     Args:
-        blocks: (2 r + 1, N, d, d) blocks of A; [o, i] couples node i to node i + o - r.
-        columns: (m, N, d) B.
-        rows: (m, N, d) C.
-        corner: (m, m) D.
-        right: (N, d).
-        below: (m,).
+        balance: A as (2 r + 1, N, d, d) `blocks`, where [o, i] couples node i to node i + o - r; B as (m, N, d)
+            `columns`, C as (m, N, d) `rows` and D as (m, m) `corner`.
+        right: (k, N, d).
+        below: (k, m).
 
     Returns:
-        x (N, d) and y (m,).
+        x (k, N, d) and y (k, m).
 
     Raises:
         FloatingPointError: A is singular.
     """
     from scipy.linalg.lapack import dgbsv
 
+    blocks, columns, rows = balance.blocks, balance.columns, balance.rows
     reach, nodes, dof = blocks.shape[0] // 2, blocks.shape[1], blocks.shape[2]
     layout = folded_band(nodes, dof, reach)
-    size = nodes * dof
+    size, count = nodes * dof, len(right)
     band = np.zeros((3 * layout.half + 1) * size)
     band[layout.flat] = blocks
-    border = len(below)
-    sides = np.empty((size, border + 1), order="F")
-    sides[layout.unknown, 0] = right
-    for k in range(border):
-        sides[layout.unknown, k + 1] = columns[k]
+    sides = np.empty((size, count + len(columns)), order="F")
+    for k, side in enumerate((*right, *columns)):
+        sides[layout.unknown, k] = side
     _, _, solution, info = dgbsv(
         layout.half, layout.half, band.reshape(size, -1).T, sides, overwrite_ab=True, overwrite_b=True
     )
     if info != 0:
         raise FloatingPointError("the tangent stiffness of the ring is singular")
-    free = solution[layout.unknown, 0]
-    carried = solution[layout.unknown, 1:]
-    schur = corner - np.einsum("kia,iaj->kj", rows, carried)
-    y = np.linalg.solve(schur, below - np.einsum("kia,ia->k", rows, free))
-    return free - carried @ y, y
+    free = np.stack([solution[layout.unknown, k] for k in range(count)])
+    carried = solution[layout.unknown, count:]
+    schur = balance.corner - np.einsum("mia,iak->mk", rows, carried)
+    y = np.linalg.solve(schur, (below - np.einsum("mia,kia->km", rows, free)).T).T
+    return free - np.einsum("iam,km->kia", carried, y), y
