@@ -11,10 +11,14 @@ from gateway.closure.inference.fit import fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.reference_model import numbers_of_exact_ring
+from gateway.closure.model.baseline import Shape, moved
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.sensor_signal import base_signal, field_orders
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
-from gateway.types import FloatArray
+from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import (
     LOAD_N,
     ONE_SPEED,
@@ -90,9 +94,35 @@ def test_radius_error_is_propagated() -> None:
     found, _ = estimates_of([(fit, 1.0)])
     for name in TRUTH:
         assert found[name].std / found[name].value == pytest.approx(2.0 * 0.01 / (1.0 + LARGER), rel=0.01), name
-    assert found["Rs/Cw"].std < 1e-9 * found["Rs/Cw"].value
     # The solver's grid alone.
+    assert found["Rs/Cw"].std == pytest.approx(np.hypot(1e-4, 1.5e-4) * found["Rs/Cw"].value)
     assert found["contact_half_angle_rad"].std == pytest.approx(4e-4 * found["contact_half_angle_rad"].value)
+
+
+def test_grid_error_is_within_the_stated_shares() -> None:
+    """Orders of a ring on a far finer grid, fitted by the model's: the shift of its parameters."""
+    rng, core = np.random.default_rng(5), ExactCore()
+    conditions = campaign_of(ONE_SPEED).groups[0].conditions
+    shifts = []
+    for _ in range(6):
+        at = 0.25 * rng.standard_normal(5)
+        core.refine(at, conditions, RingOptions())
+        shape, tangents = (
+            core.shape(at, conditions, RingOptions(), 0.0),
+            core.tangent(at, conditions, RingOptions(), 0.0),
+        )
+        fine = ExactCore((7200,)).shape(at, conditions, RingOptions(), 0.0)
+        here = orders_of(shape, conditions)
+        rows = [orders_of(moved(shape, tangent, 1e-3), conditions) - here for tangent in tangents]
+        rows.append(-1e-3j * np.arange(here.shape[1]) * here)
+        columns = np.stack([1e3 * row.ravel() for row in rows], axis=1)
+        apart = (orders_of(fine, conditions) - here).ravel()
+        both = np.concatenate([columns.real, columns.imag]), np.concatenate([apart.real, apart.imag])
+        shifts.append(np.linalg.lstsq(*both, rcond=None)[0][:5])
+    rms = np.sqrt(np.mean(np.square(shifts), axis=0))
+    # The finer grid's own error is a fiftieth of the coarse one's before its correction.
+    assert np.all(rms < 2.0 * np.array([1e-4, 1.5e-4, 1e-4, 5e-4, 7e-4]))
+    assert rms[4] > 2e-4
 
 
 def test_mixture_of_sets_widens_the_errors() -> None:
@@ -137,6 +167,10 @@ def test_unexplained_widens_the_errors_of_its_state() -> None:
         assert disturbed[there].value == pytest.approx(TRUTH[name], abs=3.0 * disturbed[there].std), name
     # Bending is the number that a narrow bump resembles.
     assert disturbed[f"Bs ({heavy}"].std > 2.0 * plain[f"Bs ({heavy}"].std
+
+
+def orders_of(shape: Shape, conditions: GroupConditions) -> ComplexArray:
+    return field_orders(base_signal(ExactCore(), shape, conditions).signal_mps2)
 
 
 def test_distance_to_the_farthest_better_model_is_part_of_the_error() -> None:

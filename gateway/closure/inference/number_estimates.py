@@ -20,9 +20,10 @@ NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 _WORST_SHARE: Final = 0.3
 _LEAST_BENDING: Final = 1e-3
 _HALF_ANGLE: Final = "contact_half_angle_rad"
-# Error of a contact edge between the nodes of the solver's grid, as a share of the half angle.
-_EDGE_SHARE: Final = 4e-4
-_UNITS: Final = {"tread_stiffness_npm2": "N/m^2", _HALF_ANGLE: "rad"}
+_TREAD: Final = "tread_stiffness_npm2"
+# Errors due to contact edges between the nodes of the solver's grid, as shares: rms over rings drawn at random.
+_GRID_SHARES: Final = {"Bs": 1e-4, "Cw": 1.5e-4, "Rs": 1e-4, "Ts": 5e-4, _TREAD: 7e-4, _HALF_ANGLE: 4e-4}
+_UNITS: Final = {_TREAD: "N/m^2", _HALF_ANGLE: "rad"}
 
 
 def estimates_of(
@@ -134,7 +135,9 @@ def _errors(fit: Fit, covariance: FloatArray, index: int, values: Mapping[str, f
         for name, value in _values(fit, moved, index).items():
             gradients[name][place] = (value - values[name]) / step
     found = {name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)) for name, gradient in gradients.items()}
-    found[_HALF_ANGLE] = math.hypot(found[_HALF_ANGLE], _EDGE_SHARE * values[_HALF_ANGLE])
+    for name, value in values.items():
+        shares = (_GRID_SHARES.get(part, 0.0) for part in name.split("/"))
+        found[name] = math.hypot(found[name], *(share * value for share in shares))
     return found
 
 
