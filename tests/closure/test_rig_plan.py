@@ -151,6 +151,18 @@ def test_truth_of_numbers_and_parameters() -> None:
         assert all(math.isfinite(value) for value in true.values())
 
 
+def test_true_half_angle_is_that_at_the_sensor() -> None:
+    """A high spot at the sensor meets the road under more load, with a longer contact; one opposite, a shorter one."""
+    case = single("run-out", 1.0)
+    height = math.cos(math.radians(case.tables["tire"]["runout_deg"]))
+    plain, with_runout = numbers_of(NOTHING), numbers_of(case)
+    for state, values in with_runout.items():
+        longer = values["contact_half_angle_rad"] / plain[state]["contact_half_angle_rad"] - 1.0
+        # The half angle grows with about half of the load's share, which a millimetre changes by some percent.
+        assert 0.004 < longer / height < 0.06
+        assert values["Cw"] == plain[state]["Cw"]
+
+
 def test_run_continues_and_judges_the_version_given(tmp_path: Path) -> None:
     for name, text in FAKE.items():
         path = tmp_path / "version" / "gateway" / name
