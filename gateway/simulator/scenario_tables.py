@@ -159,6 +159,9 @@ class Tire(Section):
     tread_damping_nspm2: float = Field(
         default=0.0, ge=0, le=1e6, description="damping of the tread per length in N s/m^2"
     )
+    bending_damping_nm2s: float = Field(
+        default=0.0, ge=0, le=100, description="damping of the belt in bending in N m^2 s"
+    )
     sidewall_stiffening_pm: float = Field(
         default=0.0, ge=-10, le=100, description="relative increase of the sidewall stiffness per deflection in 1/m"
     )

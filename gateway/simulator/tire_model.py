@@ -95,7 +95,8 @@ class TireModel:
     def depends_on_speed(self) -> bool:
         """Whether the shape changes with speed."""
         ring = self.ring
-        return ring.foundation_damping_nspm2 > 0.0 or ring.tread_damping_nspm2 > 0.0 or ring.rotary_inertia_kgm > 0.0
+        damping = ring.foundation_damping_nspm2, ring.tread_damping_nspm2, ring.bending_damping_nm2s
+        return any(value > 0.0 for value in (*damping, ring.rotary_inertia_kgm))
 
     def _growth(self, pressure_pa: float) -> float:
         return 1.0 + self.pressure_share * (pressure_pa / self.reference_pa - 1.0)

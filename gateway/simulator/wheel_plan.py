@@ -107,13 +107,19 @@ def _ring(tire: Tire) -> RingParameters:
         foundation_damping_nspm2=tire.foundation_damping_nspm2,
         tangential_damping_ratio=tire.tangential_damping_ratio,
         tread_damping_nspm2=tire.tread_damping_nspm2,
+        bending_damping_nm2s=tire.bending_damping_nm2s,
         sidewall_stiffening_pm=tire.sidewall_stiffening_pm,
         shear_stiffness_n=math.inf if tire.shear_stiffness_kn is None else tire.shear_stiffness_kn * 1e3,
         rotary_inertia_kgm=tire.rotary_inertia_kgm,
     )
-    # Belt and tread bend as one plate: EI is proportional to the cube of the remaining thickness.
+    # Belt and tread bend as one plate: EI and its damping are proportional to the cube of the remaining thickness.
     left = 1.0 - tire.wear_mm / tire.ring_thickness_mm
-    return replace(new, bending_stiffness_nm2=new.bending_stiffness_nm2 * left**3, mass_kgpm=new.mass_kgpm * left)
+    return replace(
+        new,
+        bending_stiffness_nm2=new.bending_stiffness_nm2 * left**3,
+        bending_damping_nm2s=new.bending_damping_nm2s * left**3,
+        mass_kgpm=new.mass_kgpm * left,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ SERIES_ONLY = ("belt kinematics (n^2-1)", "pressure shape", "geometric tension l
 EXACT = (
     "structural damping",
     "tread damping (shifted pressure)",
+    "bending damping",
     "contact asymmetry",
     "belt extension",
     "shear flexibility",
@@ -63,6 +64,7 @@ EI = TABLE_3_NUMBERS[0] * 0.32**4 * 2.1e5
     [
         ("structural damping", 200.0 / KW, {"foundation_damping_nspm2": 200.0}),
         ("tread damping (shifted pressure)", 5e4 / 7e7, {"tread_damping_nspm2": 5e4}),
+        ("bending damping", 3e-4, {"bending_damping_nm2s": 3e-4 * EI}),
         ("contact asymmetry", 0.05, {"torque_nm": 0.05 * 5000.0 * 0.32}),
         ("contact asymmetry", -0.2, {"torque_nm": -0.2 * 5000.0 * 0.32}),
         ("belt extension", 1.0 / 5e6 - 1.0 / 2e10, {"extension_stiffness_n": 5e6}),
@@ -81,7 +83,9 @@ def test_parameter_matches_the_solver_in_si_units(name: str, value: float, si: d
     assert np.abs(found - true).max() < 1e-4 * change
 
 
-@pytest.mark.parametrize("name", ["structural damping", "tread damping (shifted pressure)", "rotary inertia"])
+@pytest.mark.parametrize(
+    "name", ["structural damping", "tread damping (shifted pressure)", "bending damping", "rotary inertia"]
+)
 def test_losses_and_inertia_grow_with_speed(name: str) -> None:
     slow = GroupConditions(30.0, 0.0, 0.32, 5000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0)
     core, size = ExactCore(), ring_effect(name).parameters[0].step
@@ -105,7 +109,12 @@ def test_waveform_is_smooth_from_zero(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("structural damping", 3e-4), ("tread damping (shifted pressure)", 5e-4), ("contact asymmetry", 0.05)],
+    [
+        ("structural damping", 3e-4),
+        ("tread damping (shifted pressure)", 5e-4),
+        ("bending damping", 4e-4),
+        ("contact asymmetry", 0.05),
+    ],
 )
 def test_losses_shift_the_contact_and_traction_is_antisymmetric(name: str, value: float) -> None:
     core = ExactCore()

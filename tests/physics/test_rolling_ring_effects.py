@@ -46,6 +46,20 @@ def test_tread_damping_shifts_contact_to_entry(plain: RingSolution) -> None:
     assert damped.rolling_resistance == pytest.approx(0.0066, abs=3e-4)
 
 
+@pytest.mark.parametrize("shear_n", [math.inf, 6e4])
+def test_bending_damping_resists_rolling_and_advances_the_trailing_edge(plain: RingSolution, shear_n: float) -> None:
+    damping_nm2s = 2e-3
+    damped = solve(replace(RING, bending_damping_nm2s=damping_nm2s, shear_stiffness_n=shear_n), nodes=1440)
+    # Without friction the axle's power is dissipated in the belt's bending.
+    curvature, step_rad = damped.curvature_pm, 2 * math.pi / 1440
+    rate = OMEGA_RADPS * (np.roll(curvature, -1) - np.roll(curvature, 1)) / (2 * step_rad)
+    loss_w = damping_nm2s * float((rate**2).sum()) * RADIUS_M * step_rad
+    assert damped.axle_torque_nm * OMEGA_RADPS == pytest.approx(loss_w, rel=5e-3)
+    if math.isinf(shear_n):
+        assert damped.rolling_resistance == pytest.approx(0.0042, abs=1e-4)
+        assert damped.trailing_edge_rad < plain.trailing_edge_rad - 1e-3
+
+
 @pytest.mark.parametrize("torque_nm", [0.0, 200.0, -200.0])
 def test_friction_balances_axle_torque(torque_nm: float) -> None:
     driven = solve(replace(RING, foundation_damping_nspm2=100.0), axle_torque_nm=torque_nm)
@@ -134,6 +148,8 @@ LAWS = {
         "stiffening_pm": 5.0,
     },
     "drum with torque": {"drum_radius_m": 0.85, "torque_nm": 100.0},
+    "damped bending": {"bending_damping_nm2s": 0.02, "tread_damping_nspm2": 1e3},
+    "shear, damped bending": {"shear_n": 6e4, "bending_damping_nm2s": 0.02},
     "shear, hollow drum, all losses": {
         "shear_n": 6e4,
         "drum_radius_m": -1.5,
@@ -150,6 +166,7 @@ def belt_law(changes: dict[str, float]) -> BeltLaw:
         **{  # type: ignore[arg-type]
             "radius_m": RADIUS_M,
             "bending_nm2": 6.8,
+            "bending_damping_nm2s": 0.0,
             "tension_width_m": 0.0625,
             "radial_npm2": 6.2e5,
             "tangential_npm2": 5.3e5,
@@ -181,9 +198,9 @@ def test_tangent_matches_finite_differences(changes: dict[str, float]) -> None:
     balance = belt_balance(law, grid, state, height, traction)
     size = len(balance.border)
     dense = np.zeros((nodes, law.dof, nodes, law.dof))
-    for offset in range(5):
+    for offset in range(2 * law.reach + 1):
         for i in range(nodes):
-            dense[i, :, (i + offset - 2) % nodes, :] += balance.blocks[offset, i]
+            dense[i, :, (i + offset - law.reach) % nodes, :] += balance.blocks[offset, i]
     for unknown in range(state.size + size):
         ends = []
         for sign in (1.0, -1.0):
@@ -232,6 +249,7 @@ def test_folded_band_matches_dense_solve(nodes: int, dof: int, border: int) -> N
 NEARBY = {
     "plain": ({}, {}),
     "damped": ({"foundation_damping_nspm2": 200.0, "tread_damping_nspm2": 1e3}, {}),
+    "damped bending": ({"bending_damping_nm2s": 2e-3}, {}),
     "drum with torque": ({}, {"drum_radius_m": 0.85, "axle_torque_nm": 100.0}),
     "shear, sensor below the belt": ({"shear_stiffness_n": 6e4}, {"sensor_offset_m": 4e-3}),
 }

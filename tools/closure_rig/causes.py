@@ -236,6 +236,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("clipping", "R Omega^2 of the fastest run", (1.36, 1.28, 1.1), _clip),
     Cause("structural damping", "N s/m^2", (1.5, 4.5, 100.0), _tire("foundation_damping_nspm2")),
     Cause("tread damping (shifted pressure)", "N s/m^2", (180.0, 540.0, 20_000.0), _tire("tread_damping_nspm2")),
+    Cause("bending damping", "N m^2 s", (2e-5, 6e-5, 2e-3), _tire("bending_damping_nm2s")),
     Cause("contact asymmetry", "% traction", (0.1, 0.3, 10.0), _traction, per_load=(("tire", "axle_torque_nm"),)),
     Cause("belt extension", "MN (EA)", (20.0, 6.7, 3.0), _tire("extension_stiffness_mn")),
     Cause("shear flexibility", "kN (GA)", (9000.0, 3000.0, 150.0), _tire("shear_stiffness_kn")),

@@ -43,6 +43,7 @@ CANNOT_TELL: Final[Mapping[frozenset[str], str]] = {
     frozenset(("structural damping", "tread damping (shifted pressure)")): "both turn the contact; small ones alike",
     frozenset(("structural damping", "contact asymmetry")): "likewise",
     frozenset(("tread damping (shifted pressure)", "contact asymmetry")): "likewise",
+    frozenset(("bending damping", "tread damping (shifted pressure)")): "both delay the belt at the edges when small",
     frozenset(("conicity", "carcass compliance")): "a side force either way; loads tell, when it is large",
     frozenset(("roll tilt", "conicity")): "likewise when small",
     frozenset(("zero-g offset", "camber")): "a constant of the lateral axis, at any speed, load and direction",

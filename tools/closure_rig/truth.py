@@ -153,6 +153,8 @@ def _of_the_belt(name: str, case: Case, tire: Mapping[str, Any], vibration: Mapp
         return {"damping_time_s": ring.foundation_damping_nspm2 / ring.radial_stiffness_npm2}
     if name == "tread damping (shifted pressure)":
         return {"damping_time_s": ring.tread_damping_nspm2 / ring.tread_stiffness_npm2}
+    if name == "bending damping":
+        return {"damping_time_s": ring.bending_damping_nm2s / ring.bending_stiffness_nm2}
     if name == "contact asymmetry" and forward:
         return {"traction": tire["axle_torque_nm"] / (1e-3 * case.bench.radius_mm)}
     if name == "belt extension":

@@ -281,6 +281,7 @@ def ring_parameters(parameters: FloatArray, conditions: GroupConditions, options
         sidewall_stiffening_pm=options.stiffening_pm,
         shear_stiffness_n=shear,
         rotary_inertia_kgm=options.rotary_inertia_kgm,
+        bending_damping_nm2s=options.bending_damping_time_s * bending,
     )
 
 

@@ -16,6 +16,7 @@ class RingOptions:
         rotary_inertia_kgm: rho I.
         damping_time_s: c / kw of the sidewall; its loss angle at angular speed omega is omega times this.
         tread_damping_time_s: ct / kt of the tread.
+        bending_damping_time_s: c_b / EI of the belt.
         stiffening_pm: relative growth of the sidewall's stiffnesses per metre.
         drum_curvature_pm: 1 / drum radius; 0 is flat, negative an inner drum.
         traction: axle torque beyond that of the losses over load and belt radius; friction along the belt carries it.
@@ -35,6 +36,7 @@ class RingOptions:
     rotary_inertia_kgm: float = 0.0
     damping_time_s: float = 0.0
     tread_damping_time_s: float = 0.0
+    bending_damping_time_s: float = 0.0
     stiffening_pm: float = 0.0
     drum_curvature_pm: float = 0.0
     traction: float = 0.0
@@ -54,7 +56,8 @@ class RingOptions:
     @property
     def depends_on_speed(self) -> bool:
         """Whether the shape changes with speed."""
-        return bool(self.damping_time_s or self.tread_damping_time_s or self.rotary_inertia_kgm)
+        damping = self.damping_time_s or self.tread_damping_time_s or self.bending_damping_time_s
+        return bool(damping or self.rotary_inertia_kgm)
 
     @property
     def drum_radius_m(self) -> float:

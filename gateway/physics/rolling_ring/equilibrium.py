@@ -58,6 +58,7 @@ class RingParameters:
         shear_stiffness_n: GA of the belt; infinite for an Euler belt.
         rotary_inertia_kgm: rho I; rolling turns EI into EI - rho I V^2.
         tangential_damping_ratio: c_v / c_w, tangential over radial sidewall damping.
+        bending_damping_nm2s: c_b, moment of the belt over the rate of its curvature.
     """
 
     radius_m: float
@@ -74,6 +75,7 @@ class RingParameters:
     shear_stiffness_n: float = math.inf
     rotary_inertia_kgm: float = 0.0
     tangential_damping_ratio: float = 1.0
+    bending_damping_nm2s: float = 0.0
 
     @classmethod
     def from_numbers(
@@ -257,6 +259,7 @@ def _law(
     return BeltLaw(
         radius_m=ring.radius_m,
         bending_nm2=bending,
+        bending_damping_nm2s=ring.bending_damping_nm2s,
         tension_width_m=ring.tension_width_m,
         radial_npm2=ring.radial_stiffness_npm2,
         tangential_npm2=ring.tangential_stiffness_npm2,

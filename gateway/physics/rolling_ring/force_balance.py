@@ -27,6 +27,7 @@ class BeltLaw:
     Attributes:
         radius_m: R.
         bending_nm2: EI - rho I V^2.
+        bending_damping_nm2s: c_b; the moment of a belt that bends at a rate kappa' is c_b kappa'.
         tension_width_m: b; the pressure acts on the belt as p0 b per length.
         radial_npm2: kw, sidewall.
         tangential_npm2: kv, sidewall.
@@ -47,6 +48,7 @@ class BeltLaw:
 
     radius_m: float
     bending_nm2: float
+    bending_damping_nm2s: float
     tension_width_m: float
     radial_npm2: float
     tangential_npm2: float
@@ -68,6 +70,11 @@ class BeltLaw:
     def dof(self) -> int:
         """Number of unknowns per node: x, y and, for a shear-flexible belt, the turn of its section."""
         return 2 if math.isinf(self.shear_n) else 3
+
+    @property
+    def reach(self) -> int:
+        """Number of neighbours to either side that a node's balance depends on."""
+        return 3 if self.bending_damping_nm2s and self.dof == 2 else 2
 
 
 class Grid(NamedTuple):
@@ -196,7 +203,7 @@ class Balance(NamedTuple):
 
     Attributes:
         residual: (N, d) unbalanced force of each node (and unbalanced moment of its section).
-        blocks: (5, N, d, d) derivative of the residual of node i by the unknowns of node i + o - 2.
+        blocks: (2 r + 1, N, d, d) derivative of the residual of node i by the unknowns of node i + o - r.
         columns: (m, N, d) derivative by the axle height (and the traction).
         rows: (m, N, d) derivative of the load (and torque) equation.
         corner: (m, m) derivative of the load (and torque) equation by the axle height (and the traction).
@@ -226,14 +233,14 @@ def belt_balance(law: BeltLaw, grid: Grid, state: FloatArray, height_m: float, t
     nodes = len(state)
     position = state[:, :2]
     residual = np.zeros((nodes, law.dof))
-    blocks = np.zeros((5, nodes, law.dof, law.dof))
+    blocks = np.zeros((2 * law.reach + 1, nodes, law.dof, law.dof))
     _add_belt_forces(law, grid, state, residual, blocks)
     _add_pressure_and_inertia(law, grid, position, residual, blocks)
     _add_sidewall(law, grid, position, residual, blocks)
     road = road_push(law, grid, position, height_m, traction)
     length = law.radius_m * grid.step_rad
     residual[:, :2] += length * road.force_npm
-    blocks[1:4, :, :2, :2] += length * road.d_position
+    blocks[law.reach - 1 : law.reach + 2, :, :2, :2] += length * road.d_position
     columns, rows, corner, border = _border(law, grid, position, road)
     return Balance(residual, blocks, columns, rows, corner, border, road)
 
@@ -259,14 +266,15 @@ def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: Floa
     pretension = law.pressure_pa * law.tension_width_m * radius * math.cos(h / 2) + spin * 2.0 * math.sin(h / 2) / h
     tension: FloatArray = pretension + law.extension_n * (length / rest - 1.0)
     stiffness = law.bending_nm2 / (radius * h)
+    # Of a quantity that passes with the belt: its rate over its size, by central differences.
+    rate = law.bending_damping_nm2s / law.bending_nm2 * law.omega_radps / (2.0 * h)
     turn_by = normal / length[:, None]  # derivative of a segment's turn by its span
     if law.dof == 2:
         moment = stiffness * (turn - preceding(turn))
+        if rate:
+            moment = moment + rate * (following(moment) - preceding(moment))
         shear = (moment - following(moment)) / length
         own = 2.0 * stiffness / length
-        reach = -(stiffness / length)[:, None, None]
-        before = reach * outer(normal, preceding(turn_by))
-        after = reach * outer(normal, following(turn_by))
     else:
         section = state[:, 2]
         slip = turn - 0.5 * (section + following(section))
@@ -279,33 +287,52 @@ def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: Floa
     )
     force = tension[:, None] * tangent + shear[:, None] * normal
     residual[:, :2] += force - preceding(force)
-    flat = blocks[:, :, :2, :2]
-    # F_i by span_i = X_(i+1) - X_i, for node i (plus) and node i + 1 (minus).
-    flat[3] += own_block
-    flat[2] -= own_block + preceding(own_block)
-    flat[1] += preceding(own_block)
+    _add_by_span(blocks, 0, own_block)
     if law.dof == 2:
-        flat[2] += before + preceding(after)  # span_(i-1) ends at node i, span_i of F_(i-1) begins there
-        flat[1] += -before - preceding(before)
-        flat[0] += preceding(before)
-        flat[4] += after
-        flat[3] += -after - preceding(after)
+        # V_i by the turn of segment i + o, times the length.
+        damped = stiffness * rate
+        by_turn = {-1: -stiffness - 2.0 * damped, 1: -stiffness + 2.0 * damped}
+        if rate:
+            by_turn |= {-2: damped, 2: -damped}
+        for offset, slope in by_turn.items():
+            _add_by_span(blocks, offset, outer((slope / length)[:, None] * normal, np.roll(turn_by, -offset, axis=0)))
         return
     couple = law.shear_n * rest * slip
     bending = stiffness * (following(section) - section)
+    if rate:
+        bending = bending + rate * (following(bending) - preceding(bending))
     residual[:, 2] += bending - preceding(bending) + 0.5 * (couple + preceding(couple))
     by_span = 0.5 * law.shear_n * rest * turn_by
     blocks[3, :, 2, :2] += by_span
     blocks[2, :, 2, :2] += preceding(by_span) - by_span
     blocks[1, :, 2, :2] -= preceding(by_span)
     quarter = 0.25 * law.shear_n * rest
-    blocks[3, :, 2, 2] += stiffness - quarter
+    # The rate of the couples' difference is that of the sections' second difference, over two nodes each way.
+    blocks[4, :, 2, 2] += stiffness * rate
+    blocks[3, :, 2, 2] += stiffness - quarter - 2.0 * stiffness * rate
     blocks[2, :, 2, 2] -= 2.0 * (stiffness + quarter)
-    blocks[1, :, 2, 2] += stiffness - quarter
+    blocks[1, :, 2, 2] += stiffness - quarter + 2.0 * stiffness * rate
+    blocks[0, :, 2, 2] -= stiffness * rate
     by_section = -0.5 * (law.shear_n * rest / length)[:, None] * normal  # F_i by the section of node i and of i + 1
     blocks[3, :, :2, 2] += by_section
     blocks[2, :, :2, 2] += by_section - preceding(by_section)
     blocks[1, :, :2, 2] -= preceding(by_section)
+
+
+def _around(blocks: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the views of the derivatives by the positions of the nodes before, here and after, (N, 2, 2) each."""
+    here = len(blocks) // 2
+    return blocks[here - 1, :, :2, :2], blocks[here, :, :2, :2], blocks[here + 1, :, :2, :2]
+
+
+def _add_by_span(blocks: FloatArray, offset: int, slope: FloatArray) -> None:
+    """Add what F_i - F_(i-1) gains when F_i changes by slope (N, 2, 2) times span_(i+o) = X_(i+o+1) - X_(i+o)."""
+    flat = blocks[:, :, :2, :2]
+    here = len(blocks) // 2 + offset
+    before = preceding(slope)
+    flat[here + 1] += slope
+    flat[here] -= slope + before
+    flat[here - 1] += before
 
 
 def _add_pressure_and_inertia(
@@ -317,16 +344,17 @@ def _add_pressure_and_inertia(
     residual[:, :2] += (ahead - behind) @ push.T
     inertia = law.mass_kgpm * law.radius_m * law.omega_radps**2 / grid.step_rad
     residual[:, :2] -= inertia * (ahead - 2.0 * position + behind)
-    blocks[3, :, :2, :2] += push - inertia * np.eye(2)
-    blocks[2, :, :2, :2] += 2.0 * inertia * np.eye(2)
-    blocks[1, :, :2, :2] -= push + inertia * np.eye(2)
+    before, here, after = _around(blocks)
+    after += push - inertia * np.eye(2)
+    here += 2.0 * inertia * np.eye(2)
+    before -= push + inertia * np.eye(2)
 
 
 def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: FloatArray, blocks: FloatArray) -> None:
     """Add the elastic foundation on the rim: stiffens with deflection, damped in the rim's frame."""
     length = law.radius_m * grid.step_rad
     out = position - law.radius_m * grid.radial
-    flat = blocks[:, :, :2, :2]
+    before, here, after = _around(blocks)
     for stiffness, damping, axis in (
         (law.radial_npm2, law.radial_damping_nspm2, grid.radial),
         (law.tangential_npm2, law.tangential_damping_nspm2, grid.along),
@@ -335,11 +363,11 @@ def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: Floa
         u = np.einsum("ia,ia->i", out, axis)
         growth = law.stiffening_pm * np.abs(u)
         pull = stiffness * u * (1.0 + growth)
-        flat[2] -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
+        here -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
         if rate:
             pull = pull + rate * (following(u) - preceding(u))
-            flat[3] -= length * rate * outer(axis, following(axis))
-            flat[1] += length * rate * outer(axis, preceding(axis))
+            after -= length * rate * outer(axis, following(axis))
+            before += length * rate * outer(axis, preceding(axis))
         residual[:, :2] -= length * pull[:, None] * axis
 
 
