@@ -138,7 +138,7 @@ def record_rolled(tire: RolledTire, world: World, seed: tuple[int, ...]) -> Run:
 def agreement_table(folder: Path) -> Table:
     """Return how far the kept tires agree with the exact ring of the same parameters, load and road.
 
-    The ring has no bending damping and no friction; where the tire has, they differ for that reason too.
+    The ring has no friction; where the tire has, they differ for that reason too.
     """
     rows = []
     for tire in rolled_tires(folder):
@@ -152,6 +152,7 @@ def agreement_table(folder: Path) -> Table:
             tread_stiffness_npm2=about["tread_npm2"],
             foundation_damping_nspm2=about["sidewall_damping_nspm2"],
             tread_damping_nspm2=about["tread_damping_nspm2"],
+            bending_damping_nm2s=about["bending_damping_nm2s"],
         )
         drum_m = about.get("drum_radius_m", math.inf)
         solved = solve_rolling_ring(
