@@ -68,7 +68,7 @@ class Cause:
         bend: nonlinearity of the sensor, which no scenario has; None when the tables are enough.
         locked: part of the signal that shows it.
         lowest: smallest size that is of interest; None for any.
-        highest: largest size that a scenario allows; None for any.
+        highest: largest size that a scenario allows or the catalogue calls possible; None for any.
     """
 
     name: str
@@ -254,7 +254,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("ply steer", "mm (ply separation)", (0.008, 0.024, 1.2), _ply_steer),
     Cause("conicity", "deg", (0.01, 0.03, 0.6), _tire("conicity_deg", signed=True)),
     Cause("carcass compliance", "deg (slip angle)", (0.008, 0.024, 0.3), _slip),
-    Cause("camber", "deg", (0.35, 1.0, 4.0), _camber),
+    Cause("camber", "deg", (0.35, 1.0, 4.0), _camber, highest=6.0),
     # Visible in single revolutions, not in their mean; at 15 mg/rtHz three times the size is needed.
     Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter, locked=Locked.EDGES),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
