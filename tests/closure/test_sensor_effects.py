@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, lfilter
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import (
@@ -51,7 +52,7 @@ from tests.closure.sensor_data import (
         ("zero_g_offset_g = [1.0, -2.0, 3.0]", {"zero_g_offset": (G, -2.0 * G, 3.0 * G)}, 3e-3),
         ("bandwidth_hz = 700.0", {"anti_alias_filter": (1.0 / 700.0, 1.0)}, 0.01),
         ("bandwidth_hz = 1500.0", {"anti_alias_filter": (1.0 / 1500.0, 1.0)}, 0.03),
-        ("coupling = 'ac'\nhighpass_hz = 2.0", {"AC_coupling": (2.0,)}, 2e-3),
+        ("coupling = 'ac'\nhighpass_hz = 2.0", {"AC_coupling": (2.0, 0.0)}, 2e-3),
         (
             "roll_deg = 2.0\npitch_deg = 1.5\ngain_error_percent = [0.0, 0.0, -4.0]\nzero_g_offset_g = [0.5, 1.0, -2.0]"
             "\nbandwidth_hz = 900.0\ncoupling = 'ac'\nhighpass_hz = 1.0",
@@ -61,7 +62,7 @@ from tests.closure.sensor_data import (
                 "gain": (-0.04,),
                 "zero_g_offset": (0.5 * G, G, -2.0 * G),
                 "anti_alias_filter": (1.0 / 900.0, 1.0),
-                "AC_coupling": (1.0,),
+                "AC_coupling": (1.0, 0.0),
             },
             4e-3,
         ),
@@ -192,6 +193,20 @@ def test_mounting_offset_matches_the_simulated_sensor() -> None:
     assert rms(truth[:, 1]) > 0.005
 
 
+def test_ac_coupled_mean_lags_behind_a_changing_speed() -> None:
+    """The mean of a high-pass of a steadily growing signal is its rate of change times 1 / (2 pi corner)."""
+    corner_hz, omega_dot_radps2 = 0.2, 0.5
+    block = block_of(omega_dot_radps2=omega_dot_radps2)
+    lag_s = 1.0 / (2.0 * math.pi * corner_hz)
+    passed = applied(block, AC_coupling=(corner_hz, lag_s)).signal_mps2
+    time_s = np.arange(0.0, 20.0, 1.0 / RATE)
+    omega = OMEGA + omega_dot_radps2 * (time_s - time_s[-1])
+    mean = block.signal_mps2[RADIAL].mean() * (omega / OMEGA) ** 2
+    high = lfilter(*butter(1, corner_hz, "high", fs=RATE), mean)
+    assert passed[RADIAL].mean() == pytest.approx(high[-1], rel=0.03)
+    assert high[-1] > 1.0
+
+
 def test_ac_coupled_sensor_passes_no_constant() -> None:
     block = block_of()
     ac = replace(block, conditions=replace(block.conditions, ac_coupled=True))
@@ -199,7 +214,7 @@ def test_ac_coupled_sensor_passes_no_constant() -> None:
     values = np.array([1.0, 2.0, 3.0])
     assert not effect.contribution(ac, values).any()
     assert not effect.derivative(ac, values).any()
-    passed = applied(block, AC_coupling=(0.3,)).signal_mps2
+    passed = applied(block, AC_coupling=(0.3, 1.0)).signal_mps2
     assert np.abs(passed.mean(axis=1)).max() < 1e-9
 
 

@@ -220,10 +220,14 @@ class AcCoupling(SignalEffect):
     name = "AC coupling"
     rank = 360
     summary = "A high-pass behind the element: the mean is lost and the plateaus droop."
-    equation = "order n times i n omega / (i n omega + 2 pi corner); order 0 is lost"
+    equation = "order n times i n omega / (i n omega + 2 pi corner); of order 0 its rate of change times a lag is left"
     source = "one-pole high-pass"
     # Charge amplifiers and coupling capacitors: 0.01 to 10 Hz, beyond that the free arc would droop to nothing.
-    parameters = (Parameter("corner_hz", "Hz", 0.0, 20.0, 2.0, 1e-3),)
+    # The lag is 1 / (2 pi corner) once the change of speed has lasted for several times that, and less before.
+    parameters = (
+        Parameter("corner_hz", "Hz", 0.0, 20.0, 2.0, 1e-3),
+        Parameter("mean_lag_s", "s", 0.0, 10.0, 2.0, 1e-2, optional=True),
+    )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     observed_in = "lowest orders of all axes, best at low speed; the lost mean of a sensor declared as DC-coupled"
     confounders = (
@@ -233,23 +237,32 @@ class AcCoupling(SignalEffect):
         ),
         Confounder(("zero-g offset",), "it changes the mean alone"),
     )
-    start_values = ((0.5,),)
+    start_values = ((0.5, 0.0),)
     stage = Stage.ELECTRIC
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the change by the filter; any corner but 0 removes the whole mean, also of a sensor declared as DC."""
+        """Return the change by the filter; any corner but 0 removes the mean, also of a sensor declared as DC."""
         corner = float(parameters[0])
         if corner == 0.0:
             return block.zeros()
         decay = self._decay(block) * corner
-        return _filtered(block.signal_mps2, -decay / (1j * _ORDER + decay))
+        filtered = _filtered(block.signal_mps2, -decay / (1j * _ORDER + decay))
+        return filtered + float(parameters[1]) * self._rate_of_mean(block)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivative by the corner; the mean is lost at once and contributes none."""
+        """Return the derivatives by the corner, which the mean does not depend on, and by the lag, (2, 3, n)."""
         decay = self._decay(block)
         below = 1j * _ORDER + decay * float(parameters[0])
         below[0] = 1.0
-        return _filtered(block.signal_mps2, -decay * 1j * _ORDER / below**2)[None]
+        by_corner = _filtered(block.signal_mps2, -decay * 1j * _ORDER / below**2)
+        return np.stack([by_corner, self._rate_of_mean(block)])
+
+    @staticmethod
+    def _rate_of_mean(block: ModelledBlock) -> FloatArray:
+        """Return d/dt of the means, which grow with omega^2, on the grid, (3, n) m/s^3."""
+        at = block.conditions
+        means = block.signal_mps2.mean(axis=1, keepdims=True)
+        return np.broadcast_to(2.0 * at.omega_dot_radps2 / at.omega_radps * means, block.signal_mps2.shape)
 
     @staticmethod
     def _decay(block: ModelledBlock) -> float:
