@@ -151,6 +151,22 @@ def test_truth_of_numbers_and_parameters() -> None:
         assert all(math.isfinite(value) for value in true.values())
 
 
+def test_bending_that_rolls_lacks_rotary_inertia() -> None:
+    case, inertia_kgm = single("rotary inertia", 6e-4), 6e-4
+    still, rolling = numbers_of(case), numbers_of(case, rolling=True)
+    for state in still:
+        squares = [
+            (run.speed_kmh / 3.6) ** 2
+            for run in BENCH.runs
+            if (run.load_n, run.pressure_kpa * 1e3) == (state.load_n, state.pressure_pa)
+        ]
+        bending_nm2 = still[state]["Bs"] * (1e-3 * BENCH.radius_mm) ** 4 * state.pressure_pa
+        share = inertia_kgm * sum(squares) / len(squares) / bending_nm2
+        assert rolling[state]["Bs"] == pytest.approx(still[state]["Bs"] * (1.0 - share))
+        assert 0.002 < share < 0.3
+    assert numbers_of(NOTHING, rolling=True) == numbers_of(NOTHING)
+
+
 def test_true_half_angle_is_that_at_the_sensor() -> None:
     """A high spot at the sensor meets the road under more load, with a longer contact; one opposite, a shorter one."""
     case = single("run-out", 1.0)

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from pathlib import Path
 from time import perf_counter
@@ -28,6 +28,7 @@ _TOOLS: Final = Path(__file__).parents[1]
 _HANGS: Final = 40.0
 # Of a fault's text, in a line of results.
 _MOST_TEXT: Final = 2000
+_INERTIA: Final = "rotary inertia"
 
 
 def run(
@@ -156,7 +157,7 @@ def line_of(found: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> d
         "effects": found["effects"],
         "unexplained": found["unexplained"],
         "held_out": found["held_out"],
-        "numbers": _numbers(found["estimates"], case),
+        "numbers": _numbers(found["estimates"], case, {effect["name"] for effect in found["effects"]}),
         "parameters": _parameters(found["effects"], case),
         "revolutions": found["revolutions"],
         "rejected": found["rejected"],
@@ -166,9 +167,13 @@ def line_of(found: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> d
     }
 
 
-def _numbers(estimates: Mapping[str, Sequence[Mapping[str, Any]]], case: Case) -> list[dict[str, Any]]:
-    """Return every estimate of the tire beside its true value."""
-    truth = numbers_of(case)
+def _numbers(
+    estimates: Mapping[str, Sequence[Mapping[str, Any]]], case: Case, effects: Container[str]
+) -> list[dict[str, Any]]:
+    """Return every estimate of the tire beside its true value; effects are those named or open."""
+    # Without rotary inertia in the model, bending stands for it.
+    truths = {"before": numbers_of(case, rolling=True), "after": numbers_of(case, rolling=_INERTIA not in effects)}
+    truth = truths["after"]
     stated = [State(*entry["state"]) for entry in estimates["after"] if entry["state"] is not None]
     others = {_nearest(state, list(truth)) for state in stated}
     # The state of the most revolutions goes without a name. Several are left where revolutions were rejected.
@@ -178,7 +183,7 @@ def _numbers(estimates: Mapping[str, Sequence[Mapping[str, Any]]], case: Case) -
     for when, entries in estimates.items():
         for entry in entries:
             state = unnamed if entry["state"] is None else _nearest(State(*entry["state"]), list(truth))
-            true = None if state is None else truth[state].get(entry["quantity"])
+            true = None if state is None else truths[when][state].get(entry["quantity"])
             if true is not None:
                 lines.append({**entry, "when": when, "true": true, "state": list(state or ())})
     return lines

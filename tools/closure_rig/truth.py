@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
+from closure_rig.bench import Run
 from closure_rig.draw import Case
 from closure_rig.record import SECONDS, scenario_of
 from gateway.closure.model.lateral_response import (
@@ -32,22 +33,37 @@ class State(NamedTuple):
     pressure_pa: float
 
 
-def numbers_of(case: Case) -> dict[State, dict[str, float]]:
-    """Return the true numbers of every state of a case's runs, and the half angle of its contact."""
+def numbers_of(case: Case, *, rolling: bool = False) -> dict[State, dict[str, float]]:
+    """Return the true numbers of every state of a case's runs, and the half angle of its contact.
+
+    Args:
+        case: the case.
+        rolling: Bs of the bending stiffness that a belt without rotary inertia needs at the speeds of the state's runs,
+            EI - rho I V^2, in place of EI.
+    """
     found: dict[State, dict[str, float]] = {}
     for run in case.bench.runs:
-        state = State(run.load_n, run.pressure_kpa * 1e3)
+        state = _state(run)
         if state in found:
             continue
         plan = _plan(case, run)
         numbers = plan.tire.numbers(state.pressure_pa)
         values = dict(numbers._asdict())
+        if rolling:
+            speeds_kmh = [other.speed_kmh for other in case.bench.runs if _state(other) == state]
+            square = sum((speed / 3.6) ** 2 for speed in speeds_kmh) / len(speeds_kmh)
+            ring = plan.tire.ring_at(state.pressure_pa)
+            values["Bs"] *= 1.0 - ring.rotary_inertia_kgm * square / ring.bending_stiffness_nm2
         values |= {f"{name}/Cw": values[name] / values["Cw"] for name in ("Bs", "Rs", "Ts")}
         values["tread_stiffness_npm2"] = case.bench.tread_mpa * 1e6
         omega_radps = run.speed_kmh / 3.6 / plan.radius_m
         values["contact_half_angle_rad"] = _half_angle_rad(plan.tire, state, omega_radps)
         found[state] = values
     return found
+
+
+def _state(run: Run) -> State:
+    return State(run.load_n, run.pressure_kpa * 1e3)
 
 
 def _half_angle_rad(tire: TireModel, state: State, omega_radps: float) -> float:
