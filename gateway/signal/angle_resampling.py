@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
@@ -51,8 +50,7 @@ _LENGTH_STEP: Final = 32
 _TOGETHER: Final = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Phase:
+class Phase(NamedTuple):
     """Angle against time over one revolution, at constant angular acceleration.
 
     theta(x) = rate (x - start) + acceleration (x - start)^2 / 2 with x in samples, 0 at `start` and 2 pi at `end`.
@@ -126,11 +124,14 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     period = end - start
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"a revolution cannot run from sample {start} to {end}")
-    known: list[float] = []
-    if previous is not None:
-        known += _accelerations(start - previous, period)
-    if following is not None:
-        known += _accelerations(period, following - end)
+    known = [
+        _acceleration(before, after)
+        for before, after in (
+            (start - previous if previous is not None else 0.0, period),
+            (period, following - end if following is not None else 0.0),
+        )
+        if before > 0.0 and after > 0.0 and 1.0 / _MAX_PERIOD_RATIO < before / after < _MAX_PERIOD_RATIO
+    ]
     acceleration = sum(known) / len(known) if known else 0.0
     # The speed must stay positive over the whole revolution: |a| T < 2 * mean speed.
     limit = 3.6 * math.pi / period**2
@@ -138,14 +139,9 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     return Phase(start, end, 2.0 * math.pi / period - 0.5 * acceleration * period, acceleration)
 
 
-def _accelerations(before: float, after: float) -> tuple[float, ...]:
-    """Return the constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi).
-
-    Empty where these are not the periods of neighbouring revolutions.
-    """
-    if not (before > 0.0 and after > 0.0 and 1.0 / _MAX_PERIOD_RATIO < before / after < _MAX_PERIOD_RATIO):
-        return ()
-    return (4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after),)
+def _acceleration(before: float, after: float) -> float:
+    """Return the constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi)."""
+    return 4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after)
 
 
 def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SIZE) -> FloatArray:
