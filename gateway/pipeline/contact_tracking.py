@@ -176,6 +176,11 @@ def _summits(places: NDArray[np.intp], heights: FloatArray, apart: int) -> list[
     return [places.item(lo + int(heights[lo:hi].argmax())) for lo, hi in pairwise(edges)]
 
 
+def _ratio(one: float, other: float) -> float:
+    """Return the ratio of the larger of two positive numbers to the smaller."""
+    return one / other if one > other else other / one
+
+
 def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
     """Return the squared error of the period, in samples, that follows from the change of the contact's duration.
 
@@ -336,18 +341,18 @@ class ContactTrack:
         period = found.centre - last.centre
         if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _MIN_DEPTH_MPS2:
             return 0
-        unseen_limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
-        for turns in range(1, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
-            one = period / turns
-            limit = TURN_RATIO if turns == 1 else unseen_limit
-            stretch = INTERVAL_RATIO if turns == 1 else _UNSEEN_PERIOD_RATIO
-            unlike = max(one / self._period, self._period / one)
-            if turns == 1:
-                unlike = min(unlike, max(one / self.periods[-1], self.periods[-1] / one))
-            own = self._turn_of(last, found, turns) / self._turn
-            if 1.0 / limit < own < limit and unlike < stretch:
-                return turns if self._rolled_through(last, found, turns, read) else 0
-        return 0
+        own = self._turn_of(last, found) / self._turn
+        unlike = min(_ratio(period, self._period), _ratio(period, self.periods[-1]))
+        turns = 1
+        if not (1.0 / TURN_RATIO < own < TURN_RATIO and unlike < INTERVAL_RATIO):
+            limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
+            for turns in range(2, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
+                unlike = _ratio(period / turns, self._period)
+                if 1.0 / limit < own / turns < limit and unlike < _UNSEEN_PERIOD_RATIO:
+                    break
+            else:
+                return 0
+        return turns if self._rolled_through(last, found, turns, read) else 0
 
     def _misfit(self, found: Contact, turns: int) -> float:
         """Return the cost of a contact `turns` revolutions later: deviations from the prediction, less its strength."""
@@ -385,7 +390,7 @@ class ContactTrack:
             self._jitter2 += _JITTER_WEIGHT * (jitter2 - self._jitter2)
         pairs: list[ContactPair] = []
         start, previous = last, self.periods[-1]
-        for end in (*self._unseen(found, turns), found):
+        for end in (*self._unseen(found, turns), found) if turns > 1 else (found,):
             pairs.append(ContactPair(start, end, self.period_std(start, end), previous, decided_at))
             previous = end.centre - start.centre
             start = end

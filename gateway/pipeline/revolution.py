@@ -79,7 +79,8 @@ class SensorReading:
     def radial_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
         """Return the radial axis of samples (n, channels), nominally positive inward, (n,)."""
         column = self.radial_column
-        radial: FloatArray = np.subtract(counts[:, column], self.offset_counts[column], dtype=float)
+        radial: FloatArray = counts[:, column].astype(float)
+        radial -= self.offset_counts[column]
         radial *= self.scale_mps2[column]
         return radial
 
@@ -156,9 +157,12 @@ def _in_angle(
 ) -> Iterator[Revolution]:
     """Yield the revolutions, with their rows of the arrays, which are filled first."""
     counts, phases = zip(*(_samples_and_phase(one, buffer) for one in revolutions), strict=True)
-    axes.fill(math.nan)
     scale = Scale(reading.offset_counts, reading.scale_mps2)
-    axes[:, list(reading.columns)] = resample_revolutions(counts, phases, GRID_SIZE, scale)
+    if reading.columns == tuple(Axis):
+        resample_revolutions(counts, phases, GRID_SIZE, scale, out=axes)
+    else:
+        axes.fill(math.nan)
+        axes[:, list(reading.columns)] = resample_revolutions(counts, phases, GRID_SIZE, scale)
     for row, revolution in zip(axes, revolutions, strict=True):
         if revolution.sign < 0:
             np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
