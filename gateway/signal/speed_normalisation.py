@@ -121,7 +121,8 @@ def normalise_revolutions(
         given = np.array([interior is not None for interior in interiors])
         closed &= given
     angle, corrected = np.empty((2, count, n))
-    for _ in range(_ITERATIONS if gravity_mps2 else 1):
+    last = _ITERATIONS if gravity_mps2 else 1
+    for iteration in range(1, last + 1):
         if interiors is not None:
             for place, interior in enumerate(interiors):
                 if interior is not None and closed[place]:
@@ -144,7 +145,11 @@ def normalise_revolutions(
         if not all_closed:
             angle[~closed] = theta
         if gravity_mps2:
-            np.cos(angle, out=shape)
+            if iteration == last:
+                np.cos(angle, out=shape)
+            else:
+                # Single precision takes a fifth of the time. What follows reduces its error by g / (R Omega^2) each time.
+                shape[:] = np.cos(angle.astype(np.float32))
             shape *= -gravity_mps2
             shape += radial_mps2
     if ac_coupled:
