@@ -183,7 +183,8 @@ def _in_angle(
     for place, (revolution, phase, noise_coefficient) in enumerate(zip(revolutions, phases, noises, strict=True)):
         period = phase.samples
         order_max = highest_order(period)
-        orders[place, order_max + 1 :] = complex(math.nan, math.nan)
+        if order_max < ORDER_COUNT - 1:
+            orders[place, order_max + 1 :] = complex(math.nan, math.nan)
         timed = revolution.timed
         edges, edge_fault = _edges(timed, radial[place], period, noise_coefficient)
         lost = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre))

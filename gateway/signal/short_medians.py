@@ -18,15 +18,3 @@ def median(values: NDArray[np.floating[Any]] | NDArray[np.integer[Any]]) -> floa
     if math.isnan(ascending.item(-1)):
         return math.nan
     return upper if len(values) % 2 else 0.5 * (ascending.item(half - 1) + upper)
-
-
-def medians(values: NDArray[np.floating[Any]]) -> list[float]:
-    """Return the median of each row of (k, n) values, n > 0; NaN if any value of the row is NaN."""
-    n = values.shape[1]
-    half = n // 2
-    parted = np.partition(values, half, axis=1)
-    found = parted[:, half] if n % 2 else 0.5 * (parted[:, :half].max(axis=1) + parted[:, half])
-    # NaN is sorted to the end.
-    highest = parted[:, half:].max(axis=1)
-    middles: list[float] = np.where(np.isnan(highest), highest, found).tolist()
-    return middles

@@ -148,7 +148,7 @@ def normalise_revolutions(
             if iteration == last:
                 np.cos(angle, out=shape)
             else:
-                # Single precision takes a fifth of the time. What follows reduces its error by g / (R Omega^2) each time.
+                # Single precision takes a fifth of the time; what follows divides its error by R Omega^2 / g each time.
                 shape[:] = np.cos(angle.astype(np.float32))
             shape *= -gravity_mps2
             shape += radial_mps2
