@@ -49,17 +49,10 @@ class _Sensor:
 
 
 class _Decided(NamedTuple):
-    """A revolution that the segmenter has found, not worked on yet.
-
-    Attributes:
-        pair: its contacts.
-        sign: makes its radial axis positive inward.
-        environments: readings of pressure and temperature that had come before it was found.
-    """
+    """A revolution that the segmenter has found, not worked on yet; `sign` makes its radial axis positive inward."""
 
     pair: ContactPair
     sign: int
-    environments: int
 
 
 class WheelPipeline:
@@ -91,7 +84,7 @@ class WheelPipeline:
         # Number of samples, and hub time, until which the first of them may wait for the next ones.
         self._due_at = self._due_us = 0.0
         self._results: list[RevolutionResult] = []
-        self._environments = 0
+        self._environments_waiting = 0
         self._samples = self._lost = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
         self.blocks_before_hello = 0
@@ -130,11 +123,10 @@ class WheelPipeline:
     def environment(self, tick_us: int, environment: Environment) -> None:
         """Take a pressure and temperature reading with its hub time."""
         self._snapshot = None
-        self._environments += 1
         if self._decided:
+            self._environments_waiting += 1
             # The revolutions found before this reading must not see it, nor lose an earlier one.
-            waited = self._environments - self._decided[0].environments
-            if waited > _MOST_WAITING or tick_us < self._end_us():
+            if self._environments_waiting > _MOST_WAITING or tick_us < self._end_us():
                 self._revolve()
         pressure_error_pa = self._sensor.health.environment(environment) if self._sensor is not None else 0.0
         self._tire.environment(tick_us, environment, pressure_error_pa)
@@ -165,13 +157,9 @@ class WheelPipeline:
         by_samples = (self._buffer.head - self._due_at) / self._clock.nominal_rate_hz
         return by_samples if now_us is None else max(by_samples, (now_us - self._due_us) * 1e-6)
 
-    def complete(self, *, whole_blocks: bool = False) -> list[RevolutionResult]:
-        """Return the revolutions that were completed since the last call.
-
-        Args:
-            whole_blocks: let the last ones wait for the rest of their block.
-        """
-        self._revolve(whole_blocks=whole_blocks)
+    def complete(self) -> list[RevolutionResult]:
+        """Return the revolutions that were completed since the last call."""
+        self._revolve()
         results, self._results = self._results, []
         return results
 
@@ -262,16 +250,16 @@ class WheelPipeline:
             now_us, step_us = self._clock.hub_us(head), hold_s * 1e6
             self._due_us = (now_us // step_us + 1.0) * step_us if step_us else now_us
         for pair in pairs:
-            self._decided.append(_Decided(pair, self._segmenter.sign, self._environments))
+            self._decided.append(_Decided(pair, self._segmenter.sign))
             self._missing.came(pair.end.centre)
 
     def _make_room(self, count: int) -> None:
         """Work on the waiting revolutions if so many more samples would overwrite theirs."""
-        assert self._buffer is not None
-        tail = self._buffer.head + count - self._buffer.capacity
-        for whole_blocks in (True, False):
-            if self._decided and tail > int(self._decided[0].pair.start.centre) - 4 * MARGIN_SAMPLES:
-                self._revolve(whole_blocks=whole_blocks)
+        if self._decided:
+            assert self._buffer is not None
+            oldest = int(self._decided[0].pair.start.centre) - 4 * MARGIN_SAMPLES
+            if self._buffer.head + count - self._buffer.capacity > oldest:
+                self._revolve()
 
     def _end_us(self) -> float:
         """Return a hub time at which the last waiting revolution had ended, however its contact will be timed."""
@@ -330,18 +318,15 @@ class WheelPipeline:
         limit = sensor.reading.saturation_counts
         return float(((radial >= limit) | (radial <= -limit)).mean()) if len(radial) else 0.0
 
-    def _revolve(self, *, whole_blocks: bool = False) -> None:
-        """Work on the waiting revolutions, in blocks that end where the timing's template is renewed.
-
-        Args:
-            whole_blocks: leave out the last ones if more can be timed with their template.
-        """
+    def _revolve(self) -> None:
+        """Work on the waiting revolutions, in blocks that end where the timing's template is renewed."""
         waiting, self._decided = self._decided, []
+        self._environments_waiting = 0
         if waiting:
             self._snapshot = None
         done = 0
         while done < len(waiting):
-            pair, sign, _ = waiting[done]
+            pair, sign = waiting[done]
             if not self._timer.until_renewal:
                 assert self._sensor is not None
                 average = self._tire.average_as_measured(ac_coupled=self._sensor.reading.ac_coupled)
@@ -350,9 +335,6 @@ class WheelPipeline:
             most = min(done + self._timer.until_renewal, len(waiting))
             while end < most and waiting[end].sign == sign:
                 end += 1
-            if whole_blocks and end == len(waiting) and end - done < self._timer.until_renewal:
-                self._decided = waiting[done:]
-                return
             self._revolve_block([one.pair for one in waiting[done:end]], sign)
             done = end
 

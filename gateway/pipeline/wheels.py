@@ -234,13 +234,11 @@ class Pipeline:
         return hub, tick_us
 
     def _completed(self) -> list[RevolutionResult]:
-        """Return the revolutions of the blocks that were completed since the last call, wheel by wheel."""
-        return [result for wheel in self._wheels.values() for result in wheel.complete(whole_blocks=True)]
+        """Return the revolutions that were completed since the last call, wheel by wheel."""
+        return [result for wheel in self._wheels.values() for result in wheel.complete()]
 
     def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> list[RevolutionResult]:
         """Take a block of decoded frames of a dump; the results are those of `frames`, wheel by wheel.
-
-        A wheel's last revolutions wait for the next ones, up to the length of its buffer: work on several takes less.
 
         Args:
             link: link on which they arrived.
