@@ -121,8 +121,7 @@ def normalise_revolutions(
         given = np.array([interior is not None for interior in interiors])
         closed &= given
     angle, corrected = np.empty((2, count, n))
-    last = _ITERATIONS if gravity_mps2 else 1
-    for iteration in range(1, last + 1):
+    for iteration in range(_ITERATIONS if gravity_mps2 else 1):
         if interiors is not None:
             for place, interior in enumerate(interiors):
                 if interior is not None and closed[place]:
@@ -145,11 +144,12 @@ def normalise_revolutions(
         if not all_closed:
             angle[~closed] = theta
         if gravity_mps2:
-            if iteration == last:
-                np.cos(angle, out=shape)
-            else:
-                # Single precision takes a fifth of the time; what follows divides its error by R Omega^2 / g each time.
+            if iteration == 0:
+                # Single precision takes a fifth of the time. The two iterations that follow divide its error by the
+                # square of R Omega^2 / g.
                 shape[:] = np.cos(angle.astype(np.float32))
+            else:
+                np.cos(angle, out=shape)
             shape *= -gravity_mps2
             shape += radial_mps2
     if ac_coupled:
