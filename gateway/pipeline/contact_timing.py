@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -53,8 +52,7 @@ _RATE_ERROR_PRIOR: Final = 1e-3
 _RATE_SHIFT_RAD: Final = 0.02
 
 
-@dataclass(frozen=True, slots=True)
-class TimedContact:
+class TimedContact(NamedTuple):
     """A contact in running sample numbers.
 
     Attributes:
@@ -76,8 +74,7 @@ class TimedContact:
     trailing_std_rad: float = math.nan
 
 
-@dataclass(frozen=True, slots=True)
-class TimedPair:
+class TimedPair(NamedTuple):
     """One revolution between two refined contacts; its trailing edge is that of `start`, its leading one of `end`."""
 
     start: TimedContact
@@ -98,7 +95,7 @@ class _RunningMean:
         """Add one of each."""
         self.count += 1
         weight = max(1.0 / self.count, _LEAST_WEIGHT)
-        self.values = tuple(mean + weight * (value - mean) for mean, value in zip(self.values, values, strict=True))
+        self.values = tuple([mean + weight * (value - mean) for mean, value in zip(self.values, values, strict=True)])
 
 
 class _Weights(NamedTuple):
@@ -231,13 +228,13 @@ class ContactTimer:
             if self._average_count < _SCATTER_KNOWN:
                 point_std = 0.5 * _CROSSING_STD_RAD / match.rate
                 coarse_std = math.hypot(pair.end.centre_std, point_std)
-                end = replace(end, centre_std=max(end.centre_std, coarse_std))
-        refined = math.isfinite(start.trailing_rad), math.isfinite(end.leading_rad)
+                end = end._replace(centre_std=max(end.centre_std, coarse_std))
+        refined = math.isfinite(start.trailing_rad) + math.isfinite(end.leading_rad)
         period_std = math.hypot(start.centre_std, end.centre_std)
-        if not all(refined):
+        if refined < 2:
             # The segmenter's standard error, which includes jitter, applies to contacts that were not refined.
             period_std = max(period_std, pair.period_std)
-        if any(refined) and not all(refined):
+        if refined == 1:
             crossing_std = _CROSSING_STD_RAD * (end.centre - start.centre) / (2.0 * math.pi)
             period_std = math.hypot(period_std, crossing_std)
         self._last, self._previous_period = end, end.centre - start.centre
@@ -258,14 +255,14 @@ class ContactTimer:
         places: list[int] = []
         samples: list[FloatArray] = []
         firsts: list[int] = []
+        begins_rad, ends_rad = template.whole.angles_rad[[0, -1]].tolist() if template is not None else (0.0, 0.0)
         for place, pair in enumerate(pairs):
             if template is None or pair.end.predicted:
                 continue
             start, guess = pair.start.centre, pair.end.centre
             passage = _passage(start, guess, pair.previous_period)
-            before, after = (float(template.whole.angles_rad[at]) / passage.rate for at in (0, -1))
-            first = max(math.floor(guess + before) - MARGIN_SAMPLES, math.ceil(start))
-            last = min(math.ceil(guess + after) + MARGIN_SAMPLES, pair.decided_at)
+            first = max(math.floor(guess + begins_rad / passage.rate) - MARGIN_SAMPLES, math.ceil(start))
+            last = min(math.ceil(guess + ends_rad / passage.rate) + MARGIN_SAMPLES, pair.decided_at)
             if last - first >= _LEAST_SAMPLES and not missing(first, last):
                 places.append(place)
                 firsts.append(first)
@@ -277,31 +274,39 @@ class ContactTimer:
             return found
         around = ContactSamples(template, samples, passages)
         own_hz = [rates_hz[place] for place in places]
-        shift, _, fits, _ = around.match(passages, own_hz)
+        first_match = around.match(passages, own_hz)
         share, apart, *points = self._weights
         guesses: dict[int, float] = {}
-        for at, (place, passage) in enumerate(zip(places, passages, strict=True)):
-            if fits[at]:
-                leading, trailing = shift[at].tolist()
-                guesses[place] = passage.start + firsts[at] + 0.5 * (leading + trailing) / passage.rate
+        for place, first, passage, (leading, trailing), fits in zip(
+            places, firsts, passages, first_match.shift_rad.tolist(), first_match.fits.tolist(), strict=True
+        ):
+            if fits:
+                guesses[place] = passage.start + first + 0.5 * (leading + trailing) / passage.rate
                 leading, trailing = leading + points[0], trailing + points[1]
                 centre = leading + share * (trailing - leading - apart) + 0.5 * apart
-                times[place] = passage.start + firsts[at] + centre / passage.rate
+                times[place] = passage.start + first + centre / passage.rate
         rolling = self._follow(pairs, times)
         passages = [
             _moved(_passage(*rolling[place], at=guesses[place]), -first) if place in guesses else passage
             for place, first, passage in zip(places, firsts, passages, strict=True)
         ]
-        shift, residual, again, covariances = around.match(passages, own_hz)
+        match = around.match(passages, own_hz)
         limit = around.largest_shift_rad
-        for at, (place, passage) in enumerate(zip(places, passages, strict=True)):
-            early = (passage.start + firsts[at] - pairs[place].end.centre) * passage.rate
-            leading, trailing = shift[at].tolist()
-            if fits[at] and again[at] and max(abs(early + leading), abs(early + trailing)) < limit:
-                one, other = residual[at].tolist()
-                found[place] = _Match(
-                    passage.start + firsts[at], passage.rate, (leading, trailing), (one, other), covariances[at]
-                )
+        good = (first_match.fits & match.fits).tolist()
+        for place, first, passage, fits, shift, residual, covariances in zip(
+            places,
+            firsts,
+            passages,
+            good,
+            match.shift_rad.tolist(),
+            match.residual.tolist(),
+            match.covariances_rad2,
+            strict=True,
+        ):
+            guess = passage.start + first
+            early = (guess - pairs[place].end.centre) * passage.rate
+            if fits and max(abs(early + shift[0]), abs(early + shift[1])) < limit:
+                found[place] = _Match(guess, passage.rate, tuple(shift), tuple(residual), covariances)
         return found
 
     def _follow(self, pairs: Sequence[ContactPair], times: Sequence[float]) -> list[tuple[float, float, float | None]]:
@@ -331,12 +336,14 @@ class ContactTimer:
         apart = self._apart_rad.values[0] * sample
         # The scatter of the average includes the jitter of the edges; the residual of the match does not.
         if self._scatter2 > 0.0:
-            self._noise_share.add(*(residual**2 / self._scatter2 for residual in match.residual))
+            self._noise_share.add(match.residual[0] ** 2 / self._scatter2, match.residual[1] ** 2 / self._scatter2)
         n00, n01, n11 = self._noise(match)
-        angles = edges.leading_rad * sample, edges.trailing_rad * sample
+        early, late = edges.leading_rad * sample, edges.trailing_rad * sample
         rate_error2, common2 = self._rate_error2.values[0], (_RATE_SHIFT_RAD * sample) ** 2
         s00, s01, s11 = (
-            rate_error2 * (angles[one] * angles[other] + common2) for one, other in ((0, 0), (0, 1), (1, 1))
+            rate_error2 * (early * early + common2),
+            rate_error2 * (early * late + common2),
+            rate_error2 * (late * late + common2),
         )
         v00, v01, v11 = n00, n01, n11
         if self._jitter.count >= _MIN_JITTER_UPDATES:
@@ -359,8 +366,8 @@ class ContactTimer:
         self._points = points[0] + step, points[1] + step
         self._share = share
         other_load = _OTHER_LOAD_SHARE * 0.5 * (seen[1] - seen[0]) * match.rate
-        stds = (math.hypot(math.sqrt(variance) * match.rate, other_load) for variance in (n00, n11))
-        leading_std, trailing_std = stds
+        leading_std = math.hypot(math.sqrt(n00) * match.rate, other_load)
+        trailing_std = math.hypot(math.sqrt(n11) * match.rate, other_load)
         return TimedContact(
             found=found,
             centre=centre,
@@ -400,7 +407,8 @@ class ContactTimer:
         """
         self._times = (*self._times[-2:], (leading, trailing))
         if len(self._times) == 3:
-            one, other = (a - 2.0 * b + c for a, b, c in zip(*self._times, strict=True))
+            (first, early), (middle, between), _ = self._times
+            one, other = first - 2.0 * middle + leading, early - 2.0 * between + trailing
             self._jitter.add(one * one / 6.0, one * other / 6.0, other * other / 6.0)
 
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.signal.angle_resampling import MARGIN_SAMPLES
 from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn_of
 from gateway.signal.dips import box_offsets, dip_score
-from gateway.signal.segmentation import Contact, refine_contact
+from gateway.signal.segmentation import Contact, cumulative, refine_contact
 from gateway.types import FloatArray
 
 # read(first, end) -> nominally inward radial acceleration of the samples first to end (exclusive), m/s^2
@@ -79,8 +79,7 @@ _ROLLING_SHARE: Final = 0.55
 _ROLLING_GRAVITY_MPS2: Final = 20.0
 
 
-@dataclass(frozen=True, slots=True)
-class ContactPair:
+class ContactPair(NamedTuple):
     """Two neighbouring contacts: one completed revolution.
 
     Attributes:
@@ -164,7 +163,22 @@ def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Co
         return None
     edge = contact.centre + (half if lost[0] else -half)
     centre = edge - (0.5 if lost[0] else -0.5) * expected
-    return replace(contact, centre=centre, duration=expected, centre_std=max(contact.centre_std, 0.05 * expected))
+    return contact._replace(centre=centre, duration=expected, centre_std=max(contact.centre_std, 0.05 * expected))
+
+
+def _summits(places: NDArray[np.intp], heights: FloatArray, apart: int) -> list[int]:
+    """Return the highest place of each group of ascending places that lie at most `apart` from their neighbours."""
+    if not len(places):
+        return []
+    if places[-1] - places[0] == len(places) - 1:
+        return [places.item(heights.argmax())]
+    edges = [0, *(np.flatnonzero(places[1:] - places[:-1] > apart) + 1).tolist(), len(places)]
+    return [places.item(lo + int(heights[lo:hi].argmax())) for lo, hi in pairwise(edges)]
+
+
+def _ratio(one: float, other: float) -> float:
+    """Return the ratio of the larger of two positive numbers to the smaller."""
+    return one / other if one > other else other / one
 
 
 def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
@@ -218,7 +232,14 @@ class ContactTrack:
         """Set when to search for the next contact."""
         self._period = self._expected_period()
         self._width = max(3.0, self._duty * self._period)
+        self._time_std = _TIME_STD + min(
+            _MAX_ADDED_TIME_STD, 2.0 * math.pi * _ACCELERATION_CHANGE_MPS2 / max(self.contact.depth_mps2, 1.0)
+        )
+        # Least number of samples to the next contact, and the sample from which on it is searched.
+        self._nearest = min(0.5 * self._period, self.periods[-1] / INTERVAL_RATIO)
         outer = box_offsets(self._width)[2]
+        centre = int(self.contact.centre)
+        self._first = max(int(self.contact.centre + self._nearest) - outer, centre)
         # Far enough that the dip's score has its maximum in view, and that the contact's timing sees both of its edges.
         edges = _EDGE_SHARE * self._width + _BEYOND_TURNS * self._period + _BEYOND_SAMPLES
         beyond = max(_SCORE_SHARE * self._width + outer + 2, edges, MARGIN_SAMPLES + 2)
@@ -239,32 +260,26 @@ class ContactTrack:
         longest = min(last * _MAX_PERIOD_GROWTH, LONGEST_PERIOD_S * self._rate_hz)
         return min(max(period, last / INTERVAL_RATIO), longest)
 
-    def _nearest(self) -> float:
-        """Return the least number of samples to the next contact."""
-        return min(0.5 * self._period, self.periods[-1] / INTERVAL_RATIO)
-
     def step(self, read: Read, missing: Missing) -> list[ContactPair] | None:
         """Search the next contact in the samples before `next_index`; None when the wheel is lost."""
-        last, end = self.contact, self.next_index
-        first = min(max(int(last.centre + self._nearest()) - box_offsets(self._width)[2], int(last.centre)), end)
+        end = self.next_index
+        first = min(self._first, end)
         radial = read(first, end)
         if self._sign < 0:
             radial = -radial
-        prefix = np.empty(len(radial) + 1)
-        prefix[0] = 0.0
-        np.cumsum(radial, out=prefix[1:])
+        prefix = cumulative(radial)
         candidates, waiting = self._candidates(prefix, first)
         if waiting and end < self._give_up_at:
             self.next_index = end + max(1, round(0.5 * self._width))
             return []
         fitting: list[tuple[float, int, Contact, int]] = []
         for place, (at, width) in enumerate(candidates):
-            found = refine_contact(radial, at - first, width)
+            found = refine_contact(radial, at, width, prefix=prefix, first=first)
             if found is not None:
-                found = restore_lost_edge(replace(found, centre=found.centre + first), width, missing)
+                found = restore_lost_edge(found, width, missing)
             turns = self._turns_to(found, read) if found is not None else 0
             if found is not None and turns:
-                fitting.append((self._misfit(found, turns), place, found, turns))
+                fitting.append((self._misfit(found, turns) if len(candidates) > 1 else 0.0, place, found, turns))
         if fitting:
             return self._accept(*min(fitting)[2:])
         if end < self._give_up_at:
@@ -272,7 +287,7 @@ class ContactTrack:
             return []
         return None
 
-    def _candidates(self, prefix: FloatArray, first: int) -> tuple[list[tuple[float, float]], bool]:
+    def _candidates(self, prefix: FloatArray, first: int) -> tuple[list[tuple[int, float]], bool]:
         """Return dips that may be the next contact, one or more revolutions later, likeliest first, with their widths.
 
         Args:
@@ -282,40 +297,41 @@ class ContactTrack:
         Returns:
             (sample, width) of the dips, and whether the likeliest is so near the end that more samples may move it.
         """
-        spread = self._time_std()
         # The period of a slow wheel that accelerates or brakes is uncertain, and so is the width of its dips.
         stretches = [1.0]
         if self.contact.depth_mps2 < _SLOW_MPS2:
-            lowest = math.floor(2.0 * math.log2(self._nearest() / self._period))
+            lowest = math.floor(2.0 * math.log2(self._nearest / self._period))
             stretches = [2.0 ** (half / 2.0) for half in range(lowest, 3)]
-        found: list[tuple[float, float, float, bool]] = []
+        found: list[tuple[float, int, float, bool]] = []
         for stretch in stretches:
             width = max(3.0, stretch * self._width)
             score, offset = dip_score(prefix, width)
             if not len(score):
                 continue
+            # Samples from the last contact to the first score.
+            after = first + offset - self.contact.centre
             # Quick preselection by the least depth that could be accepted anywhere.
-            farthest = (first + offset + len(score) - self.contact.centre) / (_MAX_UNSEEN + 1.0)
+            farthest = (after + len(score)) / (_MAX_UNSEEN + 1.0)
             least = self._depth_period2 / max(farthest, 1.5 * self._period) ** 2
-            places = np.flatnonzero(score >= (_ACCEPT_SHARE - 0.2) * least)
-            period = places + (first + offset - self.contact.centre)
-            turns = np.minimum(np.maximum(np.rint(period / self._period), 1.0), _MAX_UNSEEN + 1.0)
-            expected = self._depth_period2 * (turns / period) ** 2
-            good = score[places] >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
-            if len(stretches) > 1:
-                relative = period / (turns * self._period * stretch)
-                good &= (relative > _STRETCH_BAND[0]) & (relative < _STRETCH_BAND[1])
-            places, period, turns, expected = places[good], period[good], turns[good], expected[good]
+            places = (score >= (_ACCEPT_SHARE - 0.2) * least).nonzero()[0]
             if not len(places):
                 continue
-            breaks = np.flatnonzero(places[1:] - places[:-1] > max(1, round(0.5 * width))) + 1
-            for lo, hi in pairwise((0, *breaks.tolist(), len(places))):
-                at = lo + int(np.argmax(score[places[lo:hi]]))
-                top = int(places[at])
-                depth_off = math.log(score[top] / expected[at]) / _DEPTH_LOG_STD
-                time_off = (period[at] / self._period - turns[at]) / (spread * turns[at])
-                cost = float(depth_off**2 + time_off**2 + _UNSEEN_COST * (turns[at] - 1.0))
-                found.append((cost, float(first + offset + top), width, top + _SCORE_SHARE * width >= len(score)))
+            depth, period = score[places], places + after
+            turns: FloatArray | float = 1.0
+            if period[-1] >= 1.5 * self._period:
+                turns = np.minimum(np.maximum(np.rint(period / self._period), 1.0), _MAX_UNSEEN + 1.0)
+            expected = self._depth_period2 * np.square(turns / period)
+            good = depth >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
+            if len(stretches) > 1:
+                relative = period / (turns * (self._period * stretch))
+                good &= (relative > _STRETCH_BAND[0]) & (relative < _STRETCH_BAND[1])
+            for top in _summits(places[good], depth[good], max(1, round(0.5 * width))):
+                at = after + top
+                turn = min(max(round(at / self._period), 1), _MAX_UNSEEN + 1)
+                depth_off = math.log(score.item(top) * (at / turn) ** 2 / self._depth_period2) / _DEPTH_LOG_STD
+                time_off = (at / (turn * self._period) - 1.0) / self._time_std
+                cost = depth_off**2 + time_off**2 + _UNSEEN_COST * (turn - 1.0)
+                found.append((cost, first + offset + top, width, top + _SCORE_SHARE * width >= len(score)))
         found.sort()
         return [(at, width) for _, at, width, _ in found[:_MAX_CANDIDATES]], bool(found) and found[0][3]
 
@@ -325,18 +341,18 @@ class ContactTrack:
         period = found.centre - last.centre
         if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _MIN_DEPTH_MPS2:
             return 0
-        unseen_limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
-        for turns in range(1, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
-            one = period / turns
-            limit = TURN_RATIO if turns == 1 else unseen_limit
-            stretch = INTERVAL_RATIO if turns == 1 else _UNSEEN_PERIOD_RATIO
-            unlike = max(one / self._period, self._period / one)
-            if turns == 1:
-                unlike = min(unlike, max(one / self.periods[-1], self.periods[-1] / one))
-            own = self._turn_of(last, found, turns) / self._turn
-            if 1.0 / limit < own < limit and unlike < stretch:
-                return turns if self._rolled_through(last, found, turns, read) else 0
-        return 0
+        own = self._turn_of(last, found) / self._turn
+        unlike = min(_ratio(period, self._period), _ratio(period, self.periods[-1]))
+        turns = 1
+        if not (1.0 / TURN_RATIO < own < TURN_RATIO and unlike < INTERVAL_RATIO):
+            limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
+            for turns in range(2, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
+                unlike = _ratio(period / turns, self._period)
+                if 1.0 / limit < own / turns < limit and unlike < _UNSEEN_PERIOD_RATIO:
+                    break
+            else:
+                return 0
+        return turns if self._rolled_through(last, found, turns, read) else 0
 
     def _misfit(self, found: Contact, turns: int) -> float:
         """Return the cost of a contact `turns` revolutions later: deviations from the prediction, less its strength."""
@@ -344,14 +360,9 @@ class ContactTrack:
         return (
             (math.log(self._turn_of(self.contact, found, turns) / self._turn) / _TURN_LOG_STD) ** 2
             + (math.log(size(found) / self._size) / _SIZE_LOG_STD) ** 2
-            + (0.5 * late / self._time_std()) ** 2
+            + (0.5 * late / self._time_std) ** 2
             + _UNSEEN_COST * (turns - 1)
             - math.log(found.depth_mps2 * math.sqrt(found.duration))
-        )
-
-    def _time_std(self) -> float:
-        return _TIME_STD + min(
-            _MAX_ADDED_TIME_STD, 2.0 * math.pi * _ACCELERATION_CHANGE_MPS2 / max(self.contact.depth_mps2, 1.0)
         )
 
     def _may_go_unseen(self, found: Contact) -> bool:
@@ -373,13 +384,13 @@ class ContactTrack:
         expected = self._duty * period
         excess = abs(found.duration - expected)
         if excess > _DISTURBED_SHARE * expected and excess**2 > 36.0 * self._jitter2:
-            found = replace(found, centre_std=max(found.centre_std, 0.5 * excess))
+            found = found._replace(centre_std=max(found.centre_std, 0.5 * excess))
         elif turns == 1:
             jitter2 = edge_jitter2(last, found, self.periods[-1] / period)
             self._jitter2 += _JITTER_WEIGHT * (jitter2 - self._jitter2)
         pairs: list[ContactPair] = []
         start, previous = last, self.periods[-1]
-        for end in (*self._unseen(found, turns), found):
+        for end in (*self._unseen(found, turns), found) if turns > 1 else (found,):
             pairs.append(ContactPair(start, end, self.period_std(start, end), previous, decided_at))
             previous = end.centre - start.centre
             start = end

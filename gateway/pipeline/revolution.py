@@ -79,7 +79,8 @@ class SensorReading:
     def radial_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
         """Return the radial axis of samples (n, channels), nominally positive inward, (n,)."""
         column = self.radial_column
-        radial: FloatArray = np.subtract(counts[:, column], self.offset_counts[column], dtype=float)
+        radial: FloatArray = counts[:, column].astype(float)
+        radial -= self.offset_counts[column]
         radial *= self.scale_mps2[column]
         return radial
 
@@ -156,9 +157,12 @@ def _in_angle(
 ) -> Iterator[Revolution]:
     """Yield the revolutions, with their rows of the arrays, which are filled first."""
     counts, phases = zip(*(_samples_and_phase(one, buffer) for one in revolutions), strict=True)
-    axes.fill(math.nan)
     scale = Scale(reading.offset_counts, reading.scale_mps2)
-    axes[:, list(reading.columns)] = resample_revolutions(counts, phases, GRID_SIZE, scale)
+    if reading.columns == tuple(Axis):
+        resample_revolutions(counts, phases, GRID_SIZE, scale, out=axes)
+    else:
+        axes.fill(math.nan)
+        axes[:, list(reading.columns)] = resample_revolutions(counts, phases, GRID_SIZE, scale)
     for row, revolution in zip(axes, revolutions, strict=True):
         if revolution.sign < 0:
             np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
@@ -174,14 +178,17 @@ def _in_angle(
     spectra = np.fft.rfft(radial, axis=1)
     orders[:] = spectrum_coefficients(spectra)
     noises = band_noises(spectra, [phase.samples for phase in phases])
+    # Hardly ever is any sample of a block saturated.
+    may_be_saturated = reading.is_saturated(buffer.view(*_range(revolutions[0], revolutions[-1], buffer)))
     for place, (revolution, phase, noise_coefficient) in enumerate(zip(revolutions, phases, noises, strict=True)):
         period = phase.samples
         order_max = highest_order(period)
-        orders[place, order_max + 1 :] = complex(math.nan, math.nan)
+        if order_max < ORDER_COUNT - 1:
+            orders[place, order_max + 1 :] = complex(math.nan, math.nan)
         timed = revolution.timed
         edges, edge_fault = _edges(timed, radial[place], period, noise_coefficient)
         lost = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre))
-        saturated = reading.is_saturated(counts[place])
+        saturated = may_be_saturated and reading.is_saturated(counts[place])
         clipped = not saturated and is_clipped(counts[place][:, reading.radial_column], revolution.sign)
         yield Revolution(
             index=revolution.index,
@@ -210,12 +217,18 @@ def _in_angle(
 
 def _samples_and_phase(revolution: TimedRevolution, buffer: SampleBuffer) -> tuple[NDArray[np.int16], Phase]:
     """Return the samples of a revolution with margins for the interpolation, and its phase in their positions."""
-    pair, timed = revolution.pair, revolution.timed
+    timed = revolution.timed
     start, end = timed.start.centre, timed.end.centre
-    first = max(math.floor(start) - MARGIN_SAMPLES - 1, buffer.tail)
-    last = min(math.ceil(end) + MARGIN_SAMPLES + 2, pair.decided_at, buffer.head)
+    first, last = _range(revolution, revolution, buffer)
     previous = start - timed.previous_period - first if timed.previous_period is not None else None
     return buffer.view(first, last), fit_phase(start - first, end - first, previous)
+
+
+def _range(earlier: TimedRevolution, later: TimedRevolution, buffer: SampleBuffer) -> tuple[int, int]:
+    """Return first and last (exclusive) sample from one revolution to another, with margins for the interpolation."""
+    first = math.floor(earlier.timed.start.centre) - MARGIN_SAMPLES - 1
+    last = math.ceil(later.timed.end.centre) + MARGIN_SAMPLES + 2
+    return max(first, buffer.tail), min(last, later.pair.decided_at, buffer.head)
 
 
 def _edges(

@@ -6,7 +6,6 @@ do not depend on the chunks in which samples arrive, live or from a dump.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from typing import Final
 
@@ -14,7 +13,7 @@ from gateway.pipeline.contact_tracking import ContactPair as ContactPair
 from gateway.pipeline.contact_tracking import ContactTrack, Missing, Read, consistent, restore_lost_edge
 from gateway.pipeline.results import WheelState
 from gateway.signal.contact_trains import LONGEST_PERIOD_S, Known
-from gateway.signal.segmentation import Contact, find_contacts, is_still, refine_contact
+from gateway.signal.segmentation import Contact, cumulative, find_contacts, is_still, refine_contact
 from gateway.types import FloatArray
 
 SEARCH_STEP_S: Final = 0.125
@@ -137,10 +136,11 @@ class Segmenter:
     ) -> list[Contact]:
         """Return the latest run of at least three consistent contacts, located exactly; empty when there is none."""
         runs: list[list[Contact]] = [[]]
+        prefix = cumulative(radial) if coarse else None
         for at, _, width in coarse:
-            contact = refine_contact(radial, at, width)
+            contact = refine_contact(radial, first + at, width, prefix=prefix, first=first)
             if contact is not None:
-                contact = restore_lost_edge(replace(contact, centre=contact.centre + first), contact.duration, missing)
+                contact = restore_lost_edge(contact, contact.duration, missing)
             if contact is None:
                 runs.append([])
             elif not runs[-1] or consistent(runs[-1], contact):

@@ -74,14 +74,14 @@ class SampleClock:
             return known
         indices = np.array(self._indices[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         ticks = np.array(self._ticks_us[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
-        rate = self.nominal_rate_hz
+        rate, index_mean, tick_mean = self.nominal_rate_hz, float(indices.mean()), float(ticks.mean())
         if indices[-1] - indices[0] >= _MIN_SPAN_S * rate:
-            centred = indices - indices.mean()
-            us_per_sample = float(centred @ (ticks - ticks.mean()) / (centred @ centred))
+            centred = indices - index_mean
+            us_per_sample = float(centred @ (ticks - tick_mean) / (centred @ centred))
             measured = 1e6 / us_per_sample if us_per_sample > 0.0 else 0.0
             if abs(measured / rate - 1.0) <= _MAX_RATE_ERROR:
                 rate = measured
-        anchor_us = float(ticks.mean() + (last - indices.mean()) * 1e6 / rate)
+        anchor_us = tick_mean + (last - index_mean) * 1e6 / rate
         while len(self._fits) >= _SAMPLE_WINDOWS:
             del self._fits[next(iter(self._fits))]
         self._fits[last] = rate, last, anchor_us

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any, Final, Literal, NamedTuple
 
@@ -51,8 +50,7 @@ _LENGTH_STEP: Final = 32
 _TOGETHER: Final = 8
 
 
-@dataclass(frozen=True, slots=True)
-class Phase:
+class Phase(NamedTuple):
     """Angle against time over one revolution, at constant angular acceleration.
 
     theta(x) = rate (x - start) + acceleration (x - start)^2 / 2 with x in samples, 0 at `start` and 2 pi at `end`.
@@ -126,11 +124,14 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     period = end - start
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"a revolution cannot run from sample {start} to {end}")
-    known: list[float] = []
-    if previous is not None:
-        known += _accelerations(start - previous, period)
-    if following is not None:
-        known += _accelerations(period, following - end)
+    known = [
+        _acceleration(before, after)
+        for before, after in (
+            (start - previous if previous is not None else 0.0, period),
+            (period, following - end if following is not None else 0.0),
+        )
+        if before > 0.0 and after > 0.0 and 1.0 / _MAX_PERIOD_RATIO < before / after < _MAX_PERIOD_RATIO
+    ]
     acceleration = sum(known) / len(known) if known else 0.0
     # The speed must stay positive over the whole revolution: |a| T < 2 * mean speed.
     limit = 3.6 * math.pi / period**2
@@ -138,14 +139,9 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     return Phase(start, end, 2.0 * math.pi / period - 0.5 * acceleration * period, acceleration)
 
 
-def _accelerations(before: float, after: float) -> tuple[float, ...]:
-    """Return the constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi).
-
-    Empty where these are not the periods of neighbouring revolutions.
-    """
-    if not (before > 0.0 and after > 0.0 and 1.0 / _MAX_PERIOD_RATIO < before / after < _MAX_PERIOD_RATIO):
-        return ()
-    return (4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after),)
+def _acceleration(before: float, after: float) -> float:
+    """Return the constant angular acceleration through (-before, -2 pi), (0, 0), (after, 2 pi)."""
+    return 4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after)
 
 
 def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SIZE) -> FloatArray:
@@ -168,7 +164,11 @@ def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SI
 
 
 def resample_revolutions(
-    samples_mps2: Sequence[NDArray[Any]], phases: Sequence[Phase], n: int = GRID_SIZE, scale: Scale | None = None
+    samples_mps2: Sequence[NDArray[Any]],
+    phases: Sequence[Phase],
+    n: int = GRID_SIZE,
+    scale: Scale | None = None,
+    out: FloatArray | None = None,
 ) -> FloatArray:
     """Resample revolutions on the angle grid; each as `resample_revolution` does, whatever the others are.
 
@@ -177,6 +177,7 @@ def resample_revolutions(
         phases: phase of each, in positions of its rows.
         n: grid size, even.
         scale: converts the samples to accelerations, None when they are.
+        out: array for the result, if there is one.
 
     Returns:
         (revolutions, axes, n).
@@ -186,7 +187,7 @@ def resample_revolutions(
     """
     if n < 8 or n % 2:
         raise ValueError(f"the angle grid needs an even size of at least 8, not {n}")
-    result = np.empty((len(phases), samples_mps2[0].shape[1], n))
+    result = np.empty((len(phases), samples_mps2[0].shape[1], n)) if out is None else out
     # Revolutions of one spline order and one fineness of the grid are interpolated together.
     alike: dict[tuple[Literal[3, 5], int], list[int]] = {}
     for place, (samples, phase) in enumerate(zip(samples_mps2, phases, strict=True)):
@@ -200,7 +201,11 @@ def resample_revolutions(
         for begin in range(0, len(places), together):
             part = places[begin : begin + together]
             of_part = [samples_mps2[place] for place in part], [phases[place] for place in part]
-            result[part] = _resample_alike(*of_part, n, order, density, scale)
+            # A slice is written to without a copy.
+            in_a_row = part[-1] - part[0] == len(part) - 1
+            result[slice(part[0], part[-1] + 1) if in_a_row else part] = _resample_alike(
+                *of_part, n, order, density, scale
+            )
     return result
 
 
@@ -274,32 +279,36 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
             more = min(length - end, len(part) - 1)
             line[:, end : end + more] = line[:, end - 2 : end - 2 - more : -1]
             end += more
-    if scale is not None:
+    gain, factors = _filter_factors(order, length)
+    if scale is None:
+        lines *= gain
+    else:
         lines -= scale.offset_counts[:, np.newaxis]
-        lines *= scale.mps2[:, np.newaxis]
+        lines *= gain * scale.mps2[:, np.newaxis]
     # The filter's equations have one unknown per sample and couple neighbours only; one after the other for each pole.
     right = lines.reshape(-1, length).T
-    for diagonal, beside, gain in _filter_factors(order, length):
-        right *= gain
-        right[[0, -1]] *= 0.5
+    for diagonal, beside in factors:
+        right[0] *= 0.5
+        right[-1] *= 0.5
         right, _ = dpttrs(diagonal, beside, right, overwrite_b=True)
     coefficients: FloatArray = right.T.reshape(lines.shape)
     return coefficients
 
 
 @lru_cache(maxsize=128)
-def _filter_factors(order: Literal[3, 5], length: int) -> list[tuple[FloatArray, FloatArray, float]]:
-    """Return the factors of the equations of a spline's filter for lines that are mirrored at both ends, and the gain.
+def _filter_factors(order: Literal[3, 5], length: int) -> tuple[float, list[tuple[FloatArray, FloatArray]]]:
+    """Return the gain and the factored equations of a spline's filter, for lines that are mirrored at both ends.
 
-    For each pole z: -z c[i - 1] + (1 + z^2) c[i] - z c[i + 1] = (1 - z)^2 s[i], halved at both ends.
+    For each pole z: -z c[i - 1] + (1 + z^2) c[i] - z c[i + 1] = (1 - z)^2 s[i], halved at both ends. The gain is the
+    product of the (1 - z)^2.
     """
-    found = []
+    factors = []
     for pole in _POLES[order]:
         diagonal = np.full(length, 1.0 + pole * pole)
         diagonal[[0, -1]] *= 0.5
         diagonal, beside, _ = dpttrf(diagonal, np.full(length - 1, -pole))
-        found.append((diagonal, beside, (1.0 - pole) ** 2))
-    return found
+        factors.append((diagonal, beside))
+    return math.prod((1.0 - pole) ** 2 for pole in _POLES[order]), factors
 
 
 def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[3, 5]) -> FloatArray:
@@ -324,8 +333,9 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
     at += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
     if axes == 1:
         # Long rows, added one after the other: the sum does not depend on the number of points.
-        places = np.arange(taps, dtype=np.int32)[:, np.newaxis] + at.reshape(-1)
-        parts = coefficients.reshape(-1)[places] * (_BASIS[order].T @ powers)
+        places = np.arange(taps)[:, np.newaxis] + at.reshape(-1)
+        parts = coefficients.reshape(-1).take(places)
+        parts *= _BASIS[order].T @ powers
         line: FloatArray = np.add.reduce(parts, axis=0)
         return line.reshape(count, 1, -1)
     # One sparse matrix reads several axes; for one it takes longer to make than it saves. Its indices are filled column

@@ -50,46 +50,46 @@ def is_clipped(counts: NDArray[np.integer[Any]], sign: int = 1) -> bool:
     ascending = np.sort(counts)
     if sign < 0:
         ascending = -ascending[::-1].astype(np.int32)
-    at_bottom = int(np.searchsorted(ascending, ascending[0], side="right"))
+    n, bottom, top = len(ascending), ascending.item(0), ascending.item(-1)
     if _is_cut_deeply(ascending) or _peak_is_cut(ascending):
         return True
-    at_top = len(ascending) - int(np.searchsorted(ascending, ascending[-1]))
-    if max(at_top, at_bottom) <= _NO_PILE:
+    if n <= _NO_PILE or (ascending.item(_NO_PILE) > bottom and ascending.item(-1 - _NO_PILE) < top):
         return False
     noise = _noise_counts(counts)
     if noise < _LEAST_NOISE:
         return False
     near = math.floor(_NOISE_RANGE * noise)
-    near_top = len(ascending) - int(np.searchsorted(ascending, int(ascending[-1]) - near))
-    near_bottom = int(np.searchsorted(ascending, int(ascending[0]) + near, side="right"))
+    at_bottom, near_bottom = ascending.searchsorted((bottom, bottom + near), side="right").tolist()
+    at_top, near_top = (n - ascending.searchsorted((top, top - near))).tolist()
     share = _FLATNESS / (near + 1.0)
     return _beyond_chance(at_top, near_top, share) or _beyond_chance(at_bottom, near_bottom, share)
 
 
 def _is_cut_deeply(ascending: NDArray[np.integer[Any]]) -> bool:
     """Return whether a large part of the revolution lies at the top, as when the steady value itself is cut."""
-    top = int(ascending[-1])
-    if top - int(ascending[0]) <= _DEEP_COUNTS:
+    top = ascending.item(-1)
+    if top - ascending.item(0) <= _DEEP_COUNTS:
         return False
-    at_top = len(ascending) - int(np.searchsorted(ascending, top))
-    return at_top > _DEEP_SHARE * len(ascending)
+    # The lowest of the least number of samples that are a large part.
+    return bool(ascending.item(-1 - math.floor(_DEEP_SHARE * len(ascending))) == top)
 
 
 def _peak_is_cut(ascending: NDArray[np.integer[Any]]) -> bool:
     """Return whether more samples lie near the top than a smooth peak has."""
-    n, top = len(ascending), int(ascending[-1])
-    middle = 0.5 * (int(ascending[(n - 1) // 2]) + int(ascending[n // 2]))
+    n, top = len(ascending), ascending.item(-1)
+    middle = 0.5 * (ascending.item((n - 1) // 2) + ascending.item(n // 2))
     near = math.floor(_PARABOLA_SHARE * (top - middle))
     if near < _LEAST_COUNTS:
         return False
-    levels = [2**power - 1 for power in range(max(1, math.floor(math.log2(0.25 * near)) + 1))]
-    # Counts at or above each level.
-    within = (n - np.searchsorted(ascending, np.array([top - level for level in (*levels, near)]))).tolist()
-    of = within.pop()
-    return any(
-        _beyond_chance(count, of, _FLATNESS * math.sqrt((level + 1.0) / (near + 1.0)))
-        for count, level in zip(within, levels, strict=True)
-    )
+    # Powers of two up to a quarter of the parabola's counts, and the number of samples within each and within all.
+    widths = [1 << power for power in range(near.bit_length() - 2)]
+    *within, of = (n - ascending.searchsorted([top + 1 - width for width in (*widths, near + 1)])).tolist()
+    limit = _FLATNESS * of / math.sqrt(near + 1.0)
+    for count, width in zip(within, widths, strict=True):
+        root = math.sqrt(width)
+        if count > limit * root and _beyond_chance(count, of, _FLATNESS * root / math.sqrt(near + 1.0)):
+            return True
+    return False
 
 
 def _beyond_chance(within: int, of: int, share: float) -> bool:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,7 +21,8 @@ from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.edge_distance import EdgeShape, edge_distance, edge_shape, model_std_rad
 from gateway.signal.order_spectrum import coefficient_std
-from gateway.types import FloatArray
+from gateway.signal.short_medians import median
+from gateway.types import ComplexArray, FloatArray
 
 # The smoothed derivative keeps orders by a Gaussian of this standard width, narrower when the sampling is coarse.
 SMOOTHING_ORDER: Final = 40.0
@@ -103,17 +105,15 @@ def find_contact_edges(
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
     width = smoothing_order(samples_per_revolution)
     levels = contact_levels(radial_mps2, width)
-    noise, slope_noise, curvature_noise, slope_bend_noise = (
-        noise_coefficient_mps2 * math.sqrt(float(np.sum((levels.orders**power * levels.gain) ** 2)))
-        for power in range(4)
-    )
+    kept = _smoothing(len(radial_mps2), width)
+    noise, slope_noise, curvature_noise, slope_bend_noise = (noise_coefficient_mps2 * one for one in kept.noises)
     plateau, baseline = levels.plateau_mps2, levels.baseline_mps2
     if levels.shapes is None:
         return _not_found(Reason(Code.NO_CONTACT), plateau, baseline)
     contrast = (baseline - plateau) / noise if noise > 0.0 else math.inf
     if not contrast > _MIN_CONTRAST:
         return _not_found(Reason(Code.CONTACT_IN_NOISE), plateau, baseline, contrast)
-    ripple_noise = noise_coefficient_mps2 * math.sqrt(float(np.sum(_band_gain(levels.orders, levels.gain) ** 2)))
+    ripple_noise = noise_coefficient_mps2 * kept.ripple_noise
     ripple = math.sqrt(max(levels.ripple_mps2**2 - ripple_noise**2, 0.0)) / (baseline - plateau)
     edges = []
     for shape, direction in zip(levels.shapes, (-1, 1), strict=True):
@@ -141,25 +141,22 @@ class ContactLevels:
         baseline_mps2: level of the free belt.
         shapes: at the leading and at the trailing edge; None where no contact is found.
         ripple_mps2: rms of the free belt's waves above order 18, beyond the overshoots; 0 if smoothing removes them.
-        orders: (k,) orders that the smoothing keeps.
-        gain: (k,) with these gains.
     """
 
     plateau_mps2: float
     baseline_mps2: float
     shapes: tuple[EdgeShape, EdgeShape] | None
     ripple_mps2: float
-    orders: FloatArray
-    gain: FloatArray
 
 
 def contact_levels(radial_mps2: FloatArray, width: float) -> ContactLevels:
     """Return the levels and slopes of a finite waveform (n,), smoothed to `width` orders."""
     n = radial_mps2.shape[0]
-    smooth, slope, orders, gain = _smooth(radial_mps2, width)
+    smooth, slope, stronger = _smooth(radial_mps2, width)
     points_per_rad = n / (2.0 * math.pi)
     middle, reach, search = n // 2, round(_CENTRE_RAD * points_per_rad), round(_SEARCH_RAD * points_per_rad)
-    baseline = float(np.median(smooth[np.abs(angle_grid(n)) > _FREE_RAD]))
+    beyond = math.ceil(_FREE_RAD * points_per_rad)
+    baseline = median(np.concatenate((smooth[: middle - beyond + 1], smooth[middle + beyond :])))
     inside = middle - reach + int(np.argmin(smooth[middle - reach : middle + reach + 1]))
     plateau = float(smooth[inside])
     crossings = _half_level_crossings(smooth, inside, 0.5 * (plateau + baseline), search)
@@ -170,24 +167,23 @@ def contact_levels(radial_mps2: FloatArray, width: float) -> ContactLevels:
         plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
         crossings = _half_level_crossings(smooth, (first + last) // 2, 0.5 * (plateau + baseline), search)
     if crossings is None:
-        return ContactLevels(plateau, baseline, None, 0.0, orders, gain)
+        return ContactLevels(plateau, baseline, None, 0.0)
     leading, trailing = (
         edge_shape(smooth, slope, index, direction, (plateau, baseline), search)
         for index, direction in zip(crossings, (-1, 1), strict=True)
     )
-    ripple = _ripple(radial_mps2, smooth, leading.steepest_rad, trailing.steepest_rad) if width > _WAVES_ABOVE else 0.0
-    return ContactLevels(plateau, baseline, (leading, trailing), ripple, orders, gain)
+    ripple = _ripple(smooth - stronger, leading.steepest_rad, trailing.steepest_rad) if width > _WAVES_ABOVE else 0.0
+    return ContactLevels(plateau, baseline, (leading, trailing), ripple)
 
 
-def _ripple(radial_mps2: FloatArray, smooth_mps2: FloatArray, leading_rad: float, trailing_rad: float) -> float:
-    """Return the rms of the waves beside the contact that the usual smoothing keeps and a stronger one removes."""
-    waves = smooth_mps2 - _smooth(radial_mps2, _RIPPLE_ORDER)[0]
-    angles = angle_grid(len(waves))
+def _ripple(waves_mps2: FloatArray, leading_rad: float, trailing_rad: float) -> float:
+    """Return the rms beside the contact of the waves that the usual smoothing keeps and a stronger one removes."""
+    angles = angle_grid(len(waves_mps2))
     near, far = _RIPPLE_RAD
-    beside = ((angles > trailing_rad + near) & (angles < trailing_rad + far)) | (
-        (angles < leading_rad - near) & (angles > leading_rad - far)
-    )
-    return math.sqrt(float(np.square(waves[beside]).mean())) if beside.any() else 0.0
+    before = slice(*np.searchsorted(angles, (leading_rad - far, leading_rad - near)).tolist())
+    behind = slice(*np.searchsorted(angles, (trailing_rad + near, trailing_rad + far)).tolist())
+    beside = np.concatenate((waves_mps2[before], waves_mps2[behind]))
+    return math.sqrt(float(beside @ beside) / len(beside)) if len(beside) else 0.0
 
 
 def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
@@ -212,32 +208,55 @@ def smoothing_order(samples_per_revolution: float) -> float:
     return min(SMOOTHING_ORDER, _SMOOTHING_SHARE * samples_per_revolution)
 
 
-def _smooth(waveform: FloatArray, width: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the smoothed waveform, its derivative by angle, (n,) each, and the orders kept with their gains."""
-    n = waveform.shape[0]
+class _Smoothing(NamedTuple):
+    """Smoothing of a waveform to a width in orders, and what it leaves of white noise.
+
+    Attributes:
+        factors: (3, n / 2 + 1) factors of the orders of the smoothed waveform, of its derivative by angle, and of the
+            waveform smoothed to `_RIPPLE_ORDER`.
+        noises: of the smoothed waveform and its first three derivatives, over that of one real order coefficient.
+        ripple_noise: likewise, of the waves that the usual smoothing keeps and the stronger one removes.
+    """
+
+    factors: ComplexArray
+    noises: tuple[float, ...]
+    ripple_noise: float
+
+
+@lru_cache(maxsize=32)
+def _smoothing(n: int, width: float) -> _Smoothing:
+    """Return the smoothing of waveforms (n,) to `width` orders by a Gaussian."""
+    orders, gain = _gaussian(n, width)
+    strong_orders, strong_gain = _gaussian(n, _RIPPLE_ORDER)
+    factors = np.zeros((3, n // 2 + 1), np.complex128)
+    factors[[0, 2], 0] = 1.0
+    factors[0, 1 : len(orders) + 1] = gain
+    factors[1, 1 : len(orders) + 1] = gain * (1j * orders)
+    factors[2, 1 : len(strong_orders) + 1] = strong_gain
+    noises = tuple(math.sqrt(float(np.sum((orders**power * gain) ** 2))) for power in range(4))
+    band = gain - np.exp(-0.5 * (orders / _RIPPLE_ORDER) ** 2)
+    return _Smoothing(factors, noises, math.sqrt(float(np.sum(band**2))))
+
+
+def _gaussian(n: int, width: float) -> tuple[FloatArray, FloatArray]:
+    """Return the orders above 0 that a smoothing to `width` orders keeps, and their gains."""
     orders = np.arange(1.0, min(n // 2, math.ceil(3.5 * width)))
-    gain = np.exp(-0.5 * (orders / width) ** 2)
-    spectra = np.zeros((2, n // 2 + 1), dtype=np.complex128)
-    kept = np.fft.rfft(waveform)
-    spectra[:, 0] = kept[0], 0.0
-    spectra[0, 1 : len(orders) + 1] = kept[1 : len(orders) + 1] * gain
-    spectra[1, 1 : len(orders) + 1] = spectra[0, 1 : len(orders) + 1] * (1j * orders)
-    curves: FloatArray = np.fft.irfft(spectra, n=n, axis=1)
-    return curves[0], curves[1], orders, gain
+    return orders, np.exp(-0.5 * (orders / width) ** 2)
+
+
+def _smooth(waveform: FloatArray, width: float) -> FloatArray:
+    """Return the smoothed waveform, its derivative by angle, and the waveform smoothed to `_RIPPLE_ORDER`, (3, n)."""
+    n = waveform.shape[0]
+    curves: FloatArray = np.fft.irfft(np.fft.rfft(waveform) * _smoothing(n, width).factors, n=n, axis=1)
+    return curves
 
 
 def _smear(shape: EdgeShape, scatter_mps2: FloatArray) -> float:
     """Return the standard deviation of an edge's place in an average, rad; 0 while the scatter is not known."""
     n = len(scatter_mps2)
     at = round((shape.steepest_rad + math.pi) * n / (2.0 * math.pi)) % n
-    excess = float(scatter_mps2[at] ** 2 - np.median(scatter_mps2) ** 2)
+    excess = scatter_mps2.item(at) ** 2 - median(scatter_mps2) ** 2
     return math.sqrt(excess) / shape.slope_mps2 if excess > 0.0 < shape.slope_mps2 else 0.0
-
-
-def _band_gain(orders: FloatArray, gain: FloatArray) -> FloatArray:
-    """Return the gains, (k,), of the waves that the usual smoothing keeps and the stronger one removes."""
-    result: FloatArray = gain - np.exp(-0.5 * (orders / _RIPPLE_ORDER) ** 2)
-    return result
 
 
 def _half_level_crossings(smooth: FloatArray, inside: int, level: float, reach: int) -> tuple[int, int] | None:

@@ -243,21 +243,21 @@ class ContactSamples:
             np.minimum(np.maximum(where, 0.0, out=where), self._last[of_group], out=where)
             read = read_spline(self._coefficients[of_group], where, 5)[:, 0]
             factor = 1.0 / (np.square(rates[of_group]) * (rate * rate + (2.0 * acceleration) * angles))
-            change = (read - region.gravity_mps2) * factor - region.values
+            read -= region.gravity_mps2
+            read *= factor
+            change = np.subtract(read, region.values, out=read)
             fitted = change @ region.rows.T
             gain = 1.0 + fitted[:, 2]
-            moved = fitted[:, :2] / gain[:, np.newaxis]
-            rest2 = np.square(change - fitted @ region.model.T)
-            misfit2 = rest2.mean(axis=1)
+            change -= fitted @ region.model.T
+            rest2 = np.square(change, out=change)
+            halves = np.add.reduceat(rest2, (0, region.middle), axis=1)
             fits[of_group] = (
                 (_GAIN_RANGE[0] < gain)
                 & (gain < _GAIN_RANGE[1])
-                & (misfit2 < (_MAX_RESIDUAL_SHARE * template.span) ** 2)
+                & (halves[:, 0] + halves[:, 1] < len(angles) * (_MAX_RESIDUAL_SHARE * template.span) ** 2)
             )
-            shift[of_group] = moved
-            residual[of_group] = np.sqrt(
-                np.stack((rest2[:, : region.middle].mean(axis=1), rest2[:, region.middle :].mean(axis=1)), axis=1)
-            )
+            shift[of_group] = fitted[:, :2] / gain[:, np.newaxis]
+            residual[of_group] = np.sqrt(halves / (region.middle, len(angles) - region.middle))
             highest = np.minimum(np.ceil(math.pi / rate[:, 0]), len(region.covariances_rad2) - 1).astype(np.int64)
             for place, order in zip(places.tolist(), highest.tolist(), strict=True):
                 covariances[place] = region.covariances_rad2[order]
@@ -272,8 +272,8 @@ class ContactSamples:
 
 def _arrays(passages: Sequence[Phase]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return start, rate and acceleration of the passages, (k, 1) each."""
-    values = np.array([(passage.start, passage.rate, passage.acceleration) for passage in passages])
-    return values[:, :1], values[:, 1:2], values[:, 2:]
+    values = np.array(passages)
+    return values[:, :1], values[:, 2:3], values[:, 3:]
 
 
 def _places(angles_rad: FloatArray, start: FloatArray, rate: FloatArray, acceleration: FloatArray) -> FloatArray:

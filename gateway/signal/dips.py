@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
+from numpy.typing import NDArray
 
 from gateway.signal.short_medians import median
 from gateway.types import FloatArray
@@ -98,25 +98,39 @@ def noise_std_mps2(signal: FloatArray) -> float:
     return median(np.abs(second, out=second)) / (0.6745 * math.sqrt(6.0))
 
 
-@dataclass(frozen=True, slots=True)
-class _Scale:
+class _Scale(NamedTuple):
     """Scores at one duration.
 
     Attributes:
         width: duration in samples of the signal.
         first: sample number of the first score.
         step: samples of the signal from score to score.
-        score: (n,) scores by sign.
-        highest: (n,) highest score within half a duration on either side, by sign.
-        centre: (n,) mean of the centre box; not negated for sign -1.
+        reach: half a duration, in scores.
+        score: (2, n) scores of the signal and of its negative.
+        centre: (n,) mean of the centre box.
     """
 
     width: float
     first: float
     step: int
-    score: dict[int, FloatArray]
-    highest: dict[int, FloatArray]
+    reach: int
+    score: FloatArray
     centre: FloatArray
+
+    def highest(self, of: NDArray[np.intp], place: NDArray[np.intp]) -> FloatArray:
+        """Return the highest scores within half a duration of places, (k,); -inf where there are none.
+
+        Args:
+            of: (k,) 0 for the signal, 1 for its negative.
+            place: (k,) numbers of scores, may lie outside.
+        """
+        n = self.score.shape[1]
+        around = place[:, np.newaxis] + np.arange(-self.reach, self.reach + 1)
+        np.minimum(np.maximum(around, 0, out=around), n - 1, out=around)
+        around += (of * n)[:, np.newaxis]
+        values: FloatArray = self.score.reshape(-1).take(around).max(axis=1)
+        values[(place < 0) | (place >= n)] = -math.inf
+        return values
 
 
 def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
@@ -133,34 +147,39 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
     noise = noise_std_mps2(signal[-round(2.0 * rate_hz) :])
     lowest = 0.0 if is_at_range_end(signal) else DEPTH_DURATION2_M[0]
     longest = DURATION_S[1] * rate_hz
-    found: dict[int, Dips] = {}
-    for sign in (1, -1):
-        parts: list[FloatArray] = []
-        for place, scale in enumerate(scales):
-            if scale.width > longest:
-                break
-            score = scale.score[sign]
-            centre, inner, outer = box_offsets(scale.width / scale.step)
-            floor = max(
-                MIN_DEPTH_MPS2,
-                lowest * (rate_hz / scale.width) ** 2,
-                _NOISE_FACTOR * noise * ((1.0 / (2 * centre + 1) + 1.0 / (outer - inner + 1)) / scale.step) ** 0.5,
-            )
-            top = np.flatnonzero((score >= scale.highest[sign]) & (score > floor))
-            if not len(top):
-                continue
-            depth: FloatArray = score[top]
-            at: FloatArray = np.asarray(scale.first + top * scale.step, np.float64)
-            best = depth * (scale.width / rate_hz) ** 2 <= DEPTH_DURATION2_M[1]
-            for other in (place - 1, place + 1):
-                if 0 <= other < len(scales):
-                    best &= depth >= _highest_at(scales[other], sign, at)
-            top = top[best]
-            parts.append(
-                np.stack((at[best], depth[best], np.full(len(top), scale.width), sign * scale.centre[top])),
-            )
-        found[sign] = _without_duplicates(np.concatenate(parts, axis=1) if parts else np.empty((4, 0)))
-    return found
+    parts = [np.empty((5, 0))]
+    for number, scale in enumerate(scales):
+        if scale.width > longest:
+            break
+        score = scale.score
+        centre, inner, outer = box_offsets(scale.width / scale.step)
+        floor = max(
+            MIN_DEPTH_MPS2,
+            lowest * (rate_hz / scale.width) ** 2,
+            _NOISE_FACTOR * noise * ((1.0 / (2 * centre + 1) + 1.0 / (outer - inner + 1)) / scale.step) ** 0.5,
+        )
+        # The highest within half a duration is also one that is not lower than its neighbours.
+        is_top = score > floor
+        rises = score[:, 1:] >= score[:, :-1]
+        is_top[:, 1:] &= rises
+        falls = score[:, 1:] <= score[:, :-1]
+        is_top[:, :-1] &= falls
+        of, top = is_top.nonzero()
+        if not len(top):
+            continue
+        depth = score[of, top]
+        best = depth >= scale.highest(of, top)
+        best &= depth * (scale.width / rate_hz) ** 2 <= DEPTH_DURATION2_M[1]
+        of, top, depth = of[best], top[best], depth[best]
+        at = scale.first + top * float(scale.step)
+        best = np.ones(len(top), np.bool_)
+        for other in scales[max(number - 1, 0) : number] + scales[number + 1 : number + 2]:
+            best &= depth >= other.highest(of, np.rint((at - other.first) / other.step).astype(np.intp))
+        sign = 1.0 - 2.0 * of[best]
+        width = np.full(len(sign), scale.width)
+        parts.append(np.stack((at[best], depth[best], width, sign * scale.centre[top[best]], sign)))
+    dips = np.concatenate(parts, axis=1)
+    return {sign: _without_duplicates(dips[:4, dips[4] == sign]) for sign in (1, -1)}
 
 
 def is_at_range_end(signal: FloatArray) -> bool:
@@ -186,21 +205,13 @@ def _scales(signal: FloatArray, rate_hz: float) -> list[_Scale]:
         centre, left, right, first = _boxes(prefix[skip:], width / step)
         if not len(centre):
             break
-        score = {1: np.minimum(left, right) - centre, -1: centre - np.maximum(left, right)}
-        around = 2 * max(1, round(0.5 * width / step)) + 1
-        highest = {sign: maximum_filter1d(values, around, mode="nearest") for sign, values in score.items()}
-        scales.append(_Scale(width, start + (skip + first + 0.5) * step - 0.5, step, score, highest, centre))
+        score = np.empty((2, len(centre)))
+        np.subtract(np.minimum(left, right), centre, out=score[0])
+        np.subtract(centre, np.maximum(left, right), out=score[1])
+        reach = max(1, round(0.5 * width / step))
+        scales.append(_Scale(width, start + (skip + first + 0.5) * step - 0.5, step, reach, score, centre))
         width *= _SCALE_RATIO
     return scales
-
-
-def _highest_at(scale: _Scale, sign: int, at: FloatArray) -> FloatArray:
-    """Return a scale's highest scores around the samples of another scale; -inf where it has none."""
-    index = np.rint((at - scale.first) / scale.step).astype(np.int64)
-    inside = (index >= 0) & (index < len(scale.highest[sign]))
-    values = np.full(len(at), -np.inf)
-    values[inside] = scale.highest[sign][index[inside]]
-    return values
 
 
 def _without_duplicates(parts: FloatArray) -> Dips:

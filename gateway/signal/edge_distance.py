@@ -14,6 +14,7 @@ The same holds where the waveform is the average of contacts of different length
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -132,7 +133,7 @@ def edge_shape(
     spacing = 2.0 * math.pi / n
     outward = slope_mps2 * direction
     at = _climb(outward, index)
-    left, here, right = (float(outward[(at + step) % n]) for step in (-1, 0, 1))
+    left, here, right = (outward.item((at + step) % n) for step in (-1, 0, 1))
     bend = 2.0 * here - left - right
     position = at + 0.5 * (right - left) / bend if bend > 0.0 else float(at)
     outside = outward[(at + direction * np.arange(reach + 2)) % n]
@@ -167,30 +168,54 @@ def edge_distance(
         ripple: rms of the waves of the free belt, over the step from contact to free belt.
         smear_rad: standard deviation of the edge's place over the revolutions of an average.
     """
-    mean_distance, *factors, model_std = (float(np.interp(width, _WIDTHS, column)) for column in _DISTANCES)
-    means, spreads = (
-        np.array([float(np.interp(width, _WIDTHS, column)) for column in table])
-        for table in (_FEATURE_MEANS_RAD, _FEATURE_STDS_RAD)
-    )
-    usable = np.isfinite(features_rad) & np.isfinite(noises_rad)
-    noises = np.where(usable, noises_rad, 0.0)
-    trust = np.where(usable, spreads**2 / (spreads**2 + noises**2), 0.0)
-    departures = np.where(usable, features_rad, means) - means
-    departures = np.clip(departures, -_MAX_DEPARTURE * spreads, _MAX_DEPARTURE * spreads)
+    model = _linear_model(width)
     smooth = 1.0 / (1.0 + (ripple / _HALF_TRUST_RIPPLE) ** 4 + (smear_rad / _HALF_TRUST_SMEAR_RAD) ** 4)
-    known = smooth * np.array(factors) * trust
-    unknown_std = smooth * float(np.linalg.norm(np.array(factors) * spreads * np.sqrt(1.0 - trust)))
-    wavy_std = math.sqrt(1.0 - smooth) * float(np.interp(width, _WIDTHS, _DISTANCE_SPREADS_RAD))
-    return EdgeDistance(
-        mean_distance + float(known @ departures),
-        float(np.linalg.norm(known * noises)),
-        math.hypot(model_std, unknown_std, wavy_std),
-    )
+    distance, noise2, unknown2 = model.mean_rad, 0.0, 0.0
+    for feature, noise, (factor, mean, spread) in zip(
+        features_rad.tolist(), noises_rad.tolist(), model.features, strict=True
+    ):
+        trust = 0.0
+        if math.isfinite(feature) and math.isfinite(noise):
+            trust = spread**2 / (spread**2 + noise**2)
+            known, limit = smooth * factor * trust, _MAX_DEPARTURE * spread
+            distance += known * min(max(feature - mean, -limit), limit)
+            noise2 += (known * noise) ** 2
+        unknown2 += (smooth * factor * spread) ** 2 * (1.0 - trust)
+    wavy_std = math.sqrt(1.0 - smooth) * model.spread_rad
+    return EdgeDistance(distance, math.sqrt(noise2), math.hypot(model.std_rad, math.sqrt(unknown2), wavy_std))
+
+
+class _LinearModel(NamedTuple):
+    """The linear function at one width of the smoothing.
+
+    Attributes:
+        mean_rad: distance at the features' means.
+        features: for each feature its factor, its mean and its standard deviation over tires.
+        std_rad: standard error of the function.
+        spread_rad: standard deviation of the distance over tires.
+    """
+
+    mean_rad: float
+    features: tuple[tuple[float, float, float], ...]
+    std_rad: float
+    spread_rad: float
+
+
+@lru_cache(maxsize=32)
+def _linear_model(width: float) -> _LinearModel:
+    """Return the linear function at a width of the smoothing in orders, interpolated between those of the tables."""
+
+    def at_width(column: tuple[float, ...]) -> float:
+        return float(np.interp(width, _WIDTHS, column))
+
+    mean, *factors, std = map(at_width, _DISTANCES)
+    tables = map(at_width, _FEATURE_MEANS_RAD), map(at_width, _FEATURE_STDS_RAD)
+    return _LinearModel(mean, tuple(zip(factors, *tables, strict=True)), std, at_width(_DISTANCE_SPREADS_RAD))
 
 
 def model_std_rad(width: float) -> float:
     """Return the standard error of the distance without noise, for a width of the smoothing in orders."""
-    return float(np.interp(width, _WIDTHS, _DISTANCES[-1]))
+    return _linear_model(width).std_rad
 
 
 def _climb(slope: FloatArray, index: int) -> int:

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from gateway.signal.short_medians import medians
+from gateway.signal.short_medians import median
 from gateway.types import ComplexArray, FloatArray
 
 ORDER_COUNT: Final = 61
@@ -73,16 +73,15 @@ def band_noises(spectra: ComplexArray, samples_per_revolution: Sequence[float]) 
     """Return what `coefficient_std` does, from (k, n / 2 + 1) discrete Fourier transforms of waveforms."""
     n = 2 * (spectra.shape[1] - 1)
     bands = [_noise_band(n, samples) for samples in samples_per_revolution]
-    noises = [math.nan] * len(bands)
-    for band in set(bands):
-        places = [place for place, own in enumerate(bands) if own == band]
-        part = spectra[:, slice(*band)] if len(places) == len(bands) else spectra[places, slice(*band)]
-        power = part.real**2
-        power += part.imag**2
-        for place, middle in zip(places, medians(power), strict=True):
-            # |C|^2 = 2 sigma^2 * (chi-square of two degrees / 2), whose median is ln 2.
-            noises[place] = math.sqrt(middle / (2.0 * math.log(2.0))) * 2.0 / n
-    return noises
+    lowest, highest = min(low for low, _ in bands), max(high for _, high in bands)
+    power = np.square(spectra.real[:, lowest:highest])
+    power += np.square(spectra.imag[:, lowest:highest])
+    # |C|^2 = 2 sigma^2 * (chi-square of two degrees / 2), whose median is ln 2.
+    factor = 2.0 / n / math.sqrt(2.0 * math.log(2.0))
+    return [
+        factor * math.sqrt(median(row[low - lowest : high - lowest]))
+        for row, (low, high) in zip(power, bands, strict=True)
+    ]
 
 
 def _noise_band(n: int, samples_per_revolution: float) -> tuple[int, int]:

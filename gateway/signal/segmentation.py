@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -34,8 +33,7 @@ STANDSTILL_STD_MPS2: Final = 2.5
 _STILL_BOX_S: Final = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(NamedTuple):
     """One passage through the contact patch.
 
     Attributes:
@@ -88,84 +86,91 @@ def find_contacts(
     return [(float(at), float(depth), float(width)) for at, depth, width in coarse], best_sign
 
 
-def refine_contact(radial_mps2: FloatArray, guess: float, width: float) -> Contact | None:
+def refine_contact(
+    radial_mps2: FloatArray, guess: float, width: float, *, prefix: FloatArray | None = None, first: int = 0
+) -> Contact | None:
     """Locate a contact to a fraction of a sample by its two half-level crossings.
 
     Args:
         radial_mps2: (n,) radial axis, positive inward.
         guess: sample number near the centre, within a quarter of `width`.
         width: expected duration in samples.
+        prefix: (n + 1,) cumulative sum of the axis from 0 on, if known.
+        first: number of the first sample.
 
     Returns:
-        the contact, in sample numbers of the array, or None when a crossing lies outside it.
+        the contact, or None when a crossing lies outside the array.
     """
-    middle = round(guess)
+    middle = round(guess - first)
     reach = math.ceil(1.6 * width) + 2
-    first, end = max(middle - reach, 0), min(middle + reach + 1, len(radial_mps2))
-    segment = radial_mps2[first:end]
-    at = middle - first
-    levels = _dip_levels(segment, at, width)
+    begin, end = max(middle - reach, 0), min(middle + reach + 1, len(radial_mps2))
+    if prefix is None:
+        prefix = cumulative(radial_mps2)
+    levels = _dip_levels(prefix, begin, middle, end, width)
     if levels is None:
         return None
     low, depth = levels
     # More noise needs more smoothing, or the first noisy sample beyond the level is mistaken for the edge.
-    noise = noise_std_mps2(segment)
+    noise = noise_std_mps2(radial_mps2[begin:end])
     smooth = max(1, round(width * 0.08), round(min(0.35 * width, (_CROSSING_FACTOR * noise / depth) ** 2)))
-    smoothed = _smoothed(segment, smooth) if smooth > 1 else segment
+    # Sums of `smooth` neighbouring samples.
+    sums = prefix[begin + smooth : end + 1] - prefix[begin : end + 1 - smooth]
+    level = (low + 0.5 * depth) * smooth
     shift = 0.5 * (smooth - 1)
-    level = low + 0.5 * depth
-    start = min(max(round(at - shift), 0), len(smoothed) - 1)
-    after, before = _crossing(smoothed, start, level, 1), _crossing(smoothed, start, level, -1)
-    if after is None or before is None:
+    start = min(max(round(middle - begin - shift), 0), len(sums) - 1)
+    above = sums > level
+    after, before = start + int(above[start:].argmax()), start - int(above[start::-1].argmax())
+    # No distance is also that of no crossing at all.
+    if after == start or before == start:
         return None
-    (below, above), (above_before, below_before) = smoothed[after - 1 : after + 1], smoothed[before : before + 2]
-    trailing = after - float((above - level) / (above - below))
-    leading = before + float((above_before - level) / (above_before - below_before))
+    below, beyond = sums.item(after - 1), sums.item(after)
+    trailing = after - (beyond - level) / (beyond - below)
+    below, beyond = sums.item(before + 1), sums.item(before)
+    leading = before + (beyond - level) / (beyond - below)
     # Timing error of a crossing: noise after smoothing, divided by the slope over the smoothing length.
-    slopes = [max(_mean_slope(smoothed, place, smooth), sys.float_info.min) for place in (after, before)]
-    centre_std = 0.5 * noise / smooth**0.5 * math.hypot(*(1.0 / slope for slope in slopes))
+    slopes = [max(_mean_slope(sums, place, smooth) / smooth, sys.float_info.min) for place in (after, before)]
+    centre_std = 0.5 * noise / smooth**0.5 * math.hypot(1.0 / slopes[0], 1.0 / slopes[1])
     centre_std = math.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width))
-    return Contact(first + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
+    return Contact(first + begin + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
 
 
-def _smoothed(values: FloatArray, count: int) -> FloatArray:
-    """Return the means of `count` neighbouring values, (n - count + 1,)."""
-    total = np.add.accumulate(values)
-    means = total[count - 1 :].copy()
-    means[1:] -= total[:-count]
-    means *= 1.0 / count
-    return means
+def cumulative(values: FloatArray) -> FloatArray:
+    """Return the cumulative sum of (n,) values from 0 on, (n + 1,)."""
+    prefix = np.empty(len(values) + 1)
+    prefix[0] = 0.0
+    np.add.accumulate(values, out=prefix[1:])
+    return prefix
 
 
-def _dip_levels(segment: FloatArray, at: int, width: float) -> tuple[float, float] | None:
-    """Return the level of the dip around sample `at`, and its depth below the lower flank; None without a dip."""
+def _dip_levels(prefix: FloatArray, begin: int, middle: int, end: int, width: float) -> tuple[float, float] | None:
+    """Return the level of the dip around a sample, and its depth below the lower flank; None without a dip.
+
+    Args:
+        prefix: cumulative sum of the signal.
+        begin: first sample that is used.
+        middle: sample near the dip's centre.
+        end: last sample that is used (exclusive).
+        width: of the dip in samples.
+    """
     centre, inner, outer = box_offsets(width)
-    if at - inner < 1 or at + inner + 1 >= len(segment):
+    if middle - inner < begin + 1 or middle + inner + 1 >= end:
         return None
-    low = _mean(segment[max(at - centre, 0) : at + centre + 1])
-    left = _mean(segment[max(at - outer, 0) : at - inner + 1])
-    right = _mean(segment[at + inner : at + outer + 1])
+
+    def mean(first: int, last: int) -> float:
+        first, last = max(first, begin), min(last, end)
+        return (prefix.item(last) - prefix.item(first)) / (last - first)
+
+    low = mean(middle - centre, middle + centre + 1)
+    left = mean(middle - outer, middle - inner + 1)
+    right = mean(middle + inner, middle + outer + 1)
     depth = min(left, right) - low
     return (low, depth) if depth > 0.0 else None
 
 
-def _mean(values: FloatArray) -> float:
-    """Return the mean; the method of arrays takes four times as long for some ten values."""
-    return float(np.add.reduce(values)) / len(values)
-
-
-def _crossing(smoothed: FloatArray, start: int, level: float, direction: int) -> int | None:
-    """Return the first sample above the level from `start` on, in direction 1 or -1; None without a crossing."""
-    above = (smoothed[start:] if direction > 0 else smoothed[start::-1]) > level
-    distance = int(above.argmax())
-    # Position 0 is also that of no crossing at all.
-    return start + direction * distance if distance > 0 else None
-
-
-def _mean_slope(smoothed: FloatArray, place: int, span: int) -> float:
-    """Return the absolute slope over `span` samples on either side of a place, within the signal."""
-    lo, hi = max(place - span, 0), min(place + span, len(smoothed) - 1)
-    return abs(float(smoothed[hi] - smoothed[lo])) / max(hi - lo, 1)
+def _mean_slope(values: FloatArray, place: int, span: int) -> float:
+    """Return the absolute slope over `span` values on either side of a place, within the array."""
+    lo, hi = max(place - span, 0), min(place + span, len(values) - 1)
+    return abs(values.item(hi) - values.item(lo)) / max(hi - lo, 1)
 
 
 def is_still(radial_mps2: FloatArray, rate_hz: float) -> bool:

@@ -12,21 +12,9 @@ from numpy.typing import NDArray
 def median(values: NDArray[np.floating[Any]] | NDArray[np.integer[Any]]) -> float:
     """Return the median of (n,) values, n > 0; NaN if any value is NaN."""
     half = len(values) // 2
-    parted = np.partition(values, half)
-    # NaN is sorted to the end.
-    if parted.dtype.kind == "f" and math.isnan(parted[half:].max()):
+    # On short arrays, sorting takes no longer than selecting. NaN is sorted to the end.
+    ascending = np.sort(values)
+    upper = float(ascending.item(half))
+    if math.isnan(ascending.item(-1)):
         return math.nan
-    upper = float(parted[half])
-    return upper if len(values) % 2 else 0.5 * (float(parted[:half].max()) + upper)
-
-
-def medians(values: NDArray[np.floating[Any]]) -> list[float]:
-    """Return the median of each row of (k, n) values, n > 0; NaN if any value of the row is NaN."""
-    n = values.shape[1]
-    half = n // 2
-    parted = np.partition(values, half, axis=1)
-    found = parted[:, half] if n % 2 else 0.5 * (parted[:, :half].max(axis=1) + parted[:, half])
-    # NaN is sorted to the end.
-    highest = parted[:, half:].max(axis=1)
-    middles: list[float] = np.where(np.isnan(highest), highest, found).tolist()
-    return middles
+    return upper if len(values) % 2 else 0.5 * (ascending.item(half - 1) + upper)

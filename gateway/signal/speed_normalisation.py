@@ -121,7 +121,7 @@ def normalise_revolutions(
         given = np.array([interior is not None for interior in interiors])
         closed &= given
     angle, corrected = np.empty((2, count, n))
-    for _ in range(_ITERATIONS if gravity_mps2 else 1):
+    for iteration in range(_ITERATIONS if gravity_mps2 else 1):
         if interiors is not None:
             for place, interior in enumerate(interiors):
                 if interior is not None and closed[place]:
@@ -144,7 +144,12 @@ def normalise_revolutions(
         if not all_closed:
             angle[~closed] = theta
         if gravity_mps2:
-            np.cos(angle, out=shape)
+            if iteration == 0:
+                # Single precision takes a fifth of the time. The two iterations that follow divide its error by the
+                # square of R Omega^2 / g.
+                shape[:] = np.cos(angle.astype(np.float32))
+            else:
+                np.cos(angle, out=shape)
             shape *= -gravity_mps2
             shape += radial_mps2
     if ac_coupled:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
@@ -61,7 +60,7 @@ def match(template, signal, passage, rate_hz=RATE_HZ):
     if not first.fits[0]:
         return None
     start = passage.start + 0.5 * first.shift_rad[0].sum() / passage.rate
-    nearer = dataclasses.replace(passage, start=start, end=start + passage.samples)
+    nearer = passage._replace(start=start, end=start + passage.samples)
     found = around.match([nearer], [rate_hz])
     if not found.fits[0] or np.abs(start + found.shift_rad[0] / passage.rate - passage.start).max() > (
         around.largest_shift_rad / passage.rate
