@@ -364,7 +364,7 @@ class _Renewed:
 def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _Renewed:
     """Return the maps and standard errors of the present average."""
     index, followed, edges = measured.index, measured.followed, measured.edges_rad
-    revolution, conditions, average = block.revolutions[index], block.conditions[index], block.averages.at(index)
+    revolution, conditions = block.revolutions[index], block.conditions[index]
     record = followed.record()
     found = slopes(record, edges, conditions.radius_m)
     rows = np.concatenate([found.rows, found.parity_rows, found.ahead_row[np.newaxis]])
@@ -380,7 +380,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance += np.square(rows @ record.lateral_m * scale_std)
     known, error = _PEAK_TRUNCATION
     variance[[0, -1]] += np.square(rows[[0, -1]] @ record.lateral_m * (error * (known / max(record.order_max, 1)) ** 3))
-    edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
+    edges_std = block.averages.edges_std_rad(index)
     variance[:-1] += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
     orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
     by_roll = rows @ record.radial_m

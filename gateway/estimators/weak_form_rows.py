@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -48,6 +48,8 @@ UNKNOWNS: Final = 6
 STRIDE: Final = 2
 SENSITIVE_ORDERS: Final = ORDER_COUNT
 _COARSE_COSINES: Final[FloatArray] = COSINES[::STRIDE, :SENSITIVE_ORDERS] * (STRIDE * TRAPEZOID[::STRIDE, np.newaxis])
+
+_Values = TypeVar("_Values", FloatArray, ComplexArray)
 
 
 class VirtualMotion(NamedTuple):
@@ -151,34 +153,23 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     free = slice(motion.begin // STRIDE, None)
     rotation = motion.rotation[:, coarse]
     bs, cw, rs, ts, tension, deflection = unknowns.T[:, :, np.newaxis]
-    tangent, along = shape.tangent[:, coarse], ALONG[coarse]
+    tangent = shape.tangent[:, coarse]
     force = cw * rows.forces[:, 0, coarse] + rs * rows.forces[:, 1, coarse] + ts * rows.forces[:, 2, coarse] - tension
     force += deflection * (rs * _RISE_FORCES[0, coarse] + ts * _RISE_FORCES[1, coarse])
-    axial = _dot(tangent, force)[:, np.newaxis]
-    # Plane vectors as x and y, (b, rows, points) each: real arithmetic takes half the time of complex.
-    x, y = tangent.real[:, np.newaxis], tangent.imag[:, np.newaxis]
+    axial = _dot(tangent, force)
+    tangent, along = tangent[:, np.newaxis], ALONG[coarse]
     bs, cw, rs, ts = (number[..., np.newaxis] for number in (bs, cw, rs, ts))
     # Virtual displacement int n phi, 0 in the contact; the last row's is vertical.
-    moved = np.zeros((2, len(tangent), ROWS + 1, len(along)))
-    np.multiply(-y[..., free], rotation, out=moved[0, :, :ROWS, free])
-    np.multiply(x[..., free], rotation, out=moved[1, :, :ROWS, free])
-    moved[:, :, :ROWS, free] = _running(moved[:, :, :ROWS, free])
-    moved[1, :, ROWS] = 2.0
+    moved = np.zeros((len(tangent), ROWS + 1, len(along)), dtype=np.complex128)
+    moved[:, :ROWS, free] = _running(1j * tangent[..., free] * rotation)
+    moved[:, ROWS] = 2.0j
     # Derivative by the angle: the belt beyond the point moves along its normal, which changes the work of the sidewall,
-    radial = along.imag * moved[0]
-    radial -= along.real * moved[1]
-    radial *= rs - ts
-    work = ts * moved
-    work[0] += radial * along.imag
-    work[1] -= radial * along.real
-    work = _remaining(work)
-    by_angle = x * work[1]
-    by_angle -= y * work[0]
+    backwards = tangent.conj()
+    radial = (rs - ts) * (along * moved.conj()).imag
+    by_angle = (backwards * _remaining(ts * moved - radial * (1j * along))).imag
     # and pressure and axial force rotate.
-    turning = x * moved[0, :, :ROWS]
-    turning += y * moved[1, :, :ROWS]
-    by_angle[:, :ROWS] -= cw * turning
-    by_angle[:, :ROWS, free] += axial[..., free] * rotation
+    by_angle[:, :ROWS] -= cw * (backwards * moved[:, :ROWS]).real
+    by_angle[:, :ROWS, free] += axial[:, np.newaxis, free] * rotation
     by_order: FloatArray = by_angle @ _COARSE_REMAINING
     by_order[:, :ROWS] += bs * motion.bending
     closing = np.sin(shape.angle_rad[:, coarse]) @ _COARSE_REMAINING
@@ -194,9 +185,9 @@ def _dot(left: ComplexArray, right: ComplexArray) -> FloatArray:
     return product
 
 
-def _running(values: FloatArray) -> FloatArray:
+def _running(values: _Values) -> _Values:
     """Return the trapezoidal integral from the first point of the coarse grid."""
-    total: FloatArray = np.cumsum(values, axis=-1)
+    total: _Values = np.cumsum(values, axis=-1)
     half = 0.5 * values
     total -= half
     total -= half[..., :1]
@@ -204,7 +195,7 @@ def _running(values: FloatArray) -> FloatArray:
     return total
 
 
-def _remaining(values: FloatArray) -> FloatArray:
+def _remaining(values: _Values) -> _Values:
     """Return the trapezoidal integral from each point of the coarse grid to the last."""
     total = _running(values)
     return total[..., -1:] - total

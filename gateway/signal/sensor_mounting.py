@@ -19,7 +19,7 @@ import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid
-from gateway.types import ComplexArray, FloatArray, IntArray
+from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
 
 # Highest order used: above it there is noise but no signal of a tire's slope.
 HIGHEST_ORDER: Final = 60
@@ -87,10 +87,45 @@ class MountingRows:
         repeats, as that of a tread does.
         """
         bands = len(_BANDS)
-        products = self.sums[:, : 6 * bands].reshape(-1, 6, bands)
+        products = self._products
         tilt_zero, zero_zero, zero_right, count = self.sums[:, 6 * bands :].T
-        total = products.sum(axis=2)
-        offset_offset, offset_tilt, tilt_tilt, offset_right, tilt_right, square = total.T
+        solution, right, inverse, known = self._solution()
+        with np.errstate(divide="ignore", invalid="ignore"):
+            size = known.sum(axis=1)
+            square = products[:, 5].sum(axis=1)
+            white = np.maximum(square - np.sum(solution * right, axis=1), 0.0) / np.maximum(count - size, 1.0)
+            offset, tilt, zero = solution.T[:, :, np.newaxis]
+            left = np.zeros((len(known), 3, bands))
+            left[:, 0] = products[:, 3] - products[:, 0] * offset - products[:, 1] * tilt
+            left[:, 1] = products[:, 4] - products[:, 1] * offset - products[:, 2] * tilt
+            left[:, 1, 0] -= tilt_zero * zero[:, 0]
+            left[:, 2, 0] = zero_right - tilt_zero * tilt[:, 0] - zero_zero * zero[:, 0]
+            left *= known[:, :, np.newaxis]
+            clustered = np.sum(np.square(inverse @ left), axis=2) * (bands / np.maximum(bands - size, 1))[:, np.newaxis]
+            variance = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) * white[:, np.newaxis], clustered)
+            stds = np.sqrt(variance)
+        return np.where(known, solution, math.nan), np.where(known, stds, math.nan)
+
+    def squared_residuals(self) -> FloatArray:
+        """Return the sum of squares that the solution of each set leaves, (k,) m^2/s^4."""
+        solution, right, *_ = self._solution()
+        explained = np.sum(np.nan_to_num(solution) * right, axis=1)
+        result: FloatArray = np.maximum(self._products[:, 5].sum(axis=1) - explained, 0.0)
+        return result
+
+    @property
+    def _products(self) -> FloatArray:
+        """(k, 6, bands) products of the factors of e and tilt with each other and with the left-hand side."""
+        bands = len(_BANDS)
+        return self.sums[:, : 6 * bands].reshape(-1, 6, bands)
+
+    def _solution(self) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Return unknowns (k, 3), right-hand sides, inverses of the normal matrices, and which unknowns have equations.
+
+        Unknowns without equations are 0.
+        """
+        tilt_zero, zero_zero, zero_right, _ = self.sums[:, -4:].T
+        offset_offset, offset_tilt, tilt_tilt, offset_right, tilt_right, _ = self._products.sum(axis=2).T
         diagonal = np.stack([offset_offset, tilt_tilt, zero_zero], axis=1)
         known = diagonal > 0.0
         scale = 1.0 / np.sqrt(np.where(known, diagonal, 1.0))
@@ -109,29 +144,8 @@ class MountingRows:
             inverse *= scale[:, :, np.newaxis] * scale[:, np.newaxis, :]
             inverse /= np.where(determinant > 0.0, determinant, math.nan)[:, np.newaxis, np.newaxis]
             right = np.stack([offset_right, tilt_right, zero_right], axis=1) * known
-            solution = (inverse @ right[:, :, np.newaxis])[:, :, 0] * known
-            size = known.sum(axis=1)
-            white = np.maximum(square - np.sum(solution * right, axis=1), 0.0) / np.maximum(count - size, 1.0)
-            offset, tilt, zero = solution.T[:, :, np.newaxis]
-            left = np.zeros((len(known), 3, bands))
-            left[:, 0] = products[:, 3] - products[:, 0] * offset - products[:, 1] * tilt
-            left[:, 1] = products[:, 4] - products[:, 1] * offset - products[:, 2] * tilt
-            left[:, 1, 0] -= tilt_zero * zero[:, 0]
-            left[:, 2, 0] = zero_right - tilt_zero * tilt[:, 0] - zero_zero * zero[:, 0]
-            left *= known[:, :, np.newaxis]
-            clustered = np.sum(np.square(inverse @ left), axis=2) * (bands / np.maximum(bands - size, 1))[:, np.newaxis]
-            variance = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) * white[:, np.newaxis], clustered)
-            stds = np.sqrt(variance)
-        return np.where(known, solution, math.nan), np.where(known, stds, math.nan)
-
-    def squared_residuals(self) -> FloatArray:
-        """Return the sum of squares that the solution of each set leaves, (k,) m^2/s^4."""
-        bands = len(_BANDS)
-        *_, offset_right, tilt_right, square = self.sums[:, : 6 * bands].reshape(-1, 6, bands).sum(axis=2).T
-        right = np.stack([offset_right, tilt_right, self.sums[:, -2]], axis=1)
-        solution = np.nan_to_num(self.solve()[0])
-        result: FloatArray = np.maximum(square - np.sum(solution * right, axis=1), 0.0)
-        return result
+            solution: FloatArray = (inverse @ right[:, :, np.newaxis])[:, :, 0] * known
+        return solution, right, inverse, known
 
 
 def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:

@@ -140,6 +140,10 @@ class AverageSteps(Protocol):
         """Mean square deviation of the revolutions from the average after each, over a common positive factor."""
         ...
 
+    def edges_std_rad(self, index: int) -> tuple[float, float]:
+        """Return the standard errors of both mean edges after the revolution `index`."""
+        ...
+
     def at(self, index: int) -> AngleAverage:
         """Return the average after the revolution `index`."""
         ...
@@ -163,6 +167,10 @@ class OneAverage:
     def scatters(self) -> Sequence[float]:
         """Mean square deviation of the revolutions."""
         return [float(np.square(self._average.scatter_mps2).mean())]
+
+    def edges_std_rad(self, index: int) -> tuple[float, float]:  # noqa: ARG002 - part of the interface
+        """Return the standard errors of both mean edges."""
+        return self._average.leading_edge_std_rad, self._average.trailing_edge_std_rad
 
     def at(self, index: int) -> AngleAverage:  # noqa: ARG002 - part of the interface
         """Return the average."""
@@ -362,6 +370,10 @@ class _Steps:
             freedom = 1.0 - weight_square
             found.append(spread / freedom if freedom > 1e-12 else math.nan)
         return found
+
+    def edges_std_rad(self, index: int) -> tuple[float, float]:
+        *_, edges = self._scalars[index]
+        return edges.stds_rad()
 
     def at(self, index: int) -> AngleAverage:
         found = self._averages.get(index)
