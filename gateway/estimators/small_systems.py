@@ -32,13 +32,12 @@ def solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = Fa
     Raises:
         numpy.linalg.LinAlgError: a factor is singular.
     """
-    solved = []
+    solved = np.empty(right.shape)
     for place, one in enumerate(right):
-        found, info = dtrtrs(factors[min(place, len(factors) - 1)], one, lower=True, trans=transposed)
+        solved[place], info = dtrtrs(factors[min(place, len(factors) - 1)], one, lower=True, trans=transposed)
         if info:
             raise np.linalg.LinAlgError("a triangular factor is singular")
-        solved.append(found)
-    return np.stack(solved)
+    return solved
 
 
 def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
@@ -52,10 +51,10 @@ def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
         numpy.linalg.LinAlgError: a matrix is singular.
     """
     count = matrices.shape[2]
-    solved = []
-    for matrix, one in zip(matrices, right, strict=True):
+    solved = np.empty((len(right), count, right.shape[2]))
+    for place, (matrix, one) in enumerate(zip(matrices, right, strict=True)):
         _, found, info = dgels(matrix, one)
         if info:
             raise np.linalg.LinAlgError("the columns are not independent")
-        solved.append(found[:count])
-    return np.stack(solved)
+        solved[place] = found[:count]
+    return solved
