@@ -145,7 +145,7 @@ class _Series:
         averages, at = block.averages, block.condition_arrays
         edges = np.array(averages.edges_rad)
         sensor = (at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std)
-        self.states: FloatArray = np.stack([*edges.T, averages.scatters, *sensor, block.arrays.omega_radps], axis=1)
+        self.states: FloatArray = np.array([*edges.T, averages.scatters, *sensor, block.arrays.omega_radps]).T
         self.orders = relative_orders(averages.spectra, edges)
         self.effective_counts: FloatArray = np.array(averages.effective_counts)
         self.load_numbers: FloatArray = np.array([load_number(conditions) for conditions in block.conditions])

@@ -126,7 +126,7 @@ class MountingRows:
         """
         tilt_zero, zero_zero, zero_right, _ = self.sums[:, -4:].T
         offset_offset, offset_tilt, tilt_tilt, offset_right, tilt_right, _ = self._products.sum(axis=2).T
-        diagonal = np.stack([offset_offset, tilt_tilt, zero_zero], axis=1)
+        diagonal = np.array([offset_offset, tilt_tilt, zero_zero]).T
         known = diagonal > 0.0
         scale = 1.0 / np.sqrt(np.where(known, diagonal, 1.0))
         # Inverse of the scaled normal matrix: order 0 has no factor of e, so one correlation is zero.
@@ -143,7 +143,7 @@ class MountingRows:
             inverse[:, 2, 2] = 1.0 - with_tilt**2
             inverse *= scale[:, :, np.newaxis] * scale[:, np.newaxis, :]
             inverse /= np.where(determinant > 0.0, determinant, math.nan)[:, np.newaxis, np.newaxis]
-            right = np.stack([offset_right, tilt_right, zero_right], axis=1) * known
+            right = np.array([offset_right, tilt_right, zero_right]).T * known
             solution: FloatArray = (inverse @ right[:, :, np.newaxis])[:, :, 0] * known
         return solution, right, inverse, known
 

@@ -325,6 +325,14 @@ class _State:
         )
 
 
+def _spectra(values: FloatArray, has_orders: bool) -> ComplexArray:
+    """Return the coefficients c - i s of k waveforms, (k, 61), from values (k, n + 122) that contain them or not."""
+    if not has_orders:
+        return order_coefficients(values[:, :_ORDERS_AT])
+    result: ComplexArray = values[:, _ORDERS_AT:-ORDER_COUNT] - 1j * values[:, -ORDER_COUNT:]
+    return result
+
+
 class _Steps:
     """The average after each revolution of a block; what is not asked for is not computed."""
 
@@ -374,13 +382,11 @@ class _Steps:
     def spectra(self) -> ComplexArray:
         """(k, 61) coefficients of the averaged waveform."""
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
-        before = order_coefficients(self._before.moments.mean[np.newaxis, :_ORDERS_AT])
-        # The revolutions' own coefficients are those of their waveforms, as far as the sampling carries them.
-        if self._carried.all():
-            cosine, sine = self._values[:, _ORDERS_AT:].reshape(-1, 2, ORDER_COUNT).transpose(1, 0, 2)
-            own = cosine - 1j * sine
-        else:
-            own = order_coefficients(self._values[:, :_ORDERS_AT])
+        # Coefficients are those of the waveforms, as far as the sampling carries them.
+        before = _spectra(
+            self._before.moments.mean[np.newaxis], bool((self._before.order_counts == self._before.count).all())
+        )
+        own = _spectra(self._values, bool(self._carried.all()))
         result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ own
         change = (own - np.concatenate([before, result[:-1]])) * self._carried
         self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
