@@ -325,7 +325,7 @@ class _State:
         )
 
 
-def _spectra(values: FloatArray, has_orders: bool) -> ComplexArray:
+def _spectra(values: FloatArray, *, has_orders: bool) -> ComplexArray:
     """Return the coefficients c - i s of k waveforms, (k, 61), from values (k, n + 122) that contain them or not."""
     if not has_orders:
         return order_coefficients(values[:, :_ORDERS_AT])
@@ -383,10 +383,9 @@ class _Steps:
         """(k, 61) coefficients of the averaged waveform."""
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
         # Coefficients are those of the waveforms, as far as the sampling carries them.
-        before = _spectra(
-            self._before.moments.mean[np.newaxis], bool((self._before.order_counts == self._before.count).all())
-        )
-        own = _spectra(self._values, bool(self._carried.all()))
+        state = self._before
+        before = _spectra(state.moments.mean[np.newaxis], has_orders=bool((state.order_counts == state.count).all()))
+        own = _spectra(self._values, has_orders=bool(self._carried.all()))
         result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ own
         change = (own - np.concatenate([before, result[:-1]])) * self._carried
         self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
