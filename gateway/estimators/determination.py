@@ -206,41 +206,31 @@ def series_estimates(
         )
     ]
     scale = np.hypot(scales, [added for _, added in widths])[:, np.newaxis]
-    all_values, all_errors = np.empty((2, len(values), len(_NAMES)))
-    sound = np.empty(all_values.shape, dtype=np.bool_)
-    all_values[:, :_COUNT], all_errors[:, :_COUNT] = values, np.hypot(std, values * scale)
-    sound[:, :_COUNT] = _determined(values, free, variance, std)
-    cw = values[:, _CW, np.newaxis]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        # To first order.
-        ratios = values[:, _OVER_CW] / cw
-        with_cw = covariance[:, _OVER_CW, _CW] + covariance[:, _CW, _OVER_CW]
-        square = variance[:, _OVER_CW] - ratios * with_cw + ratios * ratios * variance[:, _CW, np.newaxis]
-        errors = np.sqrt(np.maximum(square / (cw * cw), 0.0))
-    all_values[:, _COUNT:], all_errors[:, _COUNT:] = ratios, errors
-    sound[:, _COUNT:] = (errors * DETERMINED <= ratios) & (free[:, _CW] & (values[:, _CW] > 0.0))[:, np.newaxis]
+    determined = _determined(values, free, variance, std)
+    ratios, ratio_errors, ratio_fits = _ratios(values, free, covariance)
     # Weak bending must be determined better than the ratio's own error tells.
-    sound[:, _COUNT] &= sound[:, 0]
-    sound &= (all_values > 0.0) & np.isfinite(all_errors)
-    all_values, all_errors, all_sound = all_values.tolist(), all_errors.tolist(), sound.tolist()
+    ratio_fits[:, 0] &= determined[:, 0]
+    known = np.concatenate([values, ratios], axis=1)
+    errors = np.concatenate([np.hypot(std, values * scale), ratio_errors], axis=1)
+    sound = np.concatenate([determined, ratio_fits], axis=1) & (known > 0.0) & np.isfinite(errors)
+    rows = list(zip(known.tolist(), errors.tolist(), sound.tolist(), strict=True))
     made = []
     for index, (lacking, (width, added)) in enumerate(zip(missing, widths, strict=True)):
-        rows = all_values[index], all_errors[index], all_sound[index]
         own = doubts[index]
         if lacking:
             numbers = [Estimate.invalid(name, *lacking) for name in RING_NUMBERS]
         else:
             of_width = () if width is None else (width,)
             numbers_doubts, numbers_notes = (own, (*notes, *of_width)) if added else ((*own, *of_width), notes)
-            numbers = _estimates(fitted, index, rows, range(_COUNT), numbers_doubts, numbers_notes)
-        made.append((*numbers, *_estimates(fitted, index, rows, range(_COUNT, len(_NAMES)), own, notes)))
+            numbers = _estimates(fitted, index, rows[index], range(_COUNT), numbers_doubts, numbers_notes)
+        made.append((*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), own, notes)))
     return made
 
 
 def _estimates(
     fitted: FittedSeries,
     index: int,
-    rows: tuple[list[float], list[float], list[bool]],
+    row: tuple[list[float], list[float], list[bool]],
     places: range,
     doubts: tuple[Reason, ...],
     notes: tuple[Reason, ...],
@@ -250,12 +240,12 @@ def _estimates(
     Args:
         fitted: the numbers.
         index: of the revolution.
-        rows: its values and errors, and whether each is known and determined, numbers first, then ratios.
+        row: its values and errors, and whether each is known and determined, numbers first, then ratios.
         places: of the estimates that are wanted.
         doubts: why they are provisional.
         notes: what valid ones rest on.
     """
-    values, errors, sound = rows
+    values, errors, sound = row
     status, reasons = (Status.PROVISIONAL, doubts) if doubts else (Status.VALID, notes)
     return [
         Estimate(_NAMES[place], values[place], errors[place], status, reasons)
@@ -281,6 +271,19 @@ def _undetermined(
     if not (value > 0.0 and math.isfinite(error)):
         return Estimate.invalid(name, *why_not)
     return Estimate(name, value, error, Status.PROVISIONAL, (*doubts, *why_not))
+
+
+def _ratios(values: FloatArray, free: BoolArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the ratios to Cw of k revolutions, their errors to first order, and which of them fit, (k, 3) each."""
+    cw = values[:, _CW, np.newaxis]
+    own = np.diagonal(covariance, axis1=1, axis2=2)
+    with_cw = covariance[:, _OVER_CW, _CW] + covariance[:, _CW, _OVER_CW]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = values[:, _OVER_CW] / cw
+        square = own[:, _OVER_CW] - ratios * with_cw + ratios * ratios * own[:, _CW, np.newaxis]
+        errors = np.sqrt(np.maximum(square / (cw * cw), 0.0))
+        fits: BoolArray = (errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
+    return ratios, errors, fits
 
 
 def _determined(values: FloatArray, free: BoolArray, variance: FloatArray, std: FloatArray) -> BoolArray:

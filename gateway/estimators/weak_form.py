@@ -260,11 +260,11 @@ class WeakFormEstimator:
         mean = float(signal[0].real)
         warm = self._warm
         damping = sidewall_damping(signal, warm.unknowns[0, :4], max_order) if warm is not None else None
-        sides = np.stack([*[signal.real] * 3, _undamped(signal, damping)])
-        sides = curvature_orders(sides, offset + _OFFSET_STEPS)
+        rows = np.stack([*[signal.real] * 3, _undamped(signal, damping)])
+        sides = curvature_orders(rows, offset + _OFFSET_STEPS)
         plain, orders = sides[:1], sides[3:]
         by_offset_step = (sides[2] - sides[1])[:ORDER_COUNT] / (2.0 * _OFFSET_STEP)
-        if not np.isfinite(sides).all():
+        if not np.isfinite(plain).all():
             return Reason(Code.NO_STEADY_VALUE)
         if (curvature := float(plain[0].sum())) > _MAX_CONTACT_CURVATURE:
             return Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
