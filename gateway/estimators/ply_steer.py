@@ -222,7 +222,7 @@ class PlySteerEstimator:
     def _measured(self, block: RevolutionBlock, measured: Sequence[_Measured]) -> list[tuple[Estimate, ...]]:
         """Return the estimates of revolutions with contact edges, at least one."""
         lateral_m = np.stack([one.followed.lateral_m for one in measured])
-        states = np.array([one.state(block) for one in measured])
+        states = _states(block, measured)
         claims = [block.conditions[one.index].claims for one in measured]
         roll_std_rad = np.array(
             [_roll_error(one.followed.roll, own) for one, own in zip(measured, claims, strict=True)]
@@ -307,16 +307,17 @@ class _Measured:
     edges_rad: tuple[float, float]
     unusable: Reason | None
 
-    def state(self, block: RevolutionBlock) -> tuple[float, ...]:
-        """Return what maps rest on besides the average: edges, orders, radius, gain and speed."""
-        followed, conditions = self.followed, block.conditions[self.index]
-        return (
-            *self.edges_rad,
-            followed.order_max,
-            conditions.radius_m,
-            conditions.gain_std,
-            block.revolutions[self.index].omega_radps,
-        )
+
+def _states(block: RevolutionBlock, measured: Sequence[_Measured]) -> FloatArray:
+    """Return what maps rest on besides the average: edges, orders, radius, gain and speed, (k, 6)."""
+    at = [one.index for one in measured]
+    conditions = block.condition_arrays
+    result = np.empty((len(measured), 6))
+    result[:, :2] = [one.edges_rad for one in measured]
+    result[:, 2] = [one.followed.order_max for one in measured]
+    for column, values in enumerate((conditions.radius_m, conditions.gain_std, block.arrays.omega_radps), start=3):
+        result[:, column] = values[at]
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,7 +334,7 @@ class _Renewed:
             end of the adhesion line by the slope's, beyond which it ends elsewhere.
         notes: of each estimate of _OF_SHAPE.
         count: revolutions averaged then.
-        state: (6,) what else the maps rest on, as in `_Measured.state`.
+        state: (6,) what else the maps rest on, as in `_states`.
         allowed: (6,) by how much each of these may change.
     """
 

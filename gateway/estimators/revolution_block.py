@@ -77,7 +77,7 @@ class ConditionArrays(NamedTuple):
         return type(self)(*(column[taken] for column in self))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RevolutionBlock:
     """Consecutive revolutions with the average and the conditions of each.
 
@@ -96,7 +96,7 @@ class RevolutionBlock:
     def __len__(self) -> int:
         return len(self.revolutions)
 
-    @property
+    @cached_property
     def condition_arrays(self) -> ConditionArrays:
         """The conditions as arrays."""
         return ConditionArrays.of(self.conditions)
