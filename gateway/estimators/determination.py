@@ -9,8 +9,9 @@ DETERMINED standard errors, of both together, from zero.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -22,6 +23,10 @@ from gateway.reasons import Code, Reason
 from gateway.types import BoolArray, FloatArray
 
 _CW: Final = 1
+_NAMES: Final = (*RING_NUMBERS, *RING_RATIOS)
+_COUNT: Final = len(RING_NUMBERS)
+# Numbers over Cw, in the order of RING_RATIOS.
+_OVER_CW: Final = np.array([0, 2, 3])
 
 NUMBER_UNITS: Final[FloatArray] = np.array(TABLE_3_NUMBERS) / 0.2325
 """Units of the four numbers in fits: all are about 1 for a car tire at load number 1. 0.2325 is Table 3's, rounded."""
@@ -57,6 +62,39 @@ class FittedNumbers:
     free: BoolArray
     noise: FloatArray
     model: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class FittedSeries:
+    """The four numbers of k revolutions; the arrays are filled in.
+
+    Attributes:
+        values: (k, 4) 0 where on the bound.
+        free: (k, 4) as in `FittedNumbers`.
+        noise: (k, 4, 4) likewise.
+        model: (k, 4, 4) likewise.
+    """
+
+    values: FloatArray
+    free: BoolArray
+    noise: FloatArray
+    model: FloatArray
+
+    @classmethod
+    def empty(cls, count: int) -> Self:
+        """Return numbers of `count` revolutions, all on the bound."""
+        noise, model = np.zeros((2, count, 4, 4))
+        return cls(np.zeros((count, 4)), np.zeros((count, 4), dtype=np.bool_), noise, model)
+
+    @classmethod
+    def of(cls, one: FittedNumbers) -> Self:
+        """Return the numbers of one revolution."""
+        here = np.newaxis
+        return cls(one.values[here], one.free[here], one.noise[here], one.model[here])
+
+    def at(self, index: int) -> FittedNumbers:
+        """Return the numbers of a revolution."""
+        return FittedNumbers(self.values[index], self.free[index], self.noise[index], self.model[index])
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,12 +160,7 @@ def number_estimates(
     doubts: tuple[Reason, ...],
     notes: tuple[Reason, ...] = (),
 ) -> tuple[Estimate, ...]:
-    """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
-
-    All four numbers are proportional to Q / (p0 R^2), so their errors include those of Q, p0 and R^2. Without load or
-    pressure they are invalid, but not the ratios. The width of a belt does not change with wear: where Cw differs from
-    the new tire's, load, pressure or radius are not as stated, and the four numbers are provisional; where it differs
-    by less than a contradiction, their errors grow by the chance of that.
+    """Return the estimates of one revolution, as `series_estimates`.
 
     Args:
         estimator: name in the registry.
@@ -136,62 +169,143 @@ def number_estimates(
         doubts: why the estimates are provisional; empty when they are not.
         notes: what valid estimates rest on.
     """
-    values, free = fitted.values.tolist(), fitted.free.tolist()
-    covariance = (fitted.noise + fitted.model).tolist()
-    std = [math.sqrt(max(row[place], 0.0)) for place, row in enumerate(covariance)]
-    determined = _determined(values, free, covariance, std)
-    missing = missing_conditions(conditions)
-    scale = 0.0 if missing else scale_error(conditions)
-    numbers_doubts, numbers_notes = doubts, notes
-    width, added = (None, 0.0) if missing else _other_width(estimator, values[_CW], std[_CW], conditions)
-    if added:
-        scale = math.hypot(scale, added)
-        numbers_notes = (*notes, *((width,) if width is not None else ()))
-    elif width is not None:
-        numbers_doubts = (*doubts, width)
-    estimates = []
-    for i, name in enumerate(RING_NUMBERS):
-        if missing:
-            estimates.append(Estimate.invalid(name, *missing))
-            continue
-        error = math.hypot(std[i], values[i] * scale)
-        why_not = () if determined[i] else determination(fitted).why_not(i)
-        estimates.append(_estimate(name, values[i], error, why_not, numbers_doubts, numbers_notes))
-    cw = values[_CW]
-    for name, i in zip(RING_RATIOS, (0, 2, 3), strict=True):
-        if not free[_CW] or not cw > 0.0:
-            estimates.append(Estimate.invalid(name, Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])))
-            continue
-        # To first order.
-        ratio = values[i] / cw
-        with_cw = covariance[i][_CW] + covariance[_CW][i]
-        variance = (covariance[i][i] - ratio * with_cw + ratio * ratio * covariance[_CW][_CW]) / (cw * cw)
-        error = math.sqrt(max(0.0, variance))
-        # Weak bending must be determined better than the ratio's own error tells.
-        fits = error * DETERMINED <= ratio and (i > 0 or determined[i])
-        why_not = () if fits else determination(fitted).why_not(i, error / ratio if free[i] and ratio else math.inf)
-        estimates.append(_estimate(name, ratio, error, why_not, doubts, notes))
-    return tuple(estimates)
+    return series_estimates(estimator, FittedSeries.of(fitted), [conditions], [doubts], notes)[0]
 
 
-def _determined(values: list[float], free: list[bool], covariance: list[list[float]], std: list[float]) -> list[bool]:
-    """Return which numbers are determined, as in `Determination`."""
-    usable = [free[i] and math.isfinite(covariance[i][i]) and values[i] > 0.0 for i in range(len(values))]
-    determined = [usable[i] and std[i] * DETERMINED <= values[i] for i in range(len(values))]
-    if usable[0] and usable[_CW] and values[0] < _WEAK_BENDING * values[_CW]:
-        determined[0] = std[0] * DETERMINED * _WEAK_FACTOR <= values[0]
+def series_estimates(
+    estimator: str,
+    fitted: FittedSeries,
+    conditions: Sequence[TireConditions],
+    doubts: Sequence[tuple[Reason, ...]],
+    notes: tuple[Reason, ...] = (),
+) -> list[tuple[Estimate, ...]]:
+    """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw of each of k revolutions.
+
+    All four numbers are proportional to Q / (p0 R^2), so their errors include those of Q, p0 and R^2. Without load or
+    pressure they are invalid, but not the ratios. The width of a belt does not change with wear: where Cw differs from
+    the new tire's, load, pressure or radius are not as stated, and the four numbers are provisional; where it differs
+    by less than a contradiction, their errors grow by the chance of that.
+
+    Args:
+        estimator: name in the registry.
+        fitted: the numbers; those of any load number when conditions lack load or pressure.
+        conditions: of each, with their standard errors.
+        doubts: why the estimates of each are provisional; empty when they are not.
+        notes: what valid estimates rest on.
+    """
+    values, free = fitted.values, fitted.free
+    covariance = fitted.noise + fitted.model
+    variance = np.diagonal(covariance, axis1=1, axis2=2)
+    std = np.sqrt(np.maximum(variance, 0.0))
+    missing = [missing_conditions(at) for at in conditions]
+    scales = [0.0 if lacking else scale_error(at) for lacking, at in zip(missing, conditions, strict=True)]
+    widths = [
+        (None, 0.0) if lacking else _other_width(estimator, cw, cw_std, at, scale)
+        for lacking, cw, cw_std, at, scale in zip(
+            missing, values[:, _CW].tolist(), std[:, _CW].tolist(), conditions, scales, strict=True
+        )
+    ]
+    scale = np.hypot(scales, [added for _, added in widths])[:, np.newaxis]
+    determined = _determined(values, free, variance, std)
+    ratios, ratio_errors, ratio_fits = _ratios(values, free, covariance)
+    # Weak bending must be determined better than the ratio's own error tells.
+    ratio_fits[:, 0] &= determined[:, 0]
+    known = np.concatenate([values, ratios], axis=1)
+    errors = np.concatenate([np.hypot(std, values * scale), ratio_errors], axis=1)
+    sound = np.concatenate([determined, ratio_fits], axis=1) & (known > 0.0) & np.isfinite(errors)
+    rows = list(zip(known.tolist(), errors.tolist(), sound.tolist(), strict=True))
+    made = []
+    for index, (lacking, (width, added)) in enumerate(zip(missing, widths, strict=True)):
+        own = doubts[index]
+        if lacking:
+            numbers = [Estimate.invalid(name, *lacking) for name in RING_NUMBERS]
+        else:
+            of_width = () if width is None else (width,)
+            numbers_doubts, numbers_notes = (own, (*notes, *of_width)) if added else ((*own, *of_width), notes)
+            numbers = _estimates(fitted, index, rows[index], range(_COUNT), numbers_doubts, numbers_notes)
+        made.append((*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), own, notes)))
+    return made
+
+
+def _estimates(
+    fitted: FittedSeries,
+    index: int,
+    row: tuple[list[float], list[float], list[bool]],
+    places: range,
+    doubts: tuple[Reason, ...],
+    notes: tuple[Reason, ...],
+) -> list[Estimate]:
+    """Return estimates of one revolution.
+
+    Args:
+        fitted: the numbers.
+        index: of the revolution.
+        row: its values and errors, and whether each is known and determined, numbers first, then ratios.
+        places: of the estimates that are wanted.
+        doubts: why they are provisional.
+        notes: what valid ones rest on.
+    """
+    values, errors, sound = row
+    status, reasons = (Status.PROVISIONAL, doubts) if doubts else (Status.VALID, notes)
+    return [
+        Estimate(_NAMES[place], values[place], errors[place], status, reasons)
+        if sound[place]
+        else _undetermined(fitted.at(index), place, values[place], errors[place], doubts)
+        for place in places
+    ]
+
+
+def _undetermined(
+    fitted: FittedNumbers, place: int, value: float, error: float, doubts: tuple[Reason, ...]
+) -> Estimate:
+    """Return the estimate of a number or ratio, by its place, that is not known or not determined."""
+    name, at_zero = _NAMES[place], Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])
+    if place < _COUNT:
+        why_not = determination(fitted).why_not(place)
+    elif not (fitted.free[_CW] and fitted.values[_CW] > 0.0):
+        return Estimate.invalid(name, at_zero)
+    else:
+        number = int(_OVER_CW[place - _COUNT])
+        relative = error / value if fitted.free[number] and value else math.inf
+        why_not = determination(fitted).why_not(number, relative)
+    if not (value > 0.0 and math.isfinite(error)):
+        return Estimate.invalid(name, *why_not)
+    return Estimate(name, value, error, Status.PROVISIONAL, (*doubts, *why_not))
+
+
+def _ratios(values: FloatArray, free: BoolArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Return the ratios to Cw of k revolutions, their errors to first order, and which of them fit, (k, 3) each."""
+    cw = values[:, _CW, np.newaxis]
+    own = np.diagonal(covariance, axis1=1, axis2=2)
+    with_cw = covariance[:, _OVER_CW, _CW] + covariance[:, _CW, _OVER_CW]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = values[:, _OVER_CW] / cw
+        square = own[:, _OVER_CW] - ratios * with_cw + ratios * ratios * own[:, _CW, np.newaxis]
+        errors = np.sqrt(np.maximum(square / (cw * cw), 0.0))
+        fits: BoolArray = (errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
+    return ratios, errors, fits
+
+
+def _determined(values: FloatArray, free: BoolArray, variance: FloatArray, std: FloatArray) -> BoolArray:
+    """Return which numbers of k revolutions are determined, (k, 4)."""
+    usable = free & np.isfinite(variance) & (values > 0.0)
+    determined: BoolArray = usable & (std * DETERMINED <= values)
+    is_weak = usable[:, 0] & usable[:, _CW] & (values[:, 0] < _WEAK_BENDING * values[:, _CW])
+    determined[:, 0] &= ~is_weak | (std[:, 0] * (DETERMINED * _WEAK_FACTOR) <= values[:, 0])
     return determined
 
 
-def _other_width(estimator: str, cw: float, std: float, conditions: TireConditions) -> tuple[Reason | None, float]:
+def _other_width(
+    estimator: str, cw: float, std: float, conditions: TireConditions, scale: float
+) -> tuple[Reason | None, float]:
     """Return what the difference between Cw and that of the new tire says, and what it adds to the relative error.
 
-    A contradiction adds nothing. The reason is None where the difference hardly matters.
+    A contradiction adds nothing. The reason is None where the difference hardly matters. `scale` is `scale_error`.
     """
     reference = conditions.tire.reference
     if reference.estimator != estimator or not reference.Cw or not cw > 0.0:
         return None, 0.0
-    error = math.hypot(std / cw, scale_error(conditions), reference.Cw_std / reference.Cw)
+    error = math.hypot(std / cw, scale, reference.Cw_std / reference.Cw)
     ratio = cw / reference.Cw
     difference = math.log(ratio)
     if abs(difference) > CONTRADICTION * error:
@@ -200,21 +314,6 @@ def _other_width(estimator: str, cw: float, std: float, conditions: TireConditio
     if not added > _NEGLIGIBLE * error:
         return None, added
     return Reason(Code.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added), added
-
-
-def _estimate(
-    name: str,
-    value: float,
-    std: float,
-    why_not: tuple[Reason, ...],
-    doubts: tuple[Reason, ...],
-    notes: tuple[Reason, ...],
-) -> Estimate:
-    if not (value > 0.0 and math.isfinite(std)):
-        return Estimate.invalid(name, *(why_not or (Reason(Code.FIT_AT_ZERO, number=name.removesuffix("/Cw")),)))
-    if why_not or doubts:
-        return Estimate(name, float(value), float(std), Status.PROVISIONAL, (*doubts, *why_not))
-    return Estimate(name, float(value), float(std), Status.VALID, notes)
 
 
 def load_number(conditions: TireConditions) -> float:

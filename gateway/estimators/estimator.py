@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Protocol, Self
+from typing import NamedTuple, Protocol, Self
 
 from gateway.estimators.sensor_claims import SensorClaims
 from gateway.estimators.tire_data import TireData
@@ -25,9 +25,8 @@ class Status(StrEnum):
     INVALID = "invalid"
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A number with its unit, uncertainty and validity.
+class Estimate(NamedTuple):
+    """A number with its unit, uncertainty and validity; a named tuple, since every revolution has some thirty.
 
     Attributes:
         name: of the quantity, with its unit where it has one: `speed_mps`, `Bs`.

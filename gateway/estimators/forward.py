@@ -10,7 +10,6 @@ errors.
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -132,7 +131,7 @@ def _with_shear_doubt(estimate: Estimate, fit: ForwardFit) -> Estimate:
     if abs(correlation) < _INSEPARABLE or not any(reason.code is Code.NOT_DETERMINED for reason in estimate.reasons):
         return estimate
     alike = Reason(Code.BENDING_LIKE_SHEAR, correlation=float(correlation))
-    return replace(estimate, reasons=(*estimate.reasons, alike))
+    return estimate._replace(reasons=(*estimate.reasons, alike))
 
 
 def _shape(fit: ForwardFit, doubts: tuple[Reason, ...]) -> list[Estimate]:

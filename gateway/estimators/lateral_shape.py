@@ -265,10 +265,11 @@ def _coefficients(
     lateral -= lateral.mean(axis=1, keepdims=True)
     lateral *= _acceleration_gains(revolutions, axes.shape[2])
     others = in_plane[:, ::-1, ORDERS.start : ORDERS.stop] * _SIGNS
+    others[np.isnan(others)] = 0.0
     result = np.empty((len(taken), 6, len(ORDERS)))
     result[:, :2] = lateral_coefficients(lateral, ORDERS).reshape(-1, 2, len(ORDERS))
-    result[:, 2::2] = np.nan_to_num(others.real)
-    result[:, 3::2] = np.nan_to_num(-others.imag)
+    result[:, 2::2] = others.real
+    result[:, 3::2] = -others.imag
     result /= np.square([revolution.omega_radps for revolution in revolutions])[:, np.newaxis, np.newaxis]
     carried = np.array([revolution.order_max for revolution in revolutions])
     if carried.min() < ORDERS.stop - 1:
@@ -405,8 +406,10 @@ def _acceleration_gains(revolutions: Sequence[Revolution], n: int) -> FloatArray
         else:
             rows.append((1.0, 0.0))
     # The square of the speed over the mean speed is linear in the angle.
-    square: FloatArray = np.array(rows) @ np.stack([np.ones(n), elapsed_angles(n)])
-    return 1.0 / square
+    offset, slope = np.array(rows).T[:, :, np.newaxis]
+    square: FloatArray = slope * elapsed_angles(n)
+    square += offset
+    return np.divide(1.0, square, out=square)
 
 
 def _vertex(angles: FloatArray, height: FloatArray, at: int) -> float:

@@ -139,9 +139,9 @@ def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
         # The error of the width has it already.
         included = any(reason.code is Code.WIDTH_DISAGREES for reason in estimate.reasons)
         added = 0.0 if included else disagreement_std(difference, both)
-        return replace(estimate, std=math.hypot(estimate.std, added)) if added else estimate
+        return estimate._replace(std=math.hypot(estimate.std, added)) if added else estimate
     against = Reason(Code.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
-    return replace(estimate, status=Status.PROVISIONAL, reasons=(against, *estimate.reasons))
+    return estimate._replace(status=Status.PROVISIONAL, reasons=(against, *estimate.reasons))
 
 
 def _by_angle(

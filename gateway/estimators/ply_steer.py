@@ -42,13 +42,18 @@ from gateway.signal.sensor_mounting import MOUNTING_STD_RAD, OFFSET_STD_MPS2, Ro
 from gateway.types import BoolArray, FloatArray
 
 NAMES: Final = tuple(f"ply_steer_{definition}_rad" for definition in DEFINITIONS)
-# Of a fixed part of the contact, so that it has its own sign.
-_OWN_SIGN: Final = frozenset({"ply_steer_first_half_rad"})
 LINE_NAME: Final = "ply_steer_contact_line_rad"
 AHEAD_NAME: Final = "ply_steer_ahead_rad"
 CONICITY_NAME: Final = "conicity_slope_rad"
 ROLL_NAME: Final = "sensor_roll_rad"
 OFFSET_NAME: Final = "lateral_offset_mps2"
+# Estimates of the shape of the lateral signal, in the order of the first six maps, and the places of two of them. The
+# map of conicity is that of the difference of the halves.
+_OF_SHAPE: Final = (*NAMES, LINE_NAME, CONICITY_NAME, AHEAD_NAME)
+_LINE: Final = _OF_SHAPE.index(LINE_NAME)
+_CONICITY: Final = _OF_SHAPE.index(CONICITY_NAME)
+# The first half is a fixed part of the contact, so that it has its own sign.
+_SIGN_OF_LINE: Final = frozenset({*NAMES, AHEAD_NAME} - {"ply_steer_first_half_rad"})
 LAMINATE_NAMES: Final = ("ply_steer_laminate_rad", "laminate_b16_n", "laminate_a66_npm")
 
 # Memory of the average: ply steer changes only with load, pressure and temperature.
@@ -87,6 +92,7 @@ _NEGLIGIBLE_RADIUS: Final = 1e-3
 _SPEED_CHANGE: Final = 0.5
 # Relative changes of highest order, radius, gain error and speed from which the maps are renewed.
 _STATE_SHARES: Final[FloatArray] = np.array([0.0, _NEGLIGIBLE_RADIUS, SHARE_OF_STD, _SPEED_CHANGE])
+_NOT_SEPARATED: Final = Reason(Code.CONICITY_NOT_SEPARATED)
 _FROM_MEANS: Final = (Reason(Code.FROM_AXIS_MEANS),)
 
 
@@ -216,24 +222,43 @@ class PlySteerEstimator:
     def _measured(self, block: RevolutionBlock, measured: Sequence[_Measured]) -> list[tuple[Estimate, ...]]:
         """Return the estimates of revolutions with contact edges, at least one."""
         lateral_m = np.stack([one.followed.lateral_m for one in measured])
-        states = np.array([one.state(block) for one in measured])
-        made: list[tuple[Estimate, ...]] = []
-        while (first := len(made)) < len(measured):
+        states = _states(block, measured)
+        claims = [block.conditions[one.index].claims for one in measured]
+        roll_std_rad = np.array(
+            [_roll_error(one.followed.roll, own) for one, own in zip(measured, claims, strict=True)]
+        )
+        values_rad, stds_rad = np.empty((2, len(measured), len(_OF_SHAPE)))
+        notes: list[tuple[tuple[Reason, ...], ...]] = []
+        while (first := len(notes)) < len(measured):
             counts = [one.followed.count for one in measured[first:]]
             values = self._followed_values(lateral_m[first:], states[first:], counts)
             if not len(values):
                 self._renewed = _renew(measured[first], block, states[first])
                 values = self._renewed.values_rad[np.newaxis]
             assert self._renewed is not None
-            taken = measured[first : first + len(values)]
-            stds = self._renewed.stds_rad(
-                [_roll_error(one.followed.roll, block.conditions[one.index].claims) for one in taken]
+            rows = slice(first, first + len(values))
+            values_rad[rows] = values[:, : len(_OF_SHAPE)]
+            stds_rad[rows] = self._renewed.stds_rad(roll_std_rad[rows])
+            notes += [self._renewed.notes] * len(values)
+        square = np.square(0.5 * (states[:, 1] - states[:, 0]))
+        values_rad[:, _CONICITY], stds_rad[:, _CONICITY] = _conicity(
+            values_rad[:, _LINE], values_rad[:, _CONICITY], stds_rad[:, _LINE], stds_rad[:, _CONICITY], square
+        )
+        is_significant = np.abs(values_rad) > _SIGNIFICANT * stds_rad
+        is_sound = is_significant & np.isfinite(values_rad) & np.isfinite(stds_rad)
+        return [
+            _estimates(one, own_claims, own_notes, *own)
+            for one, own_claims, own_notes, *own in zip(
+                measured,
+                claims,
+                notes,
+                values_rad.tolist(),
+                stds_rad.tolist(),
+                is_sound.tolist(),
+                is_significant[:, _LINE].tolist(),
+                strict=True,
             )
-            made += [
-                self._estimates(one, own[:-2], own_stds, block.conditions[one.index].claims)
-                for one, own, own_stds in zip(taken, values.tolist(), stds.tolist(), strict=True)
-            ]
-        return made
+        ]
 
     def _followed_values(self, lateral_m: FloatArray, states: FloatArray, counts: Sequence[int]) -> FloatArray:
         """Return the values of the maps, (m, 8), of the first of the given revolutions that need no renewal before."""
@@ -243,32 +268,6 @@ class PlySteerEstimator:
         values = lateral_m @ renewed.rows.T
         outdated = renewed.are_outdated(values, states, counts)
         return values[: int(outdated.argmax())] if outdated.any() else values
-
-    def _estimates(
-        self, measured: _Measured, values_rad: list[float], stds_rad: list[float], claims: SensorClaims
-    ) -> tuple[Estimate, ...]:
-        """Return the estimates of one revolution from the first six values of the maps and their standard errors."""
-        renewed, edges, unusable = self._renewed, measured.edges_rad, measured.unusable
-        assert renewed is not None
-        *slopes_rad, line, difference, ahead = values_rad
-        *stds, line_std, difference_std, ahead_std = stds_rad
-        doubt = unusable or _doubt(measured.followed, claims)
-        notes = renewed.notes
-        estimates = [
-            _estimate(name, value, std, doubt, notes)
-            for name, value, std in zip((*NAMES, AHEAD_NAME), (*slopes_rad, ahead), (*stds, ahead_std), strict=True)
-        ]
-        if not abs(line) > _SIGNIFICANT * line_std:
-            chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
-            estimates = [
-                e if name in _OWN_SIGN else Estimate.invalid(name, chance)
-                for name, e in zip((*NAMES, AHEAD_NAME), estimates, strict=True)
-            ]
-        *estimates, lean = estimates
-        estimates.append(_estimate(LINE_NAME, line, line_std, doubt, notes[1:]))
-        estimates.append(_conicity(line, difference, (line_std, difference_std), edges, doubt))
-        roll = measured.followed.roll
-        return (*estimates, _roll_estimate(roll, claims, unusable), lean, _offset_estimate(roll, claims, unusable))
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,16 +307,17 @@ class _Measured:
     edges_rad: tuple[float, float]
     unusable: Reason | None
 
-    def state(self, block: RevolutionBlock) -> tuple[float, ...]:
-        """Return what maps rest on besides the average: edges, orders, radius, gain and speed."""
-        followed, conditions = self.followed, block.conditions[self.index]
-        return (
-            *self.edges_rad,
-            followed.order_max,
-            conditions.radius_m,
-            conditions.gain_std,
-            block.revolutions[self.index].omega_radps,
-        )
+
+def _states(block: RevolutionBlock, measured: Sequence[_Measured]) -> FloatArray:
+    """Return what maps rest on besides the average: edges, orders, radius, gain and speed, (k, 6)."""
+    at = [one.index for one in measured]
+    conditions = block.condition_arrays
+    result = np.empty((len(measured), 6))
+    result[:, :2] = [one.edges_rad for one in measured]
+    result[:, 2] = [one.followed.order_max for one in measured]
+    for column, values in enumerate((conditions.radius_m, conditions.gain_std, block.arrays.omega_radps), start=3):
+        result[:, column] = values[at]
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -332,9 +332,9 @@ class _Renewed:
         values_rad: what the maps gave then.
         limits_rad: how far the values may move until the maps are renewed: by a share of a standard error, and at an
             end of the adhesion line by the slope's, beyond which it ends elsewhere.
-        notes: of the estimates of NAMES.
+        notes: of each estimate of _OF_SHAPE.
         count: revolutions averaged then.
-        state: (6,) what else the maps rest on, as in `_Measured.state`.
+        state: (6,) what else the maps rest on, as in `_states`.
         allowed: (6,) by how much each of these may change.
     """
 
@@ -343,12 +343,12 @@ class _Renewed:
     by_roll: FloatArray
     values_rad: FloatArray
     limits_rad: FloatArray
-    notes: tuple[Reason, ...]
+    notes: tuple[tuple[Reason, ...], ...]
     count: int
     state: FloatArray
     allowed: FloatArray
 
-    def stds_rad(self, roll_std_rad: Sequence[float]) -> FloatArray:
+    def stds_rad(self, roll_std_rad: FloatArray) -> FloatArray:
         """Return the standard errors of the first six with k errors of the roll, (k, 6)."""
         result: FloatArray = np.sqrt(self.variance_rad2 + np.square(np.multiply.outer(roll_std_rad, self.by_roll)))
         return result
@@ -364,7 +364,7 @@ class _Renewed:
 def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _Renewed:
     """Return the maps and standard errors of the present average."""
     index, followed, edges = measured.index, measured.followed, measured.edges_rad
-    revolution, conditions, average = block.revolutions[index], block.conditions[index], block.averages.at(index)
+    revolution, conditions = block.revolutions[index], block.conditions[index]
     record = followed.record()
     found = slopes(record, edges, conditions.radius_m)
     rows = np.concatenate([found.rows, found.parity_rows, found.ahead_row[np.newaxis]])
@@ -380,9 +380,10 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance += np.square(rows @ record.lateral_m * scale_std)
     known, error = _PEAK_TRUNCATION
     variance[[0, -1]] += np.square(rows[[0, -1]] @ record.lateral_m * (error * (known / max(record.order_max, 1)) ** 3))
-    edges_std = (average.leading_edge_std_rad, average.trailing_edge_std_rad)
+    edges_std = block.averages.edges_std_rad(index)
     variance[:-1] += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
     orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
+    conical = Reason(Code.INCLUDES_CONICITY), orders
     by_roll = rows @ record.radial_m
     stds = np.sqrt(variance + np.square(by_roll * _roll_error(followed.roll, conditions.claims)))
     # Where the line ends at an edge of the contact, the slope there does not matter.
@@ -394,7 +395,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
         by_roll,
         rows @ record.lateral_m,
         np.concatenate([_MOVED_STDS * stds, ends_std]),
-        (Reason(Code.INCLUDES_CONICITY), orders),
+        (*[conical] * len(NAMES), (orders,), (), conical),
         followed.count,
         state,
         np.concatenate([SHARE_OF_STD * np.array(edges_std), _STATE_SHARES * state[2:]]),
@@ -444,14 +445,51 @@ def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
     return roll.offset_std_mps2 <= _OFFSET_MEASURED * max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
 
 
-def _estimate(name: str, value: float, std: float, doubt: Reason | None, notes: tuple[Reason, ...]) -> Estimate:
+def _estimates(
+    measured: _Measured,
+    claims: SensorClaims,
+    notes: tuple[tuple[Reason, ...], ...],
+    values_rad: list[float],
+    stds_rad: list[float],
+    is_sound: list[bool],
+    has_sign: bool,
+) -> tuple[Estimate, ...]:
+    """Return the estimates of one revolution.
+
+    Args:
+        measured: the average after it.
+        claims: about its sensor.
+        notes: of each estimate of _OF_SHAPE, as the next three.
+        values_rad: values.
+        stds_rad: standard errors.
+        is_sound: whether value and error are finite, and the value is significant.
+        has_sign: whether the sign of the contact line is significant.
+    """
+    roll, unusable = measured.followed.roll, measured.unusable
+    doubt = unusable or _doubt(measured.followed, claims)
+    made = [
+        Estimate(name, value, std, Status.VALID, own)
+        if sound and doubt is None
+        else _doubted(name, value, std, own, doubt)
+        for name, value, std, own, sound in zip(_OF_SHAPE, values_rad, stds_rad, notes, is_sound, strict=True)
+    ]
+    if not has_sign:
+        line, line_std = values_rad[_LINE], stds_rad[_LINE]
+        chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
+        made = [Estimate.invalid(one.name, chance) if one.name in _SIGN_OF_LINE else one for one in made]
+    *of_contact, ahead = made
+    return (*of_contact, _roll_estimate(roll, claims, unusable), ahead, _offset_estimate(roll, claims, unusable))
+
+
+def _doubted(name: str, value: float, std: float, notes: tuple[Reason, ...], doubt: Reason | None) -> Estimate:
+    """Return an estimate that is not known, not significant, or in doubt for another reason."""
     if not (math.isfinite(value) and math.isfinite(std)):
         return Estimate.invalid(name, Reason(Code.NOT_FINITE))
-    if doubt is None and not abs(value) > _SIGNIFICANT * std:
+    if doubt is None and name == CONICITY_NAME:
+        doubt = _NOT_SEPARATED
+    elif doubt is None:
         doubt = Reason(Code.NOT_DETERMINED, relative_error=std / abs(value) if value else math.inf)
-    if doubt is not None:
-        return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
-    return Estimate(name, value, std, Status.VALID, notes)
+    return Estimate(name, value, std, Status.PROVISIONAL, (*notes, doubt))
 
 
 def _along(record: LateralRecord, revolution: Revolution, conditions: TireConditions) -> FloatArray:
@@ -469,24 +507,26 @@ def _along(record: LateralRecord, revolution: Revolution, conditions: TireCondit
 
 
 def _conicity(
-    line_rad: float,
-    difference_rad: float,
-    stds_rad: tuple[float, float],
-    edges_rad: tuple[float, float],
-    doubt: Reason | None,
-) -> Estimate:
-    """Return conicity's part of the change of slope in the contact."""
-    square = (0.5 * (edges_rad[1] - edges_rad[0])) ** 2
-    value = difference_rad - _ROLLING_DIFFERENCE * square * line_rad
-    std = math.hypot(
-        stds_rad[1],
-        _ROLLING_DIFFERENCE * square * stds_rad[0],
-        _ROLLING_DIFFERENCE_STD * square * line_rad,
-        _RESISTANCE_DIFFERENCE_STD * line_rad,
-    )
-    if doubt is None and not abs(value) > _SIGNIFICANT * std:
-        doubt = Reason(Code.CONICITY_NOT_SEPARATED)
-    return _estimate(CONICITY_NAME, value, std, doubt, ())
+    line_rad: FloatArray,
+    difference_rad: FloatArray,
+    line_std_rad: FloatArray,
+    difference_std_rad: FloatArray,
+    square_rad2: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return conicity's part of the change of slope in the contact, and its standard error, (k,) each.
+
+    Args:
+        line_rad: slope of the contact line.
+        difference_rad: half the difference of the mean slopes in the second and the first half.
+        line_std_rad: one standard error.
+        difference_std_rad: one standard error.
+        square_rad2: square of the half angle.
+    """
+    share = _ROLLING_DIFFERENCE * square_rad2
+    variance = np.square(difference_std_rad) + np.square(share * line_std_rad)
+    variance += np.square(_ROLLING_DIFFERENCE_STD * square_rad2 * line_rad)
+    variance += np.square(_RESISTANCE_DIFFERENCE_STD * line_rad)
+    return difference_rad - share * line_rad, np.sqrt(variance)
 
 
 def _roll_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) -> Estimate:

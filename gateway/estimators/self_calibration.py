@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -108,8 +107,7 @@ class Equations(NamedTuple):
     b: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Measured:
+class Measured(NamedTuple):
     """Quantities of the sensor that its own signal gives, for comparison with what is stated.
 
     Attributes:
@@ -137,17 +135,15 @@ class Measured:
     offset_m: tuple[float, float] | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Step:
+class _Step(NamedTuple):
     """State after one revolution.
 
     Attributes:
         refused: why it was not used; None when it was.
-        count: revolutions used so far.
+        revolutions: used so far.
         sums: (_SUMS,) running sums.
         pitch: None without a circumferential axis.
         offset: likewise.
-        roll: None before its first revolution.
         warm: temperature above that of the first revolution, K.
         floor: gain of an AC-coupled sensor from the contact; None before the first.
         measured: for the evidence; None before the first revolution.
@@ -155,18 +151,17 @@ class _Step:
     """
 
     refused: Reason | None
-    count: int
+    revolutions: int
     sums: FloatArray
     pitch: _Found | None
     offset: _Found | None
-    roll: _Found | None
     warm: float
     floor: Estimate | None
     measured: Measured | None
     against: bool = False
 
 
-_START: Final = _Step(None, 0, np.zeros(_SUMS), None, None, None, 0.0, None, None)
+_START: Final = _Step(None, 0, np.zeros(_SUMS), None, None, 0.0, None, None)
 # Factors of the circumferential and the radial axis.
 _TURNED: Final = np.array([[-1.0], [1.0]])
 
@@ -220,7 +215,7 @@ class SelfCalibrationEstimator:
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
             refused = _refused(revolution, block.conditions[index])
-            count = self._last.count + len(taken) + 1
+            count = self._last.revolutions + len(taken) + 1
             due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
             if refused is not None or due:
                 steps += self._take(block, taken)
@@ -230,13 +225,15 @@ class SelfCalibrationEstimator:
             if refused is None:
                 taken.append(index)
             else:
-                steps.append(replace(self._last, refused=refused))
+                steps.append(self._last._replace(refused=refused))
         steps += self._take(block, taken)
         self._steps = steps
         return [step.measured for step in steps]
 
     def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
         """Return the estimates of NAMES after each revolution of the block that was measured last.
+
+        The roll, which is no evidence, is followed here: call it for every block or for none.
 
         Args:
             block: as measured.
@@ -245,13 +242,28 @@ class SelfCalibrationEstimator:
         return [
             (
                 *_gain_estimates(revolution, conditions, step),
-                _roll_estimate(revolution, conditions, step),
+                _roll_estimate(revolution, conditions, step, roll),
                 *_mounting_estimates(conditions, step, further),
             )
-            for revolution, conditions, step, further in zip(
-                block.revolutions, block.conditions, self._steps, unsure or (0.0,) * len(block), strict=True
+            for revolution, conditions, step, roll, further in zip(
+                block.revolutions,
+                block.conditions,
+                self._steps,
+                self._rolls(block),
+                unsure or (0.0,) * len(block),
+                strict=True,
             )
         ]
+
+    def _rolls(self, block: RevolutionBlock) -> list[_Found | None]:
+        """Return the roll after each revolution of the block that was measured last; None before its first."""
+        found: list[_Found | None] = []
+        for index, step in enumerate(self._steps):
+            if step.refused is None and not block.revolutions[index].ac_coupled:
+                means = block.arrays.means_mps2[index]
+                self._roll.update(float(means[_LATERAL]), float(means[_RADIAL]))
+            found.append(_Found(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None)
+        return found
 
     def _renew(self, block: RevolutionBlock, index: int) -> Reason | None:
         """Take the belt's shape from the average; return why the average is not usable, None when it is."""
@@ -267,7 +279,7 @@ class SelfCalibrationEstimator:
         self._scatter_mps2 = max(float(average.orders_std_mps2[1]) * math.sqrt(average.effective_count), 1e-3)
         self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
         if block.revolutions[index].ac_coupled:
-            self._last = replace(self._last, floor=_floor_gain(average, conditions))
+            self._last = self._last._replace(floor=_floor_gain(average, conditions))
         self._look_at_direction(block, index)
         return None
 
@@ -294,7 +306,7 @@ class SelfCalibrationEstimator:
         ahead, back = rows.squared_residuals().tolist()
         against = self._last.against
         if _AGAINST * (ahead if against else back) < (back if against else ahead):
-            self._last = replace(_START, against=not against, floor=self._last.floor)
+            self._last = _START._replace(against=not against, floor=self._last.floor)
             self._is_calibrated = False
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
@@ -337,7 +349,7 @@ class SelfCalibrationEstimator:
             is_calibrated = (
                 first_conditions.claims.offset_m is not None
                 or not self._has_along
-                or self._last.count + 1 > _LEAST_REVOLUTIONS
+                or self._last.revolutions + 1 > _LEAST_REVOLUTIONS
             )
             warm = [self._warm(block.conditions[index]) for index in taken]
             expected = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
@@ -380,7 +392,7 @@ class SelfCalibrationEstimator:
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
         left = order_1.real - belt.signal_order_1 * mean
         change = np.abs(block.arrays.omega_dot_radps2[at]) * (2.0 * math.pi) / (omega * omega)
-        settled = self._last.count + 1 + np.arange(len(taken)) > 2
+        settled = self._last.revolutions + 1 + np.arange(len(taken)) > 2
         is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled
         usable = np.isfinite(left) & np.isfinite(expected)
         # Factors of G, z, G' and a, then the left-hand side, of both equations.
@@ -419,7 +431,7 @@ class SelfCalibrationEstimator:
         floor = self._last.floor
         contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
         equations = sums[:, _MEAN.start : _GRAVITY.stop].tolist()
-        count, against, steps = self._last.count, self._last.against, []
+        count, against, steps = self._last.revolutions, self._last.against, []
         for place, index in enumerate(taken):
             revolution, claims = block.revolutions[index], block.conditions[index].claims
             count += 1
@@ -431,11 +443,6 @@ class SelfCalibrationEstimator:
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
                     pitch = _Found(-pitch.value, pitch.std)
-            roll = self._last.roll
-            if not revolution.ac_coupled:
-                means = block.arrays.means_mps2[index]
-                self._roll.update(float(means[_LATERAL]), float(means[_RADIAL]))
-                roll = _Found(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,
@@ -447,7 +454,7 @@ class SelfCalibrationEstimator:
                 contact_gain=contact,
                 offset_m=offset if count >= _LEAST_OF_OFFSET else None,
             )
-            steps.append(_Step(None, count, sums[place], pitch, offset, roll, warm[place], floor, measured, against))
+            steps.append(_Step(None, count, sums[place], pitch, offset, warm[place], floor, measured, against))
         self._last = steps[-1]
         return steps
 
@@ -482,18 +489,18 @@ def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) 
     value, std = step.offset
     offset = _estimate(NAMES[5], _Found(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
     if step.against:
-        offset = replace(offset, reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
+        offset = offset._replace(reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
     stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
     if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
-        offset = replace(offset, reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
+        offset = offset._replace(reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
     return _estimate(NAMES[4], step.pitch, doubt), offset
 
 
-def _roll_estimate(revolution: Revolution, conditions: TireConditions, step: _Step) -> Estimate:
-    if step.roll is None:
+def _roll_estimate(revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Found | None) -> Estimate:
+    if roll is None:
         lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
         return Estimate.invalid(NAMES[3], step.refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
-    roll_rad, roll_std_rad = step.roll
+    roll_rad, roll_std_rad = roll
     found = _Found(roll_rad, math.hypot(roll_std_rad, math.sqrt(2.0) * conditions.claims.gain_std * roll_rad))
     doubt = step.refused or _unsettled(step)
     if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
@@ -544,9 +551,9 @@ def _gain_estimates(
 
 
 def _unsettled(step: _Step) -> Reason | None:
-    if step.count >= _LEAST_REVOLUTIONS:
+    if step.revolutions >= _LEAST_REVOLUTIONS:
         return None
-    return Reason(Code.NOT_SETTLED, revolutions=step.count, needed=_LEAST_REVOLUTIONS)
+    return Reason(Code.NOT_SETTLED, revolutions=step.revolutions, needed=_LEAST_REVOLUTIONS)
 
 
 class SpeedErrors(NamedTuple):

@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.estimators.small_systems import upper_factor
 from gateway.physics.belt_shape import MAX_ORDER
 from gateway.physics.ring_series import stiffness_terms
 from gateway.types import ComplexArray, FloatArray
@@ -80,16 +81,19 @@ def sidewall_damping(orders: ComplexArray, numbers: FloatArray, max_order: int) 
     columns = np.stack([_ORDERS[used], lag[used], bending_lag[used]], axis=1) * cosine[used, np.newaxis]
     if not (np.isfinite(columns).all() and np.isfinite(sine[used]).all()):
         return None
-    # One factorisation serves the fit without and with damping of the bending.
-    basis, upper = np.linalg.qr(columns)
-    right = sine[used] @ basis
-    if not abs(upper[1, 1]) > _SINGULAR * float(np.abs(upper[:2, :2]).max()):
+    # One factorisation, the right-hand side as last column, serves the fit without and with damping of the bending.
+    upper = upper_factor(np.column_stack([columns, sine[used]]))
+    largest = np.abs(upper).max(axis=0).tolist()
+    first, second, third, *_ = upper.tolist()
+    if not abs(second[1]) > _SINGULAR * max(largest[:2]):
         return None
-    shift_rad, damping = np.linalg.solve(upper[:2, :2], right[:2])
-    change = float(damping) * lag * sine
+    damping = second[3] / second[1]
+    shift_rad = (first[3] - first[1] * damping) / first[0]
+    change = damping * lag * sine
     both, bending = damping, 0.0
-    if abs(upper[2, 2]) > _SINGULAR * float(np.abs(upper[:, 2]).max()):
-        _, both, bending = np.linalg.solve(upper, right)
+    if abs(third[2]) > _SINGULAR * largest[2]:
+        bending = third[3] / third[2]
+        both = (second[3] - second[2] * bending) / second[1]
     corrected = change if damping > 0.0 else np.zeros_like(change)
-    by_bending = (float(both) * lag + float(bending) * bending_lag) * sine - corrected
-    return SidewallDamping(max(float(damping), 0.0), float(shift_rad), change, by_bending)
+    by_bending = (both * lag + bending * bending_lag) * sine - corrected
+    return SidewallDamping(max(damping, 0.0), shift_rad, change, by_bending)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -132,8 +132,7 @@ class Contradiction:
         return max(changes, default=0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Evidence:
+class Evidence(NamedTuple):
     """Result of the comparison.
 
     Attributes:
@@ -205,12 +204,12 @@ class Evidence:
         if worst > _INVALID_FROM:
             return Estimate.invalid(estimate.name, *reasons)
         if reasons:
-            return replace(estimate, status=Status.PROVISIONAL, reasons=(*reasons, *estimate.reasons))
+            return estimate._replace(status=Status.PROVISIONAL, reasons=(*reasons, *estimate.reasons))
         if self.disagreement is not None and estimate.name in _OF_RADIUS:
-            return replace(estimate, reasons=(*estimate.reasons, self.disagreement))
+            return estimate._replace(reasons=(*estimate.reasons, self.disagreement))
         if not self.offset_is_known and estimate.name in _OF_SHAPE:
             unknown = Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m)
-            return replace(estimate, reasons=(*estimate.reasons, unknown))
+            return estimate._replace(reasons=(*estimate.reasons, unknown))
         return estimate
 
 

@@ -15,17 +15,17 @@ import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.determination import (
-    FittedNumbers,
+    FittedSeries,
     all_invalid,
     doubt_about,
     load_number,
-    number_estimates,
+    series_estimates,
     unusable,
 )
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
 from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.revolution_block import ConditionArrays, RevolutionBlock, one_revolution
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
@@ -54,7 +54,7 @@ EXTENSION_ERRORS: Final[FloatArray] = np.array([-0.0015, -0.0025, 0.0045, -0.04]
 _DAMPING_ERROR: Final = 0.5
 # Step of the derivative by the sensor's offset, over the belt radius.
 _OFFSET_STEP: Final = 1e-3
-_OFFSET_STEPS: Final[FloatArray] = np.array([[0.0], [-_OFFSET_STEP], [_OFFSET_STEP]])
+_OFFSET_STEPS: Final[FloatArray] = np.array([[0.0], [-_OFFSET_STEP], [_OFFSET_STEP], [0.0]])
 
 # Largest error of following the average by the response, in standard errors: a term of second order, (change / value)^2
 # of the value. A change of one standard error renews the solution in any case.
@@ -86,7 +86,7 @@ class _Renewed:
         count: revolutions averaged.
         effective_count: of the average.
         offset_m: sensor's offset below the neutral layer.
-        state: (7,) what else the solution rests on, as in `_states`.
+        state: (7,) what else the solution rests on, as in `_Series.states`.
         allowed: (7,) by how much each of these may change.
         std: (4,) standard errors of the numbers at load number 1.
     """
@@ -103,24 +103,24 @@ class _Renewed:
     allowed: FloatArray
     std: FloatArray
 
-    def followed(self, orders: FloatArray, conditions: Sequence[TireConditions]) -> FloatArray:
+    def followed(self, orders: FloatArray, at: ConditionArrays) -> FloatArray:
         """Return the numbers at load number 1 of k slightly different averages, to first order, (k, 4)."""
-        offsets = np.array([(one.sensor_offset_m - self.offset_m) / one.radius_m for one in conditions])
         result: FloatArray = self.values + (orders - self.signal) @ self.response.T
-        result += np.multiply.outer(offsets, self.by_offset)
+        result += np.multiply.outer((at.sensor_offset_m - self.offset_m) / at.radius_m, self.by_offset)
         return result
 
-    def noise(self, scatter: float, effective_count: float) -> float:
-        """Return the variance of the average's noise over that at the renewal."""
+    def noise(self, scatters: FloatArray, effective_counts: FloatArray) -> FloatArray:
+        """Return the variance of the noise of k averages over that at the renewal, (k,)."""
         before = float(self.state[_SCATTER])
-        return (scatter / before if before > 0.0 else 1.0) * self.effective_count / effective_count
+        result: FloatArray = self.effective_count / effective_counts
+        return result * (scatters / before) if before > 0.0 else result
 
     def are_outdated(self, values: FloatArray, states: FloatArray, counts: Sequence[int]) -> BoolArray:
         """Return for each of k revolutions whether to renew, (k,).
 
         Args:
             values: (k, 4) numbers that followed the average; renewed where too far from the solution to follow further.
-            states: (k, 7) what the solution rests on, as in `_states`.
+            states: (k, 7) what the solution rests on, as in `_Series.states`.
             counts: revolutions averaged.
         """
         limits = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values)) * self.std
@@ -130,23 +130,36 @@ class _Renewed:
         return outdated
 
 
-def _states(block: RevolutionBlock) -> FloatArray:
-    """Return what solutions rest on besides orders: both edges, scatter, errors of the sensor, and speed, (k, 7)."""
-    averages = block.averages
-    return np.array(
-        [
-            (*edges, scatter, at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std, revolution.omega_radps)
-            for edges, scatter, at, revolution in zip(
-                averages.edges_rad, averages.scatters, block.conditions, block.revolutions, strict=True
-            )
-        ]
-    )
+class _Series:
+    """The revolutions of a block as the estimator sees them.
+
+    Attributes:
+        orders: (k, ORDER_COUNT) even orders of the relative signal about the contact centre.
+        states: (k, 7) what solutions rest on besides: both edges, scatter, errors of the sensor, and speed.
+        effective_counts: (k,) of the average.
+        load_numbers: (k,) Q / (p0 R^2), 1 where it is not known.
+        conditions: of each revolution.
+    """
+
+    def __init__(self, block: RevolutionBlock) -> None:
+        averages, at = block.averages, block.condition_arrays
+        edges = np.array(averages.edges_rad)
+        sensor = (at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std)
+        self.states: FloatArray = np.array([*edges.T, averages.scatters, *sensor, block.arrays.omega_radps]).T
+        self.orders = relative_orders(averages.spectra, edges)
+        self.effective_counts: FloatArray = np.array(averages.effective_counts)
+        self.load_numbers: FloatArray = np.array([load_number(conditions) for conditions in block.conditions])
+        self.conditions = at
 
 
-def relative_orders(spectra: ComplexArray, edges_rad: Sequence[tuple[float, float]]) -> FloatArray:
-    """Return the even orders of averages about their contact centres, over their means, (k, ORDER_COUNT)."""
-    edges = np.array(edges_rad)
-    angle = np.multiply.outer(0.5 * (edges[:, 0] + edges[:, 1]), _ORDERS)
+def relative_orders(spectra: ComplexArray, edges_rad: FloatArray) -> FloatArray:
+    """Return the even orders of averages about their contact centres, over their means, (k, ORDER_COUNT).
+
+    Args:
+        spectra: (k, ORDER_COUNT) orders c - i s of the averages.
+        edges_rad: (k, 2) contact edges.
+    """
+    angle = np.multiply.outer(0.5 * (edges_rad[:, 0] + edges_rad[:, 1]), _ORDERS)
     orders = spectra.real * np.cos(angle) - spectra.imag * np.sin(angle)
     with np.errstate(divide="ignore", invalid="ignore"):
         result: FloatArray = orders / orders[:, :1]
@@ -185,51 +198,55 @@ class WeakFormEstimator:
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution."""
-        orders, states = relative_orders(block.averages.spectra, block.averages.edges_rad), _states(block)
-        made: list[tuple[Estimate, ...]] = []
-        while len(made) < len(block):
-            values = self._follow(block, len(made), orders, states)
-            made += [self._estimates(block, len(made) + place, own) for place, own in enumerate(values)]
-            if len(made) < len(block):
-                made.append(self._solved(block, len(made), orders, states))
+        series, fitted = _Series(block), FittedSeries.empty(len(block))
+        refused: dict[int, Reason] = {}
+        first, is_new = 0, False
+        while first < len(block):
+            first = self._follow(block, series, fitted, first, is_new=is_new)
+            is_new = False
+            if first < len(block):
+                found = self._renew(block, series, first)
+                if isinstance(found, Reason):
+                    self._warm = self._renewed = None
+                    refused[first] = found
+                    first += 1
+                else:
+                    self._renewed, is_new = found, True
+        doubts = [doubt_about(*both) for both in zip(block.revolutions, block.averages.effective_counts, strict=True)]
+        made = series_estimates(self.name, fitted, block.conditions, doubts)
+        for index, reason in refused.items():
+            made[index] = all_invalid(reason)
         return made
 
-    def _follow(self, block: RevolutionBlock, first: int, orders: FloatArray, states: FloatArray) -> FloatArray:
-        """Return the numbers of the revolutions from `first` on that need no renewal before them, (m, 4)."""
+    def _follow(
+        self, block: RevolutionBlock, series: _Series, fitted: FittedSeries, first: int, *, is_new: bool
+    ) -> int:
+        """Set the numbers of the revolutions from `first` on up to the next that needs a renewal; return that one.
+
+        With `is_new` the solution is that of the first.
+        """
         renewed, rest = self._renewed, slice(first, None)
         if renewed is None:
-            return np.empty((0, 4))
-        values = renewed.followed(orders[rest], block.conditions[rest])
-        outdated = renewed.are_outdated(values, states[rest], block.averages.counts[rest])
-        return values[: int(outdated.argmax())] if outdated.any() else values
+            return first
+        values = renewed.followed(series.orders[rest], series.conditions.rows(rest))
+        outdated = renewed.are_outdated(values, series.states[rest], block.averages.counts[rest])
+        if is_new:
+            outdated[0] = False
+        count = int(outdated.argmax()) if outdated.any() else len(values)
+        taken = slice(first, first + count)
+        loads = series.load_numbers[taken]
+        fitted.values[taken] = values[:count] * loads[:, np.newaxis]
+        fitted.free[taken] = renewed.fits.free[0]
+        squares = np.square(loads)[:, np.newaxis, np.newaxis]
+        noise = renewed.noise(series.states[taken, _SCATTER], series.effective_counts[taken])
+        fitted.noise[taken] = renewed.fits.noise[0] * (noise[:, np.newaxis, np.newaxis] * squares)
+        fitted.model[taken] = renewed.fits.model[0] * squares
+        return first + count
 
-    def _solved(
-        self, block: RevolutionBlock, index: int, orders: FloatArray, states: FloatArray
-    ) -> tuple[Estimate, ...]:
-        """Return the estimates of a revolution before which the solution is renewed."""
-        found = self._renew(block, index, orders[index], states[index])
-        if isinstance(found, Reason):
-            self._warm = self._renewed = None
-            return all_invalid(found)
-        self._renewed = found
-        return self._estimates(block, index, found.values)
-
-    def _estimates(self, block: RevolutionBlock, index: int, values: FloatArray) -> tuple[Estimate, ...]:
-        renewed, conditions = self._renewed, block.conditions[index]
-        assert renewed is not None
-        count = block.averages.effective_counts[index]
-        noise = renewed.noise(block.averages.scatters[index], count)
-        fitted = renewed.fits.numbers(0, load_number(conditions), values, noise)
-        return number_estimates(self.name, fitted, conditions, doubt_about(block.revolutions[index], count))
-
-    def _renew(
-        self, block: RevolutionBlock, index: int, orders_here: FloatArray, state: FloatArray
-    ) -> _Renewed | Reason:
-        """Solve the balance of the present average, or return why it cannot be.
-
-        `orders_here` are the relative orders, `state` is that of `_states`.
-        """
+    def _renew(self, block: RevolutionBlock, series: _Series, index: int) -> _Renewed | Reason:
+        """Solve the balance of the average after a revolution, or return why it cannot be."""
         average, conditions = block.averages.at(index), block.conditions[index]
+        orders_here, state = series.orders[index], series.states[index]
         reason = unusable(average, conditions)
         if reason:
             return reason
@@ -241,24 +258,28 @@ class WeakFormEstimator:
         offset = conditions.sensor_offset_m / conditions.radius_m
         signal = orders_about(average.radial_mps2, centre, max_order)
         mean = float(signal[0].real)
-        sides = curvature_orders(np.repeat(signal.real[np.newaxis], 3, axis=0), offset + _OFFSET_STEPS)
+        warm = self._warm
+        damping = sidewall_damping(signal, warm.unknowns[0, :4], max_order) if warm is not None else None
+        rows = np.stack([*[signal.real] * 3, _undamped(signal, damping)])
+        sides = curvature_orders(rows, offset + _OFFSET_STEPS)
+        plain, orders = sides[:1], sides[3:]
         by_offset_step = (sides[2] - sides[1])[:ORDER_COUNT] / (2.0 * _OFFSET_STEP)
-        orders = plain = sides[:1]
-        if not np.isfinite(orders).all():
+        if not np.isfinite(plain).all():
             return Reason(Code.NO_STEADY_VALUE)
-        if (curvature := float(orders[0].sum())) > _MAX_CONTACT_CURVATURE:
+        if (curvature := float(plain[0].sum())) > _MAX_CONTACT_CURVATURE:
             return Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
-        std = relative_std(average.orders_std_mps2, mean, orders[0], max_order)[np.newaxis]
+        std = relative_std(average.orders_std_mps2, mean, plain[0], max_order)[np.newaxis]
         begin = motion_begin(half_angle)
         try:
-            warm = self._warm or solve_balance(orders, begin, std, None, _COLD_PASSES)
-            damping = sidewall_damping(signal, warm.unknowns[0, :4], max_order)
-            if damping is not None:
-                orders = curvature_orders((signal.real + damping.correction)[np.newaxis], offset)
+            if warm is None:
+                warm = solve_balance(plain, begin, std, None, _COLD_PASSES)
+                damping = sidewall_damping(signal, warm.unknowns[0, :4], max_order)
+                orders = curvature_orders(_undamped(signal, damping)[np.newaxis], offset)
             solution = solve_balance(orders, begin, std, warm, 1)
             if self._renewed is not None:
                 limit = _CONVERGED_STDS * self._renewed.std
-                followed = self._renewed.followed(orders_here[np.newaxis], [conditions])[0]
+                here = series.conditions.rows(slice(index, index + 1))
+                followed = self._renewed.followed(orders_here[np.newaxis], here)[0]
                 for _ in range(_FURTHER_PASSES):
                     found = solution.unknowns[0, :4]
                     if (np.abs(found - followed) <= limit).all():
@@ -286,6 +307,12 @@ class WeakFormEstimator:
             allowed=np.concatenate([SHARE_OF_STD * edges_std, _STATE_SHARES * state[2:]]),
             std=np.sqrt(np.diagonal(fits.noise[0] + fits.model[0])),
         )
+
+
+def _undamped(signal: ComplexArray, damping: SidewallDamping | None) -> FloatArray:
+    """Return the even orders of a signal without the effect of its damping, where that is known."""
+    even: FloatArray = signal.real
+    return even if damping is None else even + damping.correction
 
 
 def systematic_errors(
@@ -336,18 +363,6 @@ class WaveformFits:
     model: FloatArray
     deflection: FloatArray
     misfit: FloatArray
-
-    def numbers(
-        self, index: int, load_number: float, values: FloatArray | None = None, noise: float = 1.0
-    ) -> FittedNumbers:
-        """Return one waveform's numbers at a load number, with other `values` and a change of the noise's variance."""
-        square = load_number**2
-        return FittedNumbers(
-            (self.values[index] if values is None else values) * load_number,
-            self.free[index],
-            self.noise[index] * (noise * square),
-            self.model[index] * square,
-        )
 
     def load_n(self, width_m: float, pressure_pa: float, radius_m: float) -> tuple[FloatArray, FloatArray]:
         """Return the load that makes Cw equal to width over radius, and its standard error, (b,) each, N.

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrf, dtrtrs
 
 from gateway.estimators.bounded_fit import fit_nonnegative
 from gateway.estimators.determination import NUMBER_UNITS
+from gateway.estimators.small_systems import least_squares, solve_lower, upper_factor
 from gateway.estimators.weak_form_rows import (
     ROWS,
     SENSITIVE_ORDERS,
@@ -134,37 +134,7 @@ def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> 
     sensitivity = row_sensitivity(rows, unknowns)
     weighted = sensitivity * order_std[:, np.newaxis, :]
     # The product of `weighted` with its transpose is the covariance, but would square the condition number.
-    return _Weights(sensitivity, np.square(order_std), np.stack([_lower_factor(one) for one in weighted]))
-
-
-def _lower_factor(rows: FloatArray) -> FloatArray:
-    """Return L, lower triangular, (n, n), of L L^T = rows rows^T for rows (n, m), m >= n, which are overwritten.
-
-    LAPACK's own function takes half the time of numpy's.
-    """
-    upper, *_ = dgeqrf(rows.T, overwrite_a=True)
-    lower: FloatArray = np.tril(upper[: len(rows)].T)
-    return lower
-
-
-def _solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = False) -> FloatArray:
-    """Solve L x = right, or L^T x = right, for each of b right-hand sides (b, n, k).
-
-    Args:
-        factors: (b or 1, n, n) lower triangular L.
-        right: (b, n, k).
-        transposed: solve with L^T.
-
-    Raises:
-        numpy.linalg.LinAlgError: a factor is singular.
-    """
-    solved = []
-    for place, one in enumerate(right):
-        found, info = dtrtrs(factors[min(place, len(factors) - 1)], one, lower=True, trans=transposed)
-        if info:
-            raise np.linalg.LinAlgError("the rows' covariance is singular")
-        solved.append(found)
-    return np.stack(solved)
+    return _Weights(sensitivity, np.square(order_std), np.stack([upper_factor(one.T).T for one in weighted]))
 
 
 def _cold_start(rows: BalanceRows) -> FloatArray:
@@ -187,12 +157,12 @@ def _solve_at(orders: FloatArray, rows: BalanceRows, start: FloatArray, weights:
     change[:, :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     target = -weights.sensitivity @ change[..., np.newaxis]
     target[:, ROWS] += 1.0
-    whitened = _solve_lower(weights.factor, np.concatenate([rows.constant, rows.rise, target], axis=2))
+    whitened = solve_lower(weights.factor, np.concatenate([rows.constant, rows.rise, target], axis=2))
     unknowns, free, jacobian, residual = _solve_whitened(whitened, start)
     inverse = _inverse(jacobian)
     # Back through the weights: whitened rows to unknowns, residual to the change of the orders that explains it.
     both = np.concatenate([inverse, residual[:, np.newaxis]], axis=1).transpose(0, 2, 1)
-    back = _solve_lower(weights.factor, both, transposed=True).transpose(0, 2, 1) @ weights.sensitivity
+    back = solve_lower(weights.factor, both, transposed=True).transpose(0, 2, 1) @ weights.sensitivity
     return WeakFormSolution(
         unknowns=unknowns,
         free=free,
@@ -212,8 +182,7 @@ def _solve_whitened(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray
     for _ in range(_GAUSS_NEWTON_STEPS):
         jacobian, residual = _linearised(whitened, here)
         try:
-            basis, upper = np.linalg.qr(jacobian * UNITS)
-            step = np.linalg.solve(upper, basis.transpose(0, 2, 1) @ residual[..., np.newaxis])[..., 0]
+            step = least_squares(jacobian * UNITS, residual[..., np.newaxis])[..., 0]
         except np.linalg.LinAlgError:
             break
         here = here - step * UNITS
@@ -262,7 +231,7 @@ def _inverse(jacobian: FloatArray) -> FloatArray:
     scaled = jacobian * UNITS
     # A small ridge, so that the matrix is never singular.
     ridge = 1e-7 * np.sqrt(np.sum(np.square(scaled), axis=(1, 2)))[:, np.newaxis, np.newaxis] * np.eye(UNKNOWNS)
-    basis, upper = np.linalg.qr(np.concatenate([scaled, ridge], axis=1))
-    rows = basis[:, : scaled.shape[1]].transpose(0, 2, 1)
-    inverse: FloatArray = np.linalg.solve(upper, rows) * UNITS[:, np.newaxis]
+    count = scaled.shape[1]
+    right = np.broadcast_to(np.eye(count + UNKNOWNS, count), (len(scaled), count + UNKNOWNS, count))
+    inverse: FloatArray = least_squares(np.concatenate([scaled, ridge], axis=1), right) * UNITS[:, np.newaxis]
     return inverse

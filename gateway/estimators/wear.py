@@ -16,7 +16,7 @@ import numpy as np
 from gateway.estimators.determination import DETERMINED
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.revolution_block import RevolutionBlock
-from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K
+from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K, TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 
@@ -48,6 +48,8 @@ class WearEstimator:
         self._first = self._latest = 0.0
         self._due: int | None = None
         self._temperatures: list[float | None] = []
+        self._tire: TireData | None = None
+        self._latest_drift: Estimate | None = None
 
     def update(
         self,
@@ -77,7 +79,7 @@ class WearEstimator:
         return wear, number, self._drift(revolution, wear, conditions)
 
     def _drift(self, revolution: Revolution, wear: Estimate, conditions: TireConditions) -> Estimate:
-        """Add a value when it is independent of the last, and return the drift along the line through all values."""
+        """Add a value when it is independent of the last, and return the drift since the first."""
         temperature = conditions.temperature_degc
         if wear.status is Status.VALID and (self._due is None or revolution.index >= self._due):
             if self._due is None:
@@ -86,6 +88,13 @@ class WearEstimator:
             self._latest = float(revolution.index)
             self._values.update(np.array([self._latest, wear.value]), 1.0 / (self._values.count + 1))
             self._temperatures = [*self._temperatures[:1], temperature]
+            self._latest_drift = None
+        if self._latest_drift is None or conditions.tire is not self._tire:
+            self._tire, self._latest_drift = conditions.tire, self._line(conditions.tire)
+        return self._latest_drift
+
+    def _line(self, tire: TireData) -> Estimate:
+        """Return the drift along the line through all values."""
         count = self._values.count
         if count < _LEAST_VALUES:
             needed = (_LEAST_VALUES - 1) * _SPACING_REVOLUTIONS
@@ -97,8 +106,8 @@ class WearEstimator:
         left = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
         scatter = math.sqrt(left / (xx * (count - 1))) * span
         first_degc, last_degc = self._temperatures[0], self._temperatures[-1]
-        softening = conditions.tire.reference.softening(last_degc, first_degc)
-        thickness_mm = 1e3 * (conditions.tire.ring_thickness_m or 0.0)
+        softening = tire.reference.softening(last_degc, first_degc)
+        thickness_mm = 1e3 * (tire.ring_thickness_m or 0.0)
         reasons = [Reason(Code.OVER_REVOLUTIONS, revolutions=span)]
         if not softening.is_known:
             reasons.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
@@ -143,12 +152,13 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
     numbers = conditions.given.get(reference.estimator)
     if numbers is None:
         return Estimate.invalid(name, Reason(Code.NEEDS_ESTIMATOR, estimator=reference.estimator))
-    absent = Estimate.invalid("Bs", Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Bs"))
-    bending, new, new_relative = numbers.get("Bs", absent), reference.Bs, reference.Bs_std / reference.Bs
+    bending, new, new_relative = numbers.get("Bs"), reference.Bs, reference.Bs_std / reference.Bs
+    if bending is None:
+        bending = Estimate.invalid("Bs", Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Bs"))
     notes: list[Reason] = []
     if (bending.status is Status.INVALID or prefer_ratio) and reference.Cw is not None:
-        ratio = numbers.get("Bs/Cw", absent)
-        if ratio.status is not Status.INVALID:
+        ratio = numbers.get("Bs/Cw")
+        if ratio is not None and ratio.status is not Status.INVALID:
             bending, new = ratio, reference.Bs / reference.Cw
             new_relative = math.hypot(new_relative, reference.Cw_std / reference.Cw)
             notes.append(Reason(Code.FROM_RATIO, ratio="Bs/Cw"))

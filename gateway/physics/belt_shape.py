@@ -139,7 +139,8 @@ def belt_shape(orders: FloatArray) -> BeltShape:
     Order 1 is adjusted until the integral of the tangent over the revolution vanishes.
     """
     closed, angle = _closed(orders)
-    tangent = np.exp(1j * angle)
+    tangent: ComplexArray = np.empty(angle.shape, dtype=np.complex128)
+    tangent.real, tangent.imag = np.cos(angle), np.sin(angle)
     return BeltShape(
         orders=closed,
         curvature=closed @ COSINES.T,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from statistics import median
 from typing import Final
@@ -54,4 +53,4 @@ def rest_on_old_pressure(estimates: Iterable[Estimate], age_s: float) -> tuple[E
 def _doubted(estimate: Estimate, old: Reason) -> Estimate:
     if estimate.status is Status.INVALID:
         return estimate
-    return replace(estimate, status=Status.PROVISIONAL, reasons=(*estimate.reasons, old))
+    return estimate._replace(status=Status.PROVISIONAL, reasons=(*estimate.reasons, old))

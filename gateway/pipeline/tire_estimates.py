@@ -122,6 +122,10 @@ class _PausedSteps:
     def spectra(self) -> ComplexArray:
         return np.stack([steps.spectra[place] for steps, place in self._parts])
 
+    def edges_std_rad(self, index: int) -> tuple[float, float]:
+        steps, place = self._parts[index]
+        return steps.edges_std_rad(place)
+
     def at(self, index: int) -> AngleAverage:
         steps, place = self._parts[index]
         return steps.at(place)
@@ -306,7 +310,7 @@ class TireEstimates:
             estimates, taken = [], set[str]()
             for estimator, named in given.items():
                 for name, estimate in named.items():
-                    own = replace(estimate, name=f"{estimator}:{name}") if name in taken else estimate
+                    own = estimate._replace(name=f"{estimator}:{name}") if name in taken else estimate
                     estimates.append(own)
                 taken.update(named)
         final = tuple(estimates)
@@ -417,5 +421,5 @@ def _provisional(estimate: Estimate, doubt: Reason) -> Estimate:
     """Return an estimate that is provisional at best, with the reason."""
     status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
     if any(doubt in reason for reason in estimate.reasons):
-        return replace(estimate, status=status)  # inherited from the estimate that this one is made of
-    return replace(estimate, status=status, reasons=(*estimate.reasons, doubt))
+        return estimate._replace(status=status)  # inherited from the estimate that this one is made of
+    return estimate._replace(status=status, reasons=(*estimate.reasons, doubt))

@@ -19,7 +19,7 @@ import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid
-from gateway.types import ComplexArray, FloatArray, IntArray
+from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
 
 # Highest order used: above it there is noise but no signal of a tire's slope.
 HIGHEST_ORDER: Final = 60
@@ -87,51 +87,68 @@ class MountingRows:
         repeats, as that of a tread does.
         """
         bands = len(_BANDS)
-        products = self.sums[:, : 6 * bands].reshape(-1, 6, bands)
+        products = self._products
         tilt_zero, zero_zero, zero_right, count = self.sums[:, 6 * bands :].T
-        total = products.sum(axis=2)
-        offset_offset, offset_tilt, tilt_tilt, offset_right, tilt_right, square = total.T
-        diagonal = np.stack([offset_offset, tilt_tilt, zero_zero], axis=1)
-        known = diagonal > 0.0
-        scale = 1.0 / np.sqrt(np.where(known, diagonal, 1.0))
-        # Inverse of the scaled normal matrix: order 0 has no factor of e, so one correlation is zero.
-        with_tilt = offset_tilt * scale[:, 0] * scale[:, 1]
-        with_zero = tilt_zero * scale[:, 1] * scale[:, 2]
-        determinant = 1.0 - with_tilt**2 - with_zero**2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = np.empty((len(known), 3, 3))
-            inverse[:, 0, 0] = 1.0 - with_zero**2
-            inverse[:, 0, 1] = inverse[:, 1, 0] = -with_tilt
-            inverse[:, 0, 2] = inverse[:, 2, 0] = with_tilt * with_zero
-            inverse[:, 1, 1] = 1.0
-            inverse[:, 1, 2] = inverse[:, 2, 1] = -with_zero
-            inverse[:, 2, 2] = 1.0 - with_tilt**2
-            inverse *= scale[:, :, np.newaxis] * scale[:, np.newaxis, :]
-            inverse /= np.where(determinant > 0.0, determinant, math.nan)[:, np.newaxis, np.newaxis]
-            right = np.stack([offset_right, tilt_right, zero_right], axis=1) * known
-            solution = (inverse @ right[:, :, np.newaxis])[:, :, 0] * known
-            size = known.sum(axis=1)
+        solution, right, inverse, known = self._solution()
+        size = known.sum(axis=1)
+        with np.errstate(invalid="ignore"):
+            square = products[:, 5].sum(axis=1)
             white = np.maximum(square - np.sum(solution * right, axis=1), 0.0) / np.maximum(count - size, 1.0)
             offset, tilt, zero = solution.T[:, :, np.newaxis]
-            left = np.zeros((len(known), 3, bands))
-            left[:, 0] = products[:, 3] - products[:, 0] * offset - products[:, 1] * tilt
-            left[:, 1] = products[:, 4] - products[:, 1] * offset - products[:, 2] * tilt
+            # What the solution leaves of the right-hand sides, by band; order 0 alone has a zero-g offset.
+            left = np.empty((len(known), 3, bands))
+            left[:, :2] = products[:, 3:5] - products[:, :2] * offset[:, np.newaxis]
+            left[:, :2] -= products[:, 1:3] * tilt[:, np.newaxis]
             left[:, 1, 0] -= tilt_zero * zero[:, 0]
+            left[:, 2] = 0.0
             left[:, 2, 0] = zero_right - tilt_zero * tilt[:, 0] - zero_zero * zero[:, 0]
-            left *= known[:, :, np.newaxis]
-            clustered = np.sum(np.square(inverse @ left), axis=2) * (bands / np.maximum(bands - size, 1))[:, np.newaxis]
+            clustered = np.square(inverse @ left).sum(axis=2) * (bands / np.maximum(bands - size, 1))[:, np.newaxis]
             variance = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) * white[:, np.newaxis], clustered)
             stds = np.sqrt(variance)
-        return np.where(known, solution, math.nan), np.where(known, stds, math.nan)
+        solution[~known] = stds[~known] = math.nan
+        return solution, stds
 
     def squared_residuals(self) -> FloatArray:
         """Return the sum of squares that the solution of each set leaves, (k,) m^2/s^4."""
-        bands = len(_BANDS)
-        *_, offset_right, tilt_right, square = self.sums[:, : 6 * bands].reshape(-1, 6, bands).sum(axis=2).T
-        right = np.stack([offset_right, tilt_right, self.sums[:, -2]], axis=1)
-        solution = np.nan_to_num(self.solve()[0])
-        result: FloatArray = np.maximum(square - np.sum(solution * right, axis=1), 0.0)
+        solution, right, *_ = self._solution()
+        explained = np.sum(np.nan_to_num(solution) * right, axis=1)
+        result: FloatArray = np.maximum(self._products[:, 5].sum(axis=1) - explained, 0.0)
         return result
+
+    @property
+    def _products(self) -> FloatArray:
+        """(k, 6, bands) products of the factors of e and tilt with each other and with the left-hand side."""
+        bands = len(_BANDS)
+        return self.sums[:, : 6 * bands].reshape(-1, 6, bands)
+
+    def _solution(self) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Return unknowns (k, 3), right-hand sides, inverses of the normal matrices, and which unknowns have equations.
+
+        Unknowns without equations are 0.
+        """
+        tilt_zero, zero_zero, zero_right, _ = self.sums[:, -4:].T
+        offset_offset, offset_tilt, tilt_tilt, offset_right, tilt_right, _ = self._products.sum(axis=2).T
+        diagonal = np.array([offset_offset, tilt_tilt, zero_zero])
+        known = diagonal > 0.0
+        # Without equations all products with an unknown are 0, so any scale of it gives 0.
+        scale = 1.0 / np.sqrt(np.where(known, diagonal, 1.0))
+        # Inverse of the scaled normal matrix: order 0 has no factor of e, so one correlation is zero.
+        with_tilt = offset_tilt * scale[0] * scale[1]
+        with_zero = tilt_zero * scale[1] * scale[2]
+        tilt_square, zero_square = with_tilt * with_tilt, with_zero * with_zero
+        determinant = 1.0 - tilt_square - zero_square
+        inverse = np.empty((3, 3, len(with_tilt)))
+        inverse[0, 0] = 1.0 - zero_square
+        inverse[0, 1] = inverse[1, 0] = -with_tilt
+        inverse[0, 2] = inverse[2, 0] = with_tilt * with_zero
+        inverse[1, 1] = 1.0
+        inverse[1, 2] = inverse[2, 1] = -with_zero
+        inverse[2, 2] = 1.0 - tilt_square
+        inverse *= scale[:, np.newaxis] * (scale / np.where(determinant > 0.0, determinant, math.nan))
+        right = np.array([offset_right, tilt_right, zero_right]).T
+        matrices = np.ascontiguousarray(inverse.transpose(2, 0, 1))
+        solution: FloatArray = (matrices @ right[:, :, np.newaxis])[:, :, 0]
+        return solution, right, matrices, known.T
 
 
 def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:

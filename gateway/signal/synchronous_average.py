@@ -16,6 +16,8 @@ from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
 from gateway.types import ComplexArray, FloatArray
 
 DEFAULT_HORIZON_REVOLUTIONS: Final = 50.0
+# Place of the first cosine among the values of a revolution; sines follow, and the waveform precedes.
+_ORDERS_AT: Final = -2 * ORDER_COUNT
 
 
 class Shares(NamedTuple):
@@ -140,6 +142,10 @@ class AverageSteps(Protocol):
         """Mean square deviation of the revolutions from the average after each, over a common positive factor."""
         ...
 
+    def edges_std_rad(self, index: int) -> tuple[float, float]:
+        """Return the standard errors of both mean edges after the revolution `index`."""
+        ...
+
     def at(self, index: int) -> AngleAverage:
         """Return the average after the revolution `index`."""
         ...
@@ -163,6 +169,10 @@ class OneAverage:
     def scatters(self) -> Sequence[float]:
         """Mean square deviation of the revolutions."""
         return [float(np.square(self._average.scatter_mps2).mean())]
+
+    def edges_std_rad(self, index: int) -> tuple[float, float]:  # noqa: ARG002 - part of the interface
+        """Return the standard errors of both mean edges."""
+        return self._average.leading_edge_std_rad, self._average.trailing_edge_std_rad
 
     def at(self, index: int) -> AngleAverage:  # noqa: ARG002 - part of the interface
         """Return the average."""
@@ -260,11 +270,19 @@ class _Moments:
 
 @dataclass(frozen=True, slots=True)
 class _State:
-    """All of the running average after a revolution; waveforms and orders are over the square of the speed."""
+    """All of the running average after a revolution.
 
-    wave: _Moments
-    cosine: _Moments
-    sine: _Moments
+    Attributes:
+        moments: of the waveform, (n,), then of its cosines and sines, (61,) each, over the square of the speed.
+        order_counts: (61,) revolutions that have carried each order.
+        count: revolutions.
+        weight_square: sum of their squared weights.
+        order_noise: variance of a coefficient by noise.
+        omega_radps: latest speed.
+        edges: of the contact.
+    """
+
+    moments: _Moments
     order_counts: FloatArray
     count: int = 0
     weight_square: float = 1.0
@@ -274,28 +292,30 @@ class _State:
 
     @property
     def waveform_mps2(self) -> FloatArray:
-        result: FloatArray = self.wave.mean * self.omega_radps**2
+        result: FloatArray = self.moments.mean[:_ORDERS_AT] * self.omega_radps**2
         return result
 
     def average(self) -> AngleAverage:
         square = self.omega_radps**2
         seen = self.order_counts > 0.0
-        orders = np.where(seen, (self.cosine.mean - 1j * self.sine.mean) * square, complex(math.nan, math.nan))
+        cosine, sine = self.moments.mean[_ORDERS_AT:].reshape(2, ORDER_COUNT)
+        orders = np.where(seen, (cosine - 1j * sine) * square, complex(math.nan, math.nan))
         # Order 0 has no sine. Scatter has one degree of freedom per coefficient and revolution: below three revolutions
         # the estimate of the noise is better.
-        variance = 0.5 * (self.cosine.variance() + self.sine.variance())
+        variances = self.moments.variance()
+        variance = 0.5 * variances[_ORDERS_AT:].reshape(2, ORDER_COUNT).sum(axis=0)
         variance[0] *= 2.0
         noise = np.full(ORDER_COUNT, self.order_noise)
         noise[0] *= 0.5
         variance = np.where(self.order_counts >= 3.0, variance, noise)
-        orders_std = np.where(seen, np.sqrt(variance * self.cosine.weight_square) * square, math.nan)
+        orders_std = np.where(seen, np.sqrt(variance * self.moments.weight_square[-ORDER_COUNT:]) * square, math.nan)
         leading_std, trailing_std = self.edges.stds_rad()
         return AngleAverage(
             count=self.count,
             effective_count=1.0 / self.weight_square,
             omega_radps=self.omega_radps,
             radial_mps2=self.waveform_mps2,
-            scatter_mps2=np.sqrt(self.wave.variance()) * square,
+            scatter_mps2=np.sqrt(variances[:_ORDERS_AT]) * square,
             orders_mps2=orders,
             orders_std_mps2=orders_std,
             leading_edge_rad=self.edges.mean[0],
@@ -303,6 +323,14 @@ class _State:
             leading_edge_std_rad=leading_std,
             trailing_edge_std_rad=trailing_std,
         )
+
+
+def _spectra(values: FloatArray, *, has_orders: bool) -> ComplexArray:
+    """Return the coefficients c - i s of k waveforms, (k, 61), from values (k, n + 122) that contain them or not."""
+    if not has_orders:
+        return order_coefficients(values[:, :_ORDERS_AT])
+    result: ComplexArray = values[:, _ORDERS_AT:-ORDER_COUNT] - 1j * values[:, -ORDER_COUNT:]
+    return result
 
 
 class _Steps:
@@ -321,9 +349,10 @@ class _Steps:
         self._omega = omega_radps
         self._scalars = scalars
         squares = np.square(np.array(omega_radps))[:, np.newaxis]
-        self._radial = radial_mps2 / squares
         self._carried = np.isfinite(orders_mps2.real)
-        self._orders = np.where(self._carried, orders_mps2, 0.0) / squares
+        orders = orders_mps2 if self._carried.all() else np.where(self._carried, orders_mps2, 0.0)
+        self._values = np.concatenate([radial_mps2, orders.real, -orders.imag], axis=1)
+        self._values /= squares
         self._floor = floor
         self._states: dict[int, _State] = {}
         self._averages: dict[int, AngleAverage] = {}
@@ -339,12 +368,24 @@ class _Steps:
         return counts, weights
 
     @cached_property
+    def _weights(self) -> FloatArray:
+        """Weights of the new values, (k, 1) where they are the same for all, else (k, n + 122)."""
+        weights = np.array([[weight] for _, _, weight, *_ in self._scalars])
+        _, of_orders = self._order_weights
+        if (of_orders == weights).all():
+            return weights
+        return np.concatenate(
+            [np.repeat(weights, self._values.shape[1] - 2 * ORDER_COUNT, axis=1), of_orders, of_orders], axis=1
+        )
+
+    @cached_property
     def spectra(self) -> ComplexArray:
         """(k, 61) coefficients of the averaged waveform."""
         shares = running_shares(tuple(weight for _, _, weight, *_ in self._scalars))
-        before = order_coefficients(self._before.wave.mean[np.newaxis])
-        # The revolutions' own coefficients are those of their waveforms, as far as the sampling carries them.
-        own = self._orders if self._carried.all() else order_coefficients(self._radial)
+        # Coefficients are those of the waveforms, as far as the sampling carries them.
+        state = self._before
+        before = _spectra(state.moments.mean[np.newaxis], has_orders=bool((state.order_counts == state.count).all()))
+        own = _spectra(self._values, has_orders=bool(self._carried.all()))
         result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ own
         change = (own - np.concatenate([before, result[:-1]])) * self._carried
         self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
@@ -354,14 +395,17 @@ class _Steps:
     def scatters(self) -> Sequence[float]:
         """Mean square deviation of the revolutions, of the orders that they carry."""
         _ = self.spectra
-        before = self._before
-        spread = 0.5 * float(before.cosine.spread.sum() + before.sine.spread.sum())
+        spread = 0.5 * float(self._before.moments.spread[_ORDERS_AT:].sum())
         found = []
         for square, (_, weight_square, weight, *_) in zip(self._squares, self._scalars, strict=True):
             spread = (1.0 - weight) * (spread + weight * square)
             freedom = 1.0 - weight_square
             found.append(spread / freedom if freedom > 1e-12 else math.nan)
         return found
+
+    def edges_std_rad(self, index: int) -> tuple[float, float]:
+        *_, edges = self._scalars[index]
+        return edges.stds_rad()
 
     def at(self, index: int) -> AngleAverage:
         found = self._averages.get(index)
@@ -381,20 +425,10 @@ class _Steps:
         known = max((other for other in self._states if other < index), default=-1)
         begin = self._states[known] if known >= 0 else self._before
         rows = slice(known + 1, index + 1)
-        counts, order_weights = self._order_weights
-        weights = np.array([[weight] for _, _, weight, *_ in self._scalars[rows]])
+        counts, _ = self._order_weights
         count, weight_square, _, noise, edges = self._scalars[index]
-        orders = self._orders[rows]
-        both = _Moments(
-            np.concatenate([begin.cosine.mean, begin.sine.mean]),
-            np.concatenate([begin.cosine.spread, begin.sine.spread]),
-            np.concatenate([begin.cosine.weight_square, begin.sine.weight_square]),
-        ).and_then(np.concatenate([orders.real, -orders.imag], axis=1), np.tile(order_weights[rows], 2))
-        half = ORDER_COUNT
         return _State(
-            wave=begin.wave.and_then(self._radial[rows], weights),
-            cosine=_Moments(both.mean[:half], both.spread[:half], both.weight_square[:half]),
-            sine=_Moments(both.mean[half:], both.spread[half:], both.weight_square[half:]),
+            moments=begin.moments.and_then(self._values[rows], self._weights[rows]),
             order_counts=counts[index],
             count=count,
             weight_square=weight_square,
@@ -430,8 +464,7 @@ class RunningAverage:
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
-        orders = _Moments.empty(ORDER_COUNT)
-        self._state = _State(_Moments.empty(self._n), orders, orders, np.zeros(ORDER_COUNT))
+        self._state = _State(_Moments.empty(self._n + 2 * ORDER_COUNT), np.zeros(ORDER_COUNT))
         self._latest: AngleAverage | None = None
         self._waveform: FloatArray | None = None
         self._steps: AverageSteps | None = None

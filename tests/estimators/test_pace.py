@@ -140,7 +140,7 @@ def test_contradiction_applies_in_its_own_revolution(
 
     def contradicted(*args: object, **options: object) -> Evidence:
         evidence = assess(*args, **options)  # type: ignore[arg-type]
-        return replace(evidence, contradictions=(against,)) if next(seen) >= at else evidence
+        return evidence._replace(contradictions=(against,)) if next(seen) >= at else evidence
 
     monkeypatch.setattr(tire_estimates, "assess", contradicted)
     results = estimated(revolutions, 16, ("kinematic", "weak-form"))

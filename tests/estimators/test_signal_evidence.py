@@ -186,7 +186,7 @@ def test_ratio_near_a_contradiction_widens_the_errors(ratio: float) -> None:
     speed = evidence.qualified(SPEED)
     assert speed.status is Status.VALID
     assert codes_of(speed.reasons) == (Code.STEADY_VALUE_DISAGREES,)
-    assert evidence.qualified(replace(SPEED, name="leading_edge_rad")).reasons == ()
+    assert evidence.qualified(SPEED._replace(name="leading_edge_rad")).reasons == ()
 
 
 def test_gravity_decides_between_gain_and_radius() -> None:
@@ -200,7 +200,7 @@ def test_gravity_decides_between_gain_and_radius() -> None:
 
 def test_effect_within_the_error_leaves_estimate_valid() -> None:
     evidence = assess(measured(1.1), CONDITIONS, 1000.0, ac_coupled=False)
-    wide = replace(SPEED, std=8.0)
+    wide = SPEED._replace(std=8.0)
     assert evidence.qualified(wide) == wide
 
 

@@ -69,7 +69,7 @@ def test_every_wheel_has_a_line_at_80x24(made):
 
 
 def test_small_errors_keep_numbers_on_the_overview(made):
-    estimates = tuple(dataclasses.replace(e, std=1e-9 * abs(e.value)) for e in made.result(speed_kmh=251.37).estimates)
+    estimates = tuple(e._replace(std=1e-9 * abs(e.value)) for e in made.result(speed_kmh=251.37).estimates)
     rows = page(made.snapshot([made.wheel("FL", result={"estimates": estimates}), "FR", "RL", "RR"]))
     line = row_with(rows, ">1 FL").split()
     assert line[3] == "251.37"

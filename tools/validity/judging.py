@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -147,12 +147,11 @@ def _by_owner(result: RevolutionResult, first: str) -> dict[tuple[str, str], Est
         owner, _, name = estimate.name.rpartition(":")
         if not owner:
             owner = first if name in (*RING_NUMBERS, *RING_RATIOS) else OWNERS.get(name, "")
-        found[owner, name] = replace(estimate, name=name)
+        found[owner, name] = estimate._replace(name=name)
     leading, trailing = found.get(("kinematic", "leading_edge_rad")), found.get(("kinematic", "trailing_edge_rad"))
     if leading is not None and trailing is not None:
         # The definition of both edges may be wrong in the same direction, as for the contact length.
-        found["kinematic", "half_angle_rad"] = replace(
-            found["kinematic", "contact_length_m"],
+        found["kinematic", "half_angle_rad"] = found["kinematic", "contact_length_m"]._replace(
             name="half_angle_rad",
             value=0.5 * (trailing.value - leading.value),
             std=0.5 * (_beyond_centre(trailing.std) + _beyond_centre(leading.std)),
