@@ -371,9 +371,9 @@ class _Steps:
     def _weights(self) -> FloatArray:
         """Weights of the new values, (k, 1) where they are the same for all, else (k, n + 122)."""
         weights = np.array([[weight] for _, _, weight, *_ in self._scalars])
-        _, of_orders = self._order_weights
-        if (of_orders == weights).all():
+        if self._is_even:
             return weights
+        _, of_orders = self._order_weights
         return np.concatenate(
             [np.repeat(weights, self._values.shape[1] - 2 * ORDER_COUNT, axis=1), of_orders, of_orders], axis=1
         )
@@ -394,14 +394,33 @@ class _Steps:
     @cached_property
     def scatters(self) -> Sequence[float]:
         """Mean square deviation of the revolutions, of the orders that they carry."""
-        _ = self.spectra
-        spread = 0.5 * float(self._before.moments.spread[_ORDERS_AT:].sum())
-        found = []
-        for square, (_, weight_square, weight, *_) in zip(self._squares, self._scalars, strict=True):
-            spread = (1.0 - weight) * (spread + weight * square)
-            freedom = 1.0 - weight_square
-            found.append(spread / freedom if freedom > 1e-12 else math.nan)
-        return found
+        moments = self._before.moments
+        if self._is_even:
+            _ = self.spectra
+            spread = 0.5 * float(moments.spread[_ORDERS_AT:].sum())
+            spreads = []
+            for square, (_, _, weight, *_) in zip(self._squares, self._scalars, strict=True):
+                spread = (1.0 - weight) * (spread + weight * square)
+                spreads.append(spread)
+        else:
+            _, weights = self._order_weights
+            steps = np.tile(weights, 2)
+            mean, each = moments.mean[_ORDERS_AT:].copy(), moments.spread[_ORDERS_AT:]
+            spreads = []
+            for own, weight in zip(self._values[:, _ORDERS_AT:], steps, strict=True):
+                change = own - mean
+                mean += weight * change
+                each = (1.0 - weight) * (each + weight * np.square(change))
+                spreads.append(0.5 * float(each.sum()))
+        freedoms = [1.0 - weight_square for _, weight_square, *_ in self._scalars]
+        return [
+            spread / freedom if freedom > 1e-12 else math.nan for spread, freedom in zip(spreads, freedoms, strict=True)
+        ]
+
+    @property
+    def _is_even(self) -> bool:
+        """Whether every revolution so far has carried every order, so that all values have the same weights."""
+        return bool(self._carried.all() and (self._before.order_counts == self._before.count).all())
 
     def edges_std_rad(self, index: int) -> tuple[float, float]:
         *_, edges = self._scalars[index]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -152,6 +153,38 @@ def test_returned_averages_do_not_change() -> None:
         kept, (second.radial_mps2, second.orders_mps2, second.scatter_mps2, first.radial_mps2), strict=True
     ):
         np.testing.assert_array_equal(before, after)
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    highest=st.lists(st.sampled_from([54, 58, 60]), min_size=3, max_size=12),
+    cuts=st.sets(st.integers(1, 11)),
+)
+def test_steps_do_not_depend_on_blocks(highest: list[int], cuts: set[int]) -> None:
+    """A slow wheel's sampling carries other orders in one revolution than in the next."""
+    data = waves(len(highest))
+    orders = [order_coefficients(wave, order) for wave, order in zip(data, highest, strict=True)]
+
+    def fed(edges: list[int]) -> list[tuple[float, np.ndarray]]:
+        average, found = RunningAverage(6), []
+        for begin, end in pairwise(edges):
+            steps = average.update_block(
+                np.stack(data[begin:end]),
+                np.stack(orders[begin:end]),
+                [50.0] * (end - begin),
+                edges_rad=[(-0.25, 0.25)] * (end - begin),
+                edges_std_rad=[(0.0075, 0.0075)] * (end - begin),
+                noise_mps2=[2.0] * (end - begin),
+            )
+            found += list(zip(steps.scatters, steps.spectra, strict=True))
+        return found
+
+    count = len(highest)
+    single = fed(list(range(count + 1)))
+    blocks = fed([0, *sorted(cut for cut in cuts if cut < count), count])
+    for (one, own), (other, same) in zip(single, blocks, strict=True):
+        assert one == pytest.approx(other, rel=1e-10, nan_ok=True)
+        np.testing.assert_allclose(own, same, rtol=1e-9, atol=1e-13)
 
 
 def test_reset_makes_replay_identical() -> None:
