@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 MEASURED = ROOT / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 MAP = ROOT / "examples" / "innerliner_drum_80kmh.map.toml"
 
-# Seeds of `closure_rig.draw.blind`: mounting offset, electrical tone (outside the catalogue), nothing, tread damping.
+# Seeds of `closure_rig.draw.blind`: mounting offset, electrical tone (outside the catalogue), nothing, bending damping.
 SEALED = (25, 14, 13, 24)
 # Two speeds of the rig's seven recordings.
 RUNS = 2
