@@ -237,6 +237,7 @@ class Sideways(SignalEffect):
         *,
         bent: float = 0.0,
         high: float = 300.0,
+        prior_stds: tuple[float, ...] = (50.0,),
     ) -> None:
         """Take a name and the dependence of the size on the conditions.
 
@@ -245,10 +246,12 @@ class Sideways(SignalEffect):
             goes_with: the factor under given conditions.
             bent: angle by which its curve, a constant, is turned towards another one of the same size.
             high: largest plausible size.
+            prior_stds: prior standard deviations of the size, the widest first.
         """
         self.name = name
         self.summary = name
-        self.parameters = (Parameter("size_mps2", "m/s^2", -high, high, 50.0, 1e-3),)
+        first, *others = prior_stds
+        self.parameters = (Parameter("size_mps2", "m/s^2", -high, high, first, 1e-3, other_stds=tuple(others)),)
         self.goes_with = goes_with
         self._bent = bent
 

@@ -71,6 +71,17 @@ def test_absent_effect_costs_its_odds_and_its_width() -> None:
     assert beside.log_evidence - without.log_evidence == pytest.approx(expected, abs=0.3)
 
 
+@pytest.mark.parametrize("size_mps2", [0.0, 0.02, 5.0])
+def test_evidence_of_several_prior_widths_is_their_mean(size_mps2: float) -> None:
+    campaign = campaign_of(ONE_SPEED, sideways(size_mps2), axes=ALL_AXES)
+    mixed, _ = evaluated(campaign, Sideways("constant", prior_stds=(50.0, 0.0, 0.1)))
+    # Under the same discrepancy, since each set would choose its own.
+    fits = [evaluated(campaign, Sideways("constant", prior_stds=(std,)))[0].fit for std in (50.0, 1e-6, 0.1)]
+    settled = [fit.under(mixed.fit.applied) for fit in fits]
+    each = [log_evidence(fit.moved(fit.step)) for fit in settled]
+    assert mixed.log_evidence == pytest.approx(float(np.logaddexp.reduce(each)) - math.log(3.0), abs=0.02)
+
+
 @pytest.mark.parametrize(("high", "possible"), [(2.4, True), (1.6, False)])
 def test_value_beyond_its_range_is_impossible(high: float, possible: bool) -> None:
     one, _ = evaluated(campaign_of(ONE_SPEED, sideways(2.0), axes=ALL_AXES), Sideways("constant", high=high))

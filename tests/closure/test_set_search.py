@@ -11,7 +11,7 @@ import pytest
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.inference.candidate_trial import refit, try_effect
-from gateway.closure.inference.set_search import is_taken
+from gateway.closure.inference.set_search import baseline_fit, is_taken
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.types import FloatArray
@@ -70,6 +70,22 @@ def test_two_effects_are_found_together() -> None:
     assert found.best.log_evidence == max(one.log_evidence for one in search.found.values())
     assert frozenset() in search.found
     assert search.complete
+
+
+def test_known_set_is_fitted_again_from_a_better_optimum() -> None:
+    """A set stuck far from its optimum would give its credit to an effect that merely leads out of it."""
+
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        return turned(LATERAL, 5e-5)(gain(signal, theta, here), theta, here)
+
+    campaign = campaign_of(TWO_SPEEDS, plant, noise_mps2=0.05, axes=ALL_AXES)
+    found, search = searched(campaign, among("roll tilt", "gain"))
+    assert found.best.names == {"roll tilt", "gain"}
+    alone = frozenset(["gain"])
+    stuck = search.found[alone]
+    search.found[alone] = replace(stuck, log_evidence=stuck.log_evidence - 50.0)
+    search.run(baseline_fit(campaign, search.core, search.data))
+    assert search.found[alone].log_evidence == pytest.approx(stuck.log_evidence, abs=0.5)
 
 
 @pytest.mark.parametrize("answers", [0, 3])

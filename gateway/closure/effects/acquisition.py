@@ -226,7 +226,7 @@ class AcCoupling(SignalEffect):
     # The lag is 1 / (2 pi corner) once the change of speed has lasted for several times that, and less before.
     parameters = (
         Parameter("corner_hz", "Hz", 0.0, 20.0, 2.0, 1e-3),
-        Parameter("mean_lag_s", "s", 0.0, 10.0, 2.0, 1e-2, optional=True),
+        Parameter("mean_lag_s", "s", 0.0, 10.0, 2.0, 1e-2, other_stds=(0.0,)),
     )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     observed_in = "lowest orders of all axes, best at low speed; the lost mean of a sensor declared as DC-coupled"

@@ -101,8 +101,9 @@ class Parameter:
         shared_std: where effects share the parameter of this name, the standard deviation by which each may differ
             from it, as their equations are models; None where it is the effect's own.
         whole: True for a whole number. Start values and scans try its values; a fit keeps the one that it starts from.
-        optional: True for an amplitude that may well be zero while others of the effect are not, as the offset of one
-            axis; the evidence then allows for its absence.
+        other_stds: further prior standard deviations, each as likely as `prior_std`, which is the widest: 0 for an
+            amplitude that may be zero while others of the effect are not, a small one where some products are far
+            better than others. They count in the evidence; a fit uses `prior_std`.
     """
 
     name: str
@@ -118,7 +119,7 @@ class Parameter:
     whole: bool = False
     inverse_display: tuple[float, str] | None = None
     shared_std: float | None = None
-    optional: bool = False
+    other_stds: tuple[float, ...] = ()
 
     @property
     def known(self) -> bool:

@@ -165,7 +165,8 @@ class SensorNonlinearity(LinearSignalEffect):
 
 
 def _offset(axis: str) -> Parameter:
-    # Elements for 200 to 2000 g: 1 to 2 g as a rule, 1 % of full scale at worst.
+    # Elements for 200 to 2000 g: 1 to 2 g as a rule, 1 % of full scale at worst. Where it was zeroed at rest, some
+    # 30 mg are left: the drift with temperature and time. Or the axis has none.
     return Parameter(
         f"{axis}_mps2",
         "m/s^2",
@@ -175,7 +176,7 @@ def _offset(axis: str) -> Parameter:
         0.01,
         factor=1.0 / STANDARD_GRAVITY_MPS2,
         display_unit="g",
-        optional=True,
+        other_stds=(0.0, 0.3),
     )
 
 

@@ -27,6 +27,9 @@ rms from which a note says that the evidence was divided by it."""
 LENGTHS_RAD: Final = (0.03, 0.12, 0.4)
 """Correlation lengths of the discrepancy: a tread block, a contact edge, the belt's lowest free shapes."""
 
+BLOW_RAD: Final = 0.01
+"""Correlation length within a place of a discrepancy that stands for blows: shorter than the highest order's wave."""
+
 BURST_WIDTHS_RAD: Final = (0.1, 0.3)
 """Widths of the places at which a discrepancy may be concentrated: a splice or a stone, and what rings there."""
 

@@ -10,9 +10,9 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.inference import criteria
-from gateway.closure.inference.discrepancy_kernels import Concentration, concentrations
+from gateway.closure.inference.discrepancy_kernels import FROM_PLACES, PLACES, Concentration, concentrations
 from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, Whitened
+from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.residual import group_residuals, residual_ratio
 from gateway.types import FloatArray
 
@@ -54,9 +54,9 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
     possible = concentrations()
     known = set(fit.applied.discrepancy.concentrations)
     answers = fit.applied.answers(fit.weighted, fit.precision)
-    # At ANGLES in place of orders, where a burst is narrow.
+    # At PLACES in place of orders, where a burst is narrow.
     seen = [
-        _Seen(answer @ FROM_FIELD, FROM_FIELD.T @ information @ FROM_FIELD, at, part, float(np.square(scale).sum()))
+        _Seen(answer @ FROM_PLACES, FROM_PLACES.T @ information @ FROM_PLACES, at, part, float(np.square(scale).sum()))
         for (at, (_, _, place)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
         for part, ((answer, information), scale) in enumerate(zip(parts, place.scales, strict=True))
     ]
@@ -74,7 +74,7 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """C^-1 r (REAL,) and C^-1 (REAL, REAL) at ANGLES as one part of one place sees them.
+    """C^-1 r (2 REAL,) and C^-1 (2 REAL, 2 REAL) at PLACES as one part of one place sees them.
 
     Attributes:
         answer: C^-1 r.
@@ -112,5 +112,5 @@ def _evident(one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], 
             amplitudes[each.place] = 0.0
             amplitudes[each.place, each.part] = amplitude
             field = curves @ (vectors @ (along / (1.0 / amplitude + values)))
-            powers[each.place] = each.power * float(field @ field) / len(ANGLES)
+            powers[each.place] = each.power * float(field @ field) / len(PLACES)
     return Evident(one, amplitudes, float(gains.sum()), float(powers.sum()) / power if power > 0.0 else 0.0)

@@ -5,13 +5,28 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from gateway.closure.inference import criteria
-from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD
+from gateway.closure.inference.likelihood import ANGLES, FROM_FIELD, REAL
 from gateway.types import FloatArray
+
+PLACES: Final[FloatArray] = -np.pi + np.pi / REAL * np.arange(2 * REAL, dtype=np.float64)
+"""Angles of the grid on which concentrations are described, (2 REAL,): a blow has orders beyond those compared, without
+which it rings all around the wheel."""
+
+
+def _from_places() -> FloatArray:
+    """Return the matrix from a curve at PLACES to its real coefficients; a coefficient is c - i s."""
+    turned = np.outer(np.arange(REAL // 2 + 1), PLACES)
+    matrix = np.vstack([np.cos(turned), -np.sin(turned[1:])]) / REAL
+    matrix[0] /= 2.0
+    return matrix
+
+
+FROM_PLACES: Final[FloatArray] = _from_places()
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,8 +40,8 @@ class OrderLine:
     order: int
 
     def curves(self) -> FloatArray:
-        """Return curves at ANGLES whose sum with independent normal weights has the kernel, (REAL, 2)."""
-        turned = self.order * ANGLES
+        """Return curves at PLACES whose sum with independent normal weights has the kernel, (2 REAL, 2)."""
+        turned = self.order * PLACES
         return np.stack([np.cos(turned), np.sin(turned)], axis=1)
 
 
@@ -35,7 +50,7 @@ class Burst:
     """Part of the discrepancy at one place of the revolution: a splice, a stone, a part that rubs or strikes.
 
     Attributes:
-        place: index into ANGLES of its centre.
+        place: index into PLACES of its centre.
         width_rad: standard deviation of its Gaussian window.
         length_rad: correlation length inside.
     """
@@ -45,8 +60,8 @@ class Burst:
     length_rad: float
 
     def curves(self) -> FloatArray:
-        """Return curves at ANGLES whose sum with independent normal weights has the kernel, (REAL, m)."""
-        return np.roll(_centred(self.width_rad, self.length_rad), self.place - len(ANGLES) // 2, axis=0)
+        """Return curves at PLACES whose sum with independent normal weights has the kernel, (2 REAL, m)."""
+        return np.roll(_centred(self.width_rad, self.length_rad), self.place - REAL, axis=0)
 
 
 Concentration: TypeAlias = OrderLine | Burst
@@ -54,11 +69,11 @@ Concentration: TypeAlias = OrderLine | Burst
 
 def concentrations() -> tuple[Concentration, ...]:
     """Return all concentrations that a discrepancy may have."""
-    found: list[Concentration] = [OrderLine(order) for order in range(1, len(ANGLES) // 2 + 1)]
-    step_rad = 2.0 * math.pi / len(ANGLES)
+    found: list[Concentration] = [OrderLine(order) for order in range(1, REAL // 2 + 1)]
+    step_rad = 2.0 * math.pi / REAL
     for width in criteria.BURST_WIDTHS_RAD:
-        places = range(0, len(ANGLES), max(1, round(width / step_rad)))
-        lengths = (length for length in criteria.LENGTHS_RAD if length <= width + step_rad)
+        places = range(0, 2 * REAL, 2 * max(1, round(width / step_rad)))
+        lengths = (length for length in (criteria.BLOW_RAD, *criteria.LENGTHS_RAD) if length <= width + step_rad)
         found += [Burst(place, width, length) for length in lengths for place in places]
     return tuple(found)
 
@@ -71,7 +86,7 @@ def smooth_kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> Flo
     found = []
     for window in (near, np.sin(0.5 * math.pi * beyond)):
         for length in lengths_rad:
-            field = _windowed(window, length)
+            field = _windowed(ANGLES, window, length)
             field /= max(float(np.square(window).mean()), 1e-12)
             found.append(FROM_FIELD @ field @ FROM_FIELD.T)
     kernels = np.stack(found)
@@ -81,23 +96,23 @@ def smooth_kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> Flo
 
 def kernel(concentration: Concentration) -> FloatArray:
     """Return the kernel of a concentration, of unit variance at its centre, (REAL, REAL)."""
-    coefficients = FROM_FIELD @ concentration.curves()
+    coefficients = FROM_PLACES @ concentration.curves()
     result: FloatArray = coefficients @ coefficients.T
     return result
 
 
-def _windowed(window: FloatArray, length_rad: float) -> FloatArray:
-    """Return the covariance at ANGLES of a curve of one correlation length in a window, (REAL, REAL)."""
-    away = 1.0 - np.cos(ANGLES[:, None] - ANGLES[None, :])
+def _windowed(angles: FloatArray, window: FloatArray, length_rad: float) -> FloatArray:
+    """Return the covariance at angles (n,) of a curve of one correlation length in a window (n,), (n, n)."""
+    away = 1.0 - np.cos(angles[:, None] - angles[None, :])
     field: FloatArray = np.outer(window, window) * np.exp(-away / length_rad**2)
     return field
 
 
 @lru_cache(maxsize=16)
 def _centred(width_rad: float, length_rad: float) -> FloatArray:
-    """Return the curves of a burst in the middle of ANGLES."""
-    window = np.exp(-0.5 * np.square((ANGLES - ANGLES[len(ANGLES) // 2]) / width_rad))
-    values, vectors = np.linalg.eigh(_windowed(window, length_rad))
+    """Return the curves of a burst in the middle of PLACES."""
+    window = np.exp(-0.5 * np.square((PLACES - PLACES[REAL]) / width_rad))
+    values, vectors = np.linalg.eigh(_windowed(PLACES, window, length_rad))
     kept = values > 1e-6 * values[-1]
     curves: FloatArray = vectors[:, kept] * np.sqrt(values[kept])
     curves.setflags(write=False)

@@ -140,6 +140,18 @@ class SetSearch:
                 return None
         return self.found[names]
 
+    def _evaluate_anew(self, fit: Fit, amplitudes: FloatArray | None) -> None:
+        """Evaluate a set, also a known one, and keep the better optimum.
+
+        From a worse one, the effect that the set lacks would get the credit for leading out of it.
+        """
+        names = _names(fit)
+        known = self.found.get(names)
+        self.found.pop(names, None)
+        found = self._evaluate(fit, amplitudes)
+        if known is not None and (found is None or found.log_evidence < known.log_evidence):
+            self.found[names] = known
+
     def _corrected(self, start: Fit) -> Fit:
         """Return the fit with all corrections of the baseline model if it is the better one."""
         effects = tuple(self.effects[name] for name in self.corrections if name in self.effects)
@@ -235,7 +247,7 @@ class SetSearch:
             without = self._bare(best, effect)
             if without is None:
                 continue
-            self._evaluate(without, amplitudes)
+            self._evaluate_anew(without, amplitudes)
             least = criteria.RIVAL_SHARE * self.promises.get(effect.name, 0.0) - criteria.LOOKED_AT
             self._add(without, best, [name for name in self.effects if self.promises.get(name, math.inf) > least])
         if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
