@@ -126,6 +126,8 @@ def _term(name: str, unit: str, power: int) -> Parameter:
         step=1e-3 * most,
         factor=100.0 * _DISPLAY_LEVEL_MPS2**power,
         display_unit=f"% at {_DISPLAY_LEVEL_MPS2:.0f} m/s^2",
+        # Symmetric elements have a cube alone, most others a square alone.
+        other_stds=(0.0,),
     )
 
 

@@ -169,7 +169,7 @@ def _rows_from(
 def _trial(
     fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArray, inner: FloatArray, cross: FloatArray
 ) -> Trial | None:
-    """Return the linear fit from a start; None if it is singular.
+    """Return the linear fit from a start; None if it is singular or the data do not contain the effect's axes.
 
     Args:
         fit: of the model without the effect.
@@ -179,6 +179,8 @@ def _trial(
         inner: products of the derivatives and the change of the signal by the start, (k + 1, k + 1).
         cross: products of those of the fit and its residual with them, (P + 1, k + 1).
     """
+    if not np.diagonal(inner)[:-1].any():
+        return None
     there, own = _started(fit, model, effect, start), model.layout.effect(effect.name)
     # From the change of the signal to the residual with the start in place.
     misfit = fit.residual_product - 2.0 * float(cross[-1, -1]) + float(inner[-1, -1])

@@ -75,6 +75,9 @@ BRANCHES: Final = 2
 REFITTED: Final = 3
 """Candidates fitted at each step of a chain, best promise first."""
 
+RIVALS: Final = 6
+"""Candidates fitted beside the best set or in place of one of its effects: up to three have the same waveform."""
+
 PROMISE_SHARE: Final = 0.3
 """Share of the best promise below which a candidate of a chain is not fitted: linear promises are right to a third."""
 

@@ -268,7 +268,7 @@ class SetSearch:
         """Evaluate a set with each effect that promises an evidence near that of the best set."""
         known = self.found.get(_names(fit))
         at = _linear_score(fit) if known is None else known.log_evidence
-        for trial in self._scan(fit, among)[: criteria.REFITTED]:
+        for trial in self._scan(fit, among)[: criteria.RIVALS]:
             if self._stop():
                 return
             names = _names(fit) | {trial.effect.name}
