@@ -80,6 +80,13 @@ def test_indistinguishable_effects_are_reported_together() -> None:
         assert finding.decide_with == Reason(Code.NO_RECORDING_DECIDES)
 
 
+def test_groups_of_causes_do_not_count_what_is_no_cause() -> None:
+    """Where a band without a law is likely, no effect of the catalogue is certain to be present."""
+    found, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    assert found.alternatives({"one", "other"}) == found.alternatives()
+    assert found.alternatives({"one"}) == ()
+
+
 @pytest.mark.parametrize("reverse", [False, True])
 def test_order_of_candidates_does_not_matter(reverse: bool) -> None:
     campaign = campaign_of(ONE_SPEED, gain, noise_mps2=NOISY)

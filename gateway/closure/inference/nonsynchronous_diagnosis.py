@@ -91,12 +91,11 @@ def _findings(
     found = [_finding(posterior, name, Verdict.NAMED, sites) for name in posterior.names if name in {*named} & {*names}]
     seen = set(named)
     another = Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED)
-    for group in posterior.alternatives():
-        rivals = {name: tuple(_rival(other) for other in group if other != name) for name in group}
+    # A strange band is no cause: where it is likely, no effect of the catalogue is certain to be present.
+    for group in posterior.alternatives({*names, LOW_PASS}):
         for name in group:
             if name in names:
-                # A strange band of its own shape is no other effect: it is what is not certain about this one.
-                others = tuple(rival for rival in rivals[name] if rival)
+                others = tuple(ANTI_ALIAS if other == LOW_PASS else other for other in group if other != name)
                 decides = None if several_speeds(sites) else another
                 found.append(
                     _finding(posterior, name, Verdict.INDISTINGUISHABLE, sites, rivals=others, decide_with=decides)
@@ -115,12 +114,6 @@ def _findings(
                 seen.add(name)
                 found.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason, inside=one))
     return found
-
-
-def _rival(name: str) -> str:
-    """Return an effect's name, that of the sensor's filter for a low-pass, and none for what is no effect."""
-    effect = catalogue().get(name)
-    return ANTI_ALIAS if name == LOW_PASS else "" if effect is None else effect.name
 
 
 def _finding(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
@@ -105,12 +105,20 @@ class PosteriorOver(Generic[SetT]):
         """Return the effects whose probability reaches `criteria.NAMED`, most probable first."""
         return tuple(name for name in self.names if self.probability([name]) >= criteria.NAMED)
 
-    def alternatives(self) -> tuple[tuple[str, ...], ...]:
-        """Return the smallest groups of effects of which one is present, while no single one is certain."""
+    def alternatives(self, causes: Container[str] | None = None) -> tuple[tuple[str, ...], ...]:
+        """Return the smallest groups of effects of which one is present, while no single one is certain.
+
+        Args:
+            causes: names that may be in a group; None for all.
+        """
         named = frozenset(self.identified())
         # An effect that lacks little has rivals that are rare.
         least = 1.0 - criteria.NAMED
-        left = [name for name in self.names if name not in named and self.probability([name]) >= least]
+        left = [
+            name
+            for name in self.names
+            if name not in named and (causes is None or name in causes) and self.probability([name]) >= least
+        ]
         groups: list[tuple[str, ...]] = []
         while left and self.probability([left[0]]) >= criteria.REPORTED:
             group = [left.pop(0)]
