@@ -27,7 +27,8 @@ from gateway.views.session_summary import summary_lines
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
 
-_POLL_S: Final = 0.05
+# A session takes what has arrived ten times a second.
+_POLL_S: Final = 0.1
 _STOP_WAIT_S: Final = 2.0
 
 
@@ -108,8 +109,12 @@ def start_session(
 
 
 def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str], None]) -> None:
-    """Print one line per revolution until the session ends, its time is up, or a signal asks to stop."""
-    view = PlainView(write)
+    """Print one line per revolution until the session ends, its time is up, or a signal asks to stop.
+
+    `write` takes all lines of a round as one text, and adds the last line end.
+    """
+    lines: list[str] = []
+    view = PlainView(lines.append)
     live = session.live
 
     def show() -> None:
@@ -117,6 +122,10 @@ def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str],
             view.notice(notice)
         for result in live.results():
             view.result(result)
+        if lines:
+            text = "\n".join(lines)
+            lines.clear()
+            write(text)
 
     _run_until_end(session, stop, show)
 

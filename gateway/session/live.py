@@ -371,7 +371,7 @@ class LiveSession:
 def _taken(items: deque[_Item]) -> list[_Item]:
     """Empty a queue that another thread may be filling; return its items."""
     taken: list[_Item] = []
-    with suppress(IndexError):
-        while True:
-            taken.append(items.popleft())
+    # The other thread only adds: a full queue loses its oldest item, but is never empty after that.
+    while items:
+        taken.append(items.popleft())
     return taken

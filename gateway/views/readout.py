@@ -28,7 +28,7 @@ class Reading(NamedTuple):
         rotation: revolutions per minute.
         leading: leading contact angle, negative.
         trailing: trailing contact angle, positive.
-        others: every other quantity, e.g. contact length.
+        further: every other estimate.
         distance: distance rolled; None when no estimator gives it.
         numbers: the dimensionless numbers, or their ratios when only those are known.
         status: worst status among the numbers shown, invalid when there is none.
@@ -40,12 +40,17 @@ class Reading(NamedTuple):
     rotation: Shown
     leading: Shown
     trailing: Shown
-    others: tuple[Shown, ...]
+    further: tuple[Estimate, ...]
     distance: Shown | None
     numbers: tuple[Shown, ...]
     status: Status
     reasons: tuple[Reason, ...]
     ratios_only: bool
+
+    @property
+    def others(self) -> tuple[Shown, ...]:
+        """Every other quantity, e.g. contact length; made when asked for, since lines do not show them."""
+        return tuple(show(estimate) for estimate in self.further)
 
     @property
     def note(self) -> str:
@@ -64,7 +69,7 @@ def read_result(result: RevolutionResult) -> Reading:
     distance: Estimate | None = None
     leading: Estimate | None = None
     trailing: Estimate | None = None
-    others: list[Shown] = []
+    further: list[Estimate] = []
     whole: list[Estimate] = []
     ratios: list[Estimate] = []
     for estimate in result.estimates:
@@ -84,7 +89,7 @@ def read_result(result: RevolutionResult) -> Reading:
         elif unit is ANGLE and label.startswith("trailing"):
             trailing = estimate
         else:
-            others.append(show(estimate))
+            further.append(estimate)
     known = any(number.status is not Status.INVALID for number in whole)
     ratios_only = not known and any(ratio.status is not Status.INVALID for ratio in ratios)
     shown = tuple(show(number) for number in (ratios if ratios_only else whole))
@@ -99,7 +104,7 @@ def read_result(result: RevolutionResult) -> Reading:
     )
     return Reading(
         *kinematic,
-        tuple(others),
+        tuple(further),
         None if distance is None else show(distance),
         shown,
         max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),

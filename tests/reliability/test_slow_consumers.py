@@ -126,10 +126,10 @@ def test_blocked_terminal_does_not_delay_the_session(lab) -> None:
     live = start(Items(items), vehicle)
     printed: list[str] = []
 
-    def terminal(line: str) -> None:
+    def terminal(text: str) -> None:
         # As after Control-S: the first line is written after everything else has ended.
         assert live.wait(TIMEOUT_S)
-        printed.append(line)
+        printed.extend(text.splitlines())
 
     session = RunningSession(OpenedSession(live, live._summary, None, None))
     run_plain(session, StopRequest(), terminal)

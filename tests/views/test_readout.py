@@ -5,7 +5,7 @@ import pytest
 
 from gateway.estimators.estimator import Estimate, Status
 from gateway.reasons import Code, Reason
-from gateway.views.numbers import MISSING
+from gateway.views.numbers import MISSING, show
 from gateway.views.readout import read_result
 from gateway.views.wording import text
 
@@ -24,6 +24,15 @@ def test_numbers_are_shown_without_ratios(made):
     assert reading.speed.text() == "65.000 ± 0.022 km/h"
     assert reading.leading.text() == "-13.740 ± 0.097 deg"
     assert reading.trailing.text() == "13.51 ± 0.10 deg"
+
+
+def test_other_quantities_are_rounded_when_asked_for(made, monkeypatch):
+    shown = []
+    monkeypatch.setattr("gateway.views.readout.show", lambda estimate: shown.append(estimate.name) or show(estimate))
+    reading = read_result(made.result())
+    assert "contact_length_m" not in shown
+    assert reading.others
+    assert "contact_length_m" in shown
 
 
 def test_ratios_are_shown_without_a_load(made):
