@@ -39,8 +39,8 @@ _YES_NO: Final = {"yes": True, "no": False}
 class PyserialLink:
     """A link over a port of pyserial: large reads that return as soon as there are bytes.
 
-    It waits with `select`: pyserial's own timeout holds back short chunks until it expires, and loses what it has
-    collected when the device disappears meanwhile.
+    Where there is a descriptor it waits with `select` and reads what is there: pyserial's own timeout holds back short
+    chunks until it expires, and loses what it has collected when the device disappears meanwhile.
     """
 
     def __init__(
@@ -85,11 +85,20 @@ class PyserialLink:
         if port is None:
             raise self._lost(OSError("not open"))
         try:
-            if port.timeout == 0 and not select.select([port.fileno()], [], [], timeout_s)[0]:
+            if port.timeout != 0:
+                return bytes(port.read(_READ_BYTES))
+            descriptor = port.fileno()
+            if not select.select([descriptor], [], [], timeout_s)[0]:
                 return b""
-            return bytes(port.read(_READ_BYTES))
+            data = os.read(descriptor, _READ_BYTES)
+        except BlockingIOError:
+            return b""
         except LINK_ERRORS as error:
             raise self._lost(error) from error
+        if not data:
+            # What a device that has been unplugged does.
+            raise self._lost(OSError("ready to read, but without data"))
+        return data
 
     def write(self, data: bytes) -> None:
         """Write a frame to the hub.

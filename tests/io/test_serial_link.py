@@ -11,8 +11,8 @@ import pytest
 import serial
 
 from gateway.clock import ManualClock
-from gateway.errors import SourceError
-from gateway.io.serial_link import explain_open_error, serial_settings
+from gateway.errors import LinkLostError, SourceError
+from gateway.io.serial_link import PyserialLink, explain_open_error, serial_settings
 from gateway.io.source import LinkEventKind, Source, open_source
 from tests.testkit.hub_ends import PtyPort, Reader
 
@@ -45,6 +45,22 @@ def test_unplugged_port_is_reported_and_reopened(pty_port: PtyPort, read: Read) 
     reader.event(LinkEventKind.RESTORED)
     pty_port.send(b"after")
     assert b"".join(chunk.data for chunk in reader.bytes(5)) == b"after"
+
+
+def test_port_ready_without_data_is_lost(pty_port: PtyPort, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    link = PyserialLink(
+        lambda: serial.Serial(str(pty_port.path)),
+        lambda error: SourceError(str(error), ""),
+        lambda error: LinkLostError(str(error), ""),
+    )
+    link.open()
+    at_its_end = tmp_path / "empty"
+    at_its_end.touch()
+    with at_its_end.open("rb") as empty:
+        monkeypatch.setattr(serial.Serial, "fileno", lambda _: empty.fileno())
+        with pytest.raises(LinkLostError, match="without data"):
+            link.read(0.0)
+    link.close()
 
 
 def test_missing_port_lists_those_present(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, read: Read) -> None:
