@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import poisson
+from scipy.special import pdtrc
 
 from gateway.types import BoolArray, FloatArray
 
@@ -79,7 +79,7 @@ class RepeatedSamples:
             return None
         # Steps of -1, 0 and 1 are about as likely as one another, on each axis and in each of two steps.
         expected = (self._near + 1) * _SMOOTH ** (2 * self._channels) / (9.0**self._channels - 1.0)
-        if float(poisson.sf(self._runs - 1, expected)) > _CHANCE:
+        if float(pdtrc(self._runs - 1, expected)) > _CHANCE:
             return None
         return Repetition(self._runs, self._samples, self._total, np.sqrt(self._square / self._total))
 

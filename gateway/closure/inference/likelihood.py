@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE, Campaign, Group
 from gateway.closure.model.baseline import Core
@@ -225,5 +225,6 @@ def _dependence(group: Group) -> FloatArray:
         known = ratio[axis][np.isfinite(ratio[axis])]
         if len(known):
             # The median is robust; that of a chi-square is below its mean.
-            result[axis] = max(_LEAST_DEPENDENCE, float(np.median(known)) * freedom / chi2.median(freedom))
+            expected = 2.0 * float(gammaincinv(0.5 * freedom, 0.5))
+            result[axis] = max(_LEAST_DEPENDENCE, float(np.median(known)) * freedom / expected)
     return result

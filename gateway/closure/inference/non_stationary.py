@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import f as fisher
+from scipy.special import fdtrc
 
 from gateway.closure.data.campaign_data import Group
 from gateway.closure.inference import criteria
@@ -63,7 +63,7 @@ class _Change:
         scatter = float(self.scatter[axis, orders].sum())
         over = float(self.power[axis, orders].sum()) / scatter if scatter > 0.0 else 0.0
         freedom = (self.blocks - 1) * (2 * (last - first) - (first == 0))
-        rare = over > criteria.OVER_SCATTER and float(fisher.sf(over, freedom, _FREEDOM)) < criteria.RARE_CHANGE
+        rare = over > criteria.OVER_SCATTER and float(fdtrc(freedom, _FREEDOM, over)) < criteria.RARE_CHANGE
         return rare and rms > max(
             criteria.SIGMAS_LISTED * std, criteria.CHANGE_OF_RESIDUAL * mean, criteria.CHANGE_OF_SIGNAL * signal
         )

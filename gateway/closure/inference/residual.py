@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from gateway.closure.data.campaign_data import ORDERS, Campaign
 from gateway.closure.inference.fit import Fit
@@ -112,7 +112,7 @@ def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last:
         power = np.abs(residual.orders_mps2[axis, first:last][known]) ** 2 / variance[known]
         statistic += float(power.sum())
         freedom += 2 * int(known.sum()) - int(first == 0 and known.any())
-    return freedom > 0 and float(chi2.sf(statistic, freedom)) < _RARE
+    return freedom > 0 and float(chdtrc(freedom, statistic)) < _RARE
 
 
 def joined(bands: list[tuple[int, int]]) -> list[tuple[int, int]]:
