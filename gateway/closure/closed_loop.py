@@ -10,6 +10,7 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import candidates, corrections
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference import criteria
+from gateway.closure.inference.candidate_scan import Helpers
 from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
@@ -18,7 +19,7 @@ from gateway.closure.inference.fit import FitFailedError
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.non_stationary import beside_changes, changing
-from gateway.closure.inference.nonsynchronous_diagnosis import diagnose_time_locked
+from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
 from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.reference_model import numbers_of_exact_ring
@@ -50,6 +51,7 @@ def diagnose(
     empirical: bool = False,
     on_progress: Progress = lambda _share, _text: None,
     expired: Callable[[], bool] = lambda: False,
+    jobs: int = 1,
 ) -> Diagnosis:
     """Find the effects that a baseline model lacks on a campaign.
 
@@ -59,10 +61,24 @@ def diagnose(
         empirical: also report the held-out error with the mean of the discrepancy added as a correction.
         on_progress: called with the share that is done and the present step.
         expired: True when the time for the search is over; what is known by then is reported.
+        jobs: maximum number of processes, this one included; the result does not depend on it.
 
     Raises:
-        TreadlinkError: there are too few data, or the baseline model cannot be fitted.
+        TreadlinkError: there are too few data, the baseline model cannot be fitted, or a process was terminated from
+            outside.
     """
+    with Helpers(jobs - 1) as helpers:
+        return _diagnose(campaign, model, empirical, on_progress, expired, helpers)
+
+
+def _diagnose(
+    campaign: Campaign,
+    model: BaselineModel,
+    empirical: bool,
+    on_progress: Progress,
+    expired: Callable[[], bool],
+    helpers: Helpers,
+) -> Diagnosis:
     core = make_core(model)
     data = whiten(campaign, core)
     if data.folds < 2:
@@ -70,9 +86,11 @@ def diagnose(
             "a diagnosis needs at least two revolutions of one recording", "Record longer at a steady speed."
         )
     effects = angle_effects(candidates(model))
-    search = SetSearch(
-        campaign, core, data, effects, Discrepancy(campaign, data), corrections(model), expired, _Steps(on_progress)
-    )
+    discrepancy = Discrepancy(campaign, data)
+    helpers.begin(campaign, core, data, effects, discrepancy)
+    time_locked_result = helpers.ahead(_time_locked, campaign)
+    steps = _Steps(on_progress)
+    search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
     posterior = _searched(campaign, core, data, model, search, on_progress)
     best = posterior.best
     on_progress(_SEARCHED, "computing held-out errors")
@@ -83,7 +101,7 @@ def diagnose(
     findings = doubted(findings_of(posterior, effects, errors.rms_of), best.fit.model.effects, campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
-    time_locked = diagnose_time_locked(campaign.groups)
+    time_locked = time_locked_result()
     edges = edge_findings(campaign.groups)
     on_progress(_TIME_LOCKED, "preparing figures")
     exact = numbers_of_exact_ring(best.fit)
@@ -161,6 +179,10 @@ def _searched(
     if frozenset() not in search.found:
         raise _cannot_be_fitted(model, "its residual has no fit")
     return posterior_of(search)
+
+
+def _time_locked(campaign: Campaign) -> TimeLocked:
+    return diagnose_time_locked(campaign.groups)
 
 
 class _Steps:

@@ -85,6 +85,7 @@ def diagnose_recordings(
         empirical=empirical,
         on_progress=lambda share, text: report(_READING_SHARE + (1.0 - _READING_SHARE) * share, text),
         expired=lambda: end_ns is not None and clock.now_ns() >= end_ns,
+        jobs=jobs,
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
     return replace(diagnosis, notes=notes, stated=campaign.stated)

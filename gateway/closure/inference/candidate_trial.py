@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +12,7 @@ import numpy as np
 from gateway.closure.effects.effect import SignalEffect
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened, as_real
-from gateway.closure.model.baseline import NoShapeError
+from gateway.closure.model.baseline import NoShapeError, Shape
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray, IntArray
 
@@ -47,13 +47,24 @@ class Trial:
     promise: float
 
 
-def try_effect(fit: Fit, effect: AngleEffect, groups: Sequence[int]) -> Trial | None:
+def shapes_of(fit: Fit, groups: Sequence[int]) -> dict[int, Shape]:
+    """Return the belt's shape in these groups, by index.
+
+    Raises:
+        NoShapeError: the ring has no solution in one of them.
+    """
+    return {index: fit.model.shape(fit.vector, index) for index in groups}
+
+
+def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Trial | None:
     """Return the best trial of an effect over its starts, by promise; None if no start succeeds.
+
+    The result depends on the arguments alone, whatever was tried before.
 
     Args:
         fit: of the model without the effect.
         effect: to try.
-        groups: indices of the groups in which it is tried; the promise of the others is left out.
+        shapes: of the fit's belt in the groups in which it is tried; the promise of the others is left out.
     """
     conditions = tuple(group.conditions for group in fit.model.campaign.groups)
     starts = tuple(effect.starts(conditions))
@@ -61,18 +72,18 @@ def try_effect(fit: Fit, effect: AngleEffect, groups: Sequence[int]) -> Trial | 
         # The ring responds differently to large and to small changes of its own parameters.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
-    best = max(_trials(fit, model, effect, groups, starts), key=_promise, default=None)
+    best = max(_trials(fit, model, effect, shapes, starts), key=_promise, default=None)
     if best is None:
         return None
     if effect.scan:
         for place, values in effect.scan:
             near = best.start.tolist()
             varied = [(*near[:place], value, *near[place + 1 :]) for value in values]
-            best = max([best, *_trials(fit, model, effect, groups, varied)], key=_promise)
+            best = max([best, *_trials(fit, model, effect, shapes, varied)], key=_promise)
     elif isinstance(effect, SignalEffect) and not effect.linear:
         # A start that is far too large adds curvature, which hides a small effect. The endpoint is therefore tried too.
         reached = np.clip(best.vector[best.model.layout.effect(effect.name)], *bounds(effect))
-        best = max([best, *_trials(fit, model, effect, groups, [reached.tolist()])], key=_promise)
+        best = max([best, *_trials(fit, model, effect, shapes, [reached.tolist()])], key=_promise)
     return best
 
 
@@ -84,20 +95,20 @@ def _trials(
     fit: Fit,
     model: ClosureModel,
     effect: AngleEffect,
-    groups: Sequence[int],
+    shapes: Mapping[int, Shape],
     starts: Sequence[Sequence[float]],
 ) -> list[Trial]:
     """Return the successful trials from these starts."""
     begun: list[tuple[FloatArray, list[FloatArray]]] = []
     for start in starts:
-        rows = _rows_from(fit, model, effect, groups, np.array(start, dtype=np.float64))
+        rows = _rows_from(fit, model, effect, shapes, np.array(start, dtype=np.float64))
         if rows is not None:
             begun.append((np.array(start, dtype=np.float64), rows))
     if not begun:
         return []
     # All starts go through the inverse covariance together, which takes a fraction of the time of one after the other.
     stacked: list[FloatArray | None] = [None] * len(model.campaign.groups)
-    for place, index in enumerate(groups):
+    for place, index in enumerate(shapes):
         stacked[index] = np.concatenate([rows[place] for _, rows in begun])
     inner, cross = fit.own(stacked, len(begun)), np.split(fit.cross(stacked), len(begun), axis=1)
     trials = [_trial(fit, model, effect, start, *both) for (start, _), *both in zip(begun, inner, cross, strict=True)]
@@ -146,7 +157,7 @@ def _started(fit: Fit, model: ClosureModel, effect: AngleEffect, start: FloatArr
 
 
 def _rows_from(
-    fit: Fit, model: ClosureModel, effect: AngleEffect, groups: Sequence[int], start: FloatArray
+    fit: Fit, model: ClosureModel, effect: AngleEffect, shapes: Mapping[int, Shape], start: FloatArray
 ) -> list[FloatArray] | None:
     """Return derivatives by the effect's parameters, and the change of the signal by the start, of each group tried.
 
@@ -158,8 +169,8 @@ def _rows_from(
     there = _started(fit, model, effect, start)
     found = []
     try:
-        for index in groups:
-            _, base, derivatives = model.group_derivatives(there, index, only=effect.name)
+        for index, shape in shapes.items():
+            _, base, derivatives = model.group_derivatives(there, index, effect.name, shape)
             found.append(as_real(np.concatenate([derivatives, (base - fit.predicted[index])[None]])))
     except (NoShapeError, np.linalg.LinAlgError):
         return None

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -28,6 +28,29 @@ _RESCALINGS: Final = 6
 _SETTLED: Final = 0.9
 # Shares of the signal by which the errors of the data are widened when a fit starts far off.
 _ANNEAL: Final = (3e-2, 3e-3, 3e-4)
+
+
+@dataclass(frozen=True, slots=True)
+class Linearisation:
+    """What a trial needs of a fit besides model, data and discrepancy.
+
+    Attributes:
+        vector: parameters, (P,).
+        predicted: (3, ORDERS) for each group; empty for groups that are left out, like the next.
+        weighted: C^-1 times derivatives and residual, (P + 1, 3, REAL) of each group.
+        gram: products of derivatives and residual with them, over all groups, (P + 1, P + 1).
+        prior_mean: (P,).
+        prior_precision: (P, P).
+        scale: factor on the variance of the data.
+    """
+
+    vector: FloatArray
+    predicted: tuple[ComplexArray, ...]
+    weighted: tuple[FloatArray, ...]
+    gram: FloatArray
+    prior_mean: FloatArray
+    prior_precision: FloatArray
+    scale: float
 
 
 class FitFailedError(Exception):
@@ -61,6 +84,27 @@ class Fit:
     prior_precision: FloatArray
     scale: float = 1.0
     applied: Applied | None = None
+
+    @classmethod
+    def of(cls, seen: Linearisation, model: ClosureModel, data: Whitened, applied: Applied | None) -> Self:
+        """Return a fit for trials, without the derivatives themselves."""
+        mean, precision = seen.prior_mean, seen.prior_precision
+        found = cls(model, data, seen.vector, seen.predicted, (), (), mean, precision, seen.scale, applied)
+        found.__dict__["weighted"] = list(seen.weighted)
+        found.__dict__["_gram"] = seen.gram
+        return found
+
+    def linearisation(self, groups: Collection[int]) -> Linearisation:
+        """Return what trials in these groups need."""
+        return Linearisation(
+            self.vector,
+            tuple(one if index in groups else one[:0] for index, one in enumerate(self.predicted)),
+            tuple(rows if index in groups else rows[:0] for index, rows in enumerate(self.weighted)),
+            self._gram,
+            self.prior_mean,
+            self.prior_precision,
+            self.scale,
+        )
 
     @property
     def _stacked(self) -> list[FloatArray]:

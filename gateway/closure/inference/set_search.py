@@ -17,7 +17,8 @@ import numpy as np
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import far_apart, telling
 from gateway.closure.inference import criteria
-from gateway.closure.inference.candidate_trial import Trial, refit, start_of, try_effect
+from gateway.closure.inference.candidate_scan import Helpers, Scan
+from gateway.closure.inference.candidate_trial import Trial, refit, start_of
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.discrepancy_concentration import most_evident
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
@@ -43,6 +44,7 @@ class SetSearch:
         corrections: effects that the equations of the baseline model lack. Each alone is biased and promises little.
         expired: True when the time that the search may take is over.
         on_step: called with the number of effects of the set that is being worked on.
+        helpers: processes that share the trials; the result does not depend on their number.
         found: sets with their evidence.
         rejected: sets without an evidence, since a fit failed.
         complete: False when the search ended because its time was over.
@@ -57,11 +59,13 @@ class SetSearch:
     corrections: tuple[str, ...] = ()
     expired: Callable[[], bool] = lambda: False
     on_step: Callable[[int], None] = lambda _: None
+    helpers: Helpers = field(default_factory=lambda: Helpers(0))
     found: dict[Names, Evaluated] = field(default_factory=dict)
     rejected: set[Names] = field(default_factory=set)
     complete: bool = True
     promises: dict[str, float] = field(default_factory=dict)
     _scanned: tuple[int, ...] = ()
+    _begun: list[Scan] = field(default_factory=list)
 
     def run(self, start: Fit) -> Evaluated:
         """Search from the baseline model's fit; return the best set."""
@@ -79,6 +83,8 @@ class SetSearch:
                 criteria.MOST_SCANNED,
             ).tolist()
         )
+        if not self.corrections:
+            self._begin(start, self.effects)
         self._evaluate(start, None)
         self._chains(self._corrected(start))
         self._climb()
@@ -179,8 +185,11 @@ class SetSearch:
                 break
             while not self._stop() and _names(fit) not in begun:
                 begun.add(_names(fit))
+                last = len(fit.model.effects) >= criteria.MOST_EFFECTS
+                if not last:
+                    self._begin(fit, self.effects)
                 self._of_chain(fit)
-                if len(fit.model.effects) >= criteria.MOST_EFFECTS:
+                if last:
                     break
                 nexts = self._fitted(fit)
                 for other in nexts[1:]:
@@ -226,17 +235,19 @@ class SetSearch:
 
     def _scan(self, fit: Fit, among: Iterable[str]) -> list[Trial]:
         """Return trials of all effects that a set can take, by promise."""
-        taken = fit.model.effects
-        trials = []
-        for name in sorted(among):
-            effect = self.effects[name]
-            if is_taken(effect, taken):
-                continue
-            trial = try_effect(fit, effect, self._scanned)
-            if trial is not None:
-                trials.append(trial)
-        trials.sort(key=lambda trial: (-trial.promise, trial.effect.name))
-        return trials
+        scan = self._begin(fit, among)
+        self._begun.remove(scan)
+        return scan.trials()
+
+    def _begin(self, fit: Fit, among: Iterable[str]) -> Scan:
+        """Begin a scan in other processes, which is then made while this one does something else."""
+        effects = [self.effects[name] for name in sorted(among) if not is_taken(self.effects[name], fit.model.effects)]
+        for scan in self._begun:
+            if scan.is_of(fit, effects):
+                return scan
+        scan = self.helpers.scan(fit, effects, self._scanned)
+        self._begun.append(scan)
+        return scan
 
     def _neighbours(self, best: Evaluated) -> None:
         """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
@@ -247,9 +258,13 @@ class SetSearch:
             without = self._bare(best, effect)
             if without is None:
                 continue
-            self._evaluate_anew(without, amplitudes)
             least = criteria.RIVAL_SHARE * self.promises.get(effect.name, 0.0) - criteria.LOOKED_AT
-            self._add(without, best, [name for name in self.effects if self.promises.get(name, math.inf) > least])
+            rivals = [name for name in self.effects if self.promises.get(name, math.inf) > least]
+            self._begin(without, rivals)
+            if len(best.names) < criteria.MOST_EFFECTS:
+                self._begin(best.fit, self.effects)
+            self._evaluate_anew(without, amplitudes)
+            self._add(without, best, rivals)
         if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
             self._add(best.fit, best, self.effects)
             self._regrow(best)

@@ -146,19 +146,17 @@ class ClosureModel:
         with _standing():
             return self.core.shape(tire, group.conditions, self.options(vector, index), self._half_angles_rad[index])
 
-    def _shape_near(self, vector: FloatArray, index: int, name: str) -> Shape:
-        """Return the belt's shape of one group, with an approximate change by an effect."""
+    def _shape_near(self, vector: FloatArray, index: int, name: str, without: Shape) -> Shape:
+        """Return the belt's shape of one group, with an approximate change by an effect to the shape without it."""
         effect = next((effect for effect in self._ring if effect.name == name), None)
         if effect is None:
-            return self.shape(vector, index)
+            return without
         group, tire = self.campaign.groups[index], self.tire(vector, index)
         with _standing():
-            without = self.options(vector, index, without=name)
-            before = without.rounded()
+            before = self.options(vector, index, without=name).rounded()
             after = effect.options(before, vector[self.layout.effect(name)], group.conditions)
-            shape = self.core.shape(tire, group.conditions, without, self._half_angles_rad[index])
             change = self.core.change(tire, group.conditions, before, after, self._half_angles_rad[index])
-        return moved(shape, change, 1.0)
+        return moved(without, change, 1.0)
 
     def options(self, vector: FloatArray, index: int, without: str = "") -> RingOptions:
         """Return the ring options of one group with every effect but one."""
@@ -229,7 +227,7 @@ class ClosureModel:
         return field_orders(here.signal_mps2) * self._turn(vector, index)
 
     def group_derivatives(
-        self, vector: FloatArray, index: int, only: str | None = None
+        self, vector: FloatArray, index: int, only: str | None = None, without: Shape | None = None
     ) -> tuple[IntArray, ComplexArray, ComplexArray]:
         """Return a group's prediction and derivatives at its mean conditions: nearly the same in every block.
 
@@ -238,12 +236,20 @@ class ClosureModel:
             index: of the group.
             only: an effect whose parameters alone are wanted, and roughly, to see whether it is worth a fit; None for
                 all that matter to the group.
+            without: the belt's shape without that effect. With it the result depends on the arguments alone, not on
+                what the baseline model solved before.
 
         Returns:
             the places (k,) of the vector, the group's orders (3, ORDERS), and their derivatives (k, 3, ORDERS).
         """
         group, layout = self.campaign.groups[index], self.layout
-        shape = self.shape(vector, index) if only is None else self._shape_near(vector, index, only)
+
+        def shape_at(at: FloatArray) -> Shape:
+            if only is None or without is None:
+                return self.shape(at, index)
+            return self._shape_near(at, index, only, without)
+
+        shape = shape_at(vector)
         here = base_signal(self.core, shape, group.conditions)
         end, seen = self._chain(vector, here, _declared(group))
         turn = self._turn(vector, index)
@@ -267,8 +273,7 @@ class ClosureModel:
                 for place, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
                     there = vector.copy()
                     there[place] += parameter.step
-                    shaped = self.shape(there, index) if only is None else self._shape_near(there, index, only)
-                    add(place, parameter.step, shaped, there)
+                    add(place, parameter.step, shape_at(there), there)
         wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
         if wanted:
             rows.extend(field_orders(self._signal_rows(vector, seen, _declared(group), wanted)) * turn)

@@ -17,7 +17,13 @@ from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.run_out_shape import LoadedShape, load_step, out_of_round
 from gateway.closure.model.shape_derivatives import Tangents
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
-from gateway.physics.rolling_ring import RingParameters, RingSolution, nearby_solutions, solve_rolling_ring
+from gateway.physics.rolling_ring import (
+    RingNotConvergedError,
+    RingParameters,
+    RingSolution,
+    nearby_solutions,
+    solve_rolling_ring,
+)
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
@@ -39,6 +45,7 @@ _NODES_PER_LAYER: Final = 8.0
 _FINER: Final = 2
 _EXTRAPOLATION: Final = 4.0 / 3.0
 _KEPT: Final = 512
+_PLAIN: Final = RingOptions()
 
 
 class _Key(NamedTuple):
@@ -67,13 +74,16 @@ class ExactCore:
     mean = True
     equation_share = 0.0
 
-    def __init__(self, grids: tuple[int, ...] = _GRIDS) -> None:
+    def __init__(self, grids: tuple[int, ...] = _GRIDS, *, anchored: bool = False) -> None:
         """Start with an empty cache of solutions.
 
         Args:
             grids: numbers of nodes of the grids.
+            anchored: every solution starts from that of the same ring without options, so that it does not depend on
+                what was solved before, not even by rounding; otherwise from the last one, which is faster.
         """
         self._grids = grids
+        self._anchored = anchored
         self.prior_mean: FloatArray = np.zeros(5)
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
         self.steps: FloatArray = np.full(5, 1e-3)
@@ -217,6 +227,7 @@ class ExactCore:
             return known
         ring = ring_parameters(parameters, conditions, options)
         near_key = (conditions.load_n, conditions.pressure_pa, nodes, math.isfinite(ring.shear_stiffness_n))
+        near = self._anchor(parameters, conditions, options, nodes) if self._anchored else self._near.get(near_key)
         solution = solve_rolling_ring(
             ring,
             conditions.load_n,
@@ -226,7 +237,7 @@ class ExactCore:
             sensor_offset_m=options.sensor_offset_m,
             drum_radius_m=options.drum_radius_m,
             axle_torque_nm=self._torque_nm(parameters, conditions, options, nodes),
-            start=self._near.get(near_key),
+            start=near,
         )
         self._near[near_key] = solution
         solved = _Solved(_on_field(solution), solution)
@@ -234,6 +245,17 @@ class ExactCore:
         if len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
         return solved
+
+    def _anchor(
+        self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int
+    ) -> RingSolution | None:
+        """Return the solution of the ring without options, None for that ring itself or where it has none."""
+        if options == _PLAIN:
+            return None
+        try:
+            return self._solve(parameters, conditions, _PLAIN, nodes).ring
+        except RingNotConvergedError:
+            return None
 
     def _torque_nm(
         self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int
@@ -248,7 +270,7 @@ class ExactCore:
 @cache
 def _coarse_core() -> ExactCore:
     """Return the core shared by all scans of a process; its result depends on its arguments alone."""
-    return ExactCore(_COARSE)
+    return ExactCore(_COARSE, anchored=True)
 
 
 @lru_cache(maxsize=_KEPT_COARSE)

@@ -1,0 +1,299 @@
+"""Scans of the candidates: trials of all effects that a set can take, shared among this process and others.
+
+A trial depends on its fit alone. The processes take the effects of a scan one by one from a common counter, so that
+none waits while another works, and the result does not depend on which of them made a trial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from types import TracebackType
+from typing import Final, NamedTuple, Self, TypeVar
+
+import numpy as np
+
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference.candidate_trial import Trial, shapes_of, try_effect
+from gateway.closure.inference.discrepancy import Applied, Discrepancy
+from gateway.closure.inference.discrepancy_kernels import Concentration
+from gateway.closure.inference.fit import Fit, Linearisation
+from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.worker_pool import Processes
+from gateway.closure.model.baseline import Core, NoShapeError, Shape
+from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.types import FloatArray
+
+# Scans that processes share; a search makes some ten to a hundred. Further ones are this process's own.
+_MOST: Final = 4096
+_NONE_LEFT: Final = 1 << 30
+
+_Result = TypeVar("_Result")
+
+
+class _Values(NamedTuple):
+    """A trial without its effect and model."""
+
+    start: FloatArray
+    vector: FloatArray
+    cost: float
+    promise: float
+
+
+class _Counters:
+    """Number of effects of each scan that processes have taken, in shared memory."""
+
+    def __init__(self) -> None:
+        context = get_context("spawn")
+        self._lock: AbstractContextManager[object] = context.Lock()
+        self._taken: MutableSequence[int] = context.RawArray("i", _MOST)
+
+    def take(self, scan: int) -> int:
+        """Return the place of the next effect of a scan; beyond the last there is nothing left to take."""
+        with self._lock:
+            place = self._taken[scan]
+            self._taken[scan] = place + 1
+        return place
+
+    def end(self) -> None:
+        """Leave nothing to take."""
+        with self._lock:
+            for scan in range(_MOST):
+                self._taken[scan] = _NONE_LEFT
+
+
+@dataclass(frozen=True, slots=True)
+class _Material:
+    """Constants of a search, which another process receives once."""
+
+    campaign: Campaign
+    model: BaselineModel
+    data: Whitened
+    effects: Mapping[str, AngleEffect]
+    discrepancy: Discrepancy
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """A scan as another process receives it: the fit without the constants of the search.
+
+    Attributes:
+        scan: number of its counter.
+        names: candidates.
+        effects: names of those in the fit.
+        fit: derivatives and residual, weighted.
+        shapes: of the belt in the groups in which effects are tried.
+        amplitudes: of the discrepancy; None without.
+        concentrations: of the discrepancy.
+    """
+
+    scan: int
+    names: tuple[str, ...]
+    effects: tuple[str, ...]
+    fit: Linearisation
+    shapes: Mapping[int, Shape]
+    amplitudes: FloatArray | None
+    concentrations: tuple[Concentration, ...]
+
+
+class Scan:
+    """Trials of candidates on one fit, begun in other processes if there are any."""
+
+    def __init__(self, fit: Fit, effects: Sequence[AngleEffect], groups: Sequence[int]) -> None:
+        """Take what the trials depend on.
+
+        Args:
+            fit: of a set of effects.
+            effects: candidates.
+            groups: indices of the groups in which they are tried.
+        """
+        self.fit = fit
+        self._wanted = self.effects = tuple(effects)
+        self.shapes: Mapping[int, Shape] = {}
+        self._counters: _Counters | None = None
+        self._number = 0
+        self._elsewhere: set[Future[dict[int, _Values | None]]] = set()
+        try:
+            self.shapes = shapes_of(fit, groups)
+        except (NoShapeError, np.linalg.LinAlgError):
+            self.effects = ()
+
+    def is_of(self, fit: Fit, effects: Sequence[AngleEffect]) -> bool:
+        """Return whether this is the scan of a fit with these candidates."""
+        return fit is self.fit and list(effects) == list(self._wanted)
+
+    def share(self, counters: _Counters, number: int, elsewhere: Iterable[Future[dict[int, _Values | None]]]) -> None:
+        """Share the work with other processes that take from the same counter."""
+        self._counters, self._number, self._elsewhere = counters, number, set(elsewhere)
+
+    def trials(self) -> list[Trial]:
+        """Return the successful trials, the best promise first, then by name."""
+        found: dict[int, Trial | None] = {}
+        while (place := self._next(len(found))) < len(self.effects):
+            found[place] = try_effect(self.fit, self.effects[place], self.shapes)
+        while len(found) < len(self.effects):
+            done, self._elsewhere = wait(self._elsewhere, return_when=FIRST_COMPLETED)
+            for future in done:
+                for at, values in future.result().items():
+                    found[at] = None if values is None else self._trial(self.effects[at], values)
+        trials = [trial for trial in found.values() if trial is not None]
+        return sorted(trials, key=lambda trial: (-trial.promise, trial.effect.name))
+
+    def _next(self, made: int) -> int:
+        return made if self._counters is None else self._counters.take(self._number)
+
+    def _trial(self, effect: AngleEffect, values: _Values) -> Trial:
+        model = ClosureModel(self.fit.model.campaign, self.fit.model.core, (*self.fit.model.effects, effect))
+        return Trial(effect, model, *values)
+
+
+class Helpers:
+    """Other processes that make trials while this one evaluates sets."""
+
+    def __init__(self, count: int) -> None:
+        """Start no process yet.
+
+        Args:
+            count: of processes.
+        """
+        self._counters = _Counters() if count else None
+        self._pools = [Processes(1, _begin, (self._counters,)) for _ in range(count)]
+        self._scans = 0
+        self._exit = ExitStack()
+
+    def __enter__(self) -> Self:
+        for pool in self._pools:
+            self._exit.enter_context(pool)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._counters is not None:
+            self._counters.end()
+        self._exit.__exit__(kind, error, trace)
+
+    def begin(
+        self,
+        campaign: Campaign,
+        core: Core,
+        data: Whitened,
+        effects: Mapping[str, AngleEffect],
+        discrepancy: Discrepancy,
+    ) -> None:
+        """Start the processes for a search.
+
+        Args:
+            campaign: conditions.
+            core: baseline model.
+            data: whitened.
+            effects: candidates by name.
+            discrepancy: of the campaign, not concentrated.
+        """
+        material = _Material(campaign, core.model, data, effects, discrepancy)
+        for pool in self._pools:
+            pool.submit(_receive, material)
+
+    def ahead(self, work: Callable[[Campaign], _Result], campaign: Campaign) -> Callable[[], _Result]:
+        """Begin work on the campaign of the search in another process; return a function for its result.
+
+        Args:
+            work: a function of a module. Without other processes it is called when its result is asked for.
+            campaign: of the search.
+        """
+        return self._pools[0].submit(_of_campaign, work).result if self._pools else partial(work, campaign)
+
+    def scan(self, fit: Fit, effects: Sequence[AngleEffect], groups: Sequence[int]) -> Scan:
+        """Return a scan, begun in the other processes."""
+        scan = Scan(fit, effects, groups)
+        if self._counters is not None and scan.effects and self._scans < _MOST:
+            order = _ordered(self._scans, scan)
+            scan.share(self._counters, self._scans, [pool.submit(_tried, order) for pool in self._pools])
+            self._scans += 1
+        return scan
+
+
+def _ordered(number: int, scan: Scan) -> _Order:
+    applied = scan.fit.applied
+    return _Order(
+        number,
+        tuple(effect.name for effect in scan.effects),
+        tuple(effect.name for effect in scan.fit.model.effects),
+        scan.fit.linearisation(scan.shapes),
+        scan.shapes,
+        None if applied is None else applied.amplitudes,
+        () if applied is None else applied.discrepancy.concentrations,
+    )
+
+
+class _Helper:
+    """What another process has of a search."""
+
+    def __init__(self, material: _Material) -> None:
+        self.material = material
+        self._core = make_core(material.model)
+        self._discrepancy = material.discrepancy
+        self._applied: list[Applied] = []
+
+    def fit(self, order: _Order) -> Fit:
+        """Return the fit of an order."""
+        own = self.material
+        model = ClosureModel(own.campaign, self._core, [own.effects[name] for name in order.effects])
+        return Fit.of(order.fit, model, own.data, self._apply(order))
+
+    def _apply(self, order: _Order) -> Applied | None:
+        """Return the discrepancy of an order; the last ones are kept, since several scans have the same."""
+        if order.amplitudes is None:
+            return None
+        if self._discrepancy.concentrations != order.concentrations:
+            self._discrepancy = self.material.discrepancy
+            for one in order.concentrations:
+                self._discrepancy = self._discrepancy.concentrated(one)
+            self._applied.clear()
+        for known in self._applied:
+            if np.array_equal(known.amplitudes, order.amplitudes):
+                return known
+        self._applied = [self._discrepancy.applied(order.amplitudes), *self._applied[:1]]
+        return self._applied[0]
+
+
+_helper: _Helper | None = None
+
+
+_counters: _Counters | None = None
+
+
+def _begin(counters: _Counters) -> None:
+    """Take, in a new process, the shared memory."""
+    global _counters
+    _counters = counters
+
+
+def _receive(material: _Material) -> None:
+    """Take, in another process, the constants of a search."""
+    global _helper
+    _helper = _Helper(material)
+
+
+def _of_campaign(work: Callable[[Campaign], _Result]) -> _Result:
+    assert _helper is not None
+    return work(_helper.material.campaign)
+
+
+def _tried(order: _Order) -> dict[int, _Values | None]:
+    """Return, in another process, the trials of the effects that are left to take, by their place."""
+    assert _helper is not None
+    assert _counters is not None
+    found: dict[int, _Values | None] = {}
+    fit: Fit | None = None
+    while (place := _counters.take(order.scan)) < len(order.names):
+        fit = _helper.fit(order) if fit is None else fit
+        trial = try_effect(fit, _helper.material.effects[order.names[place]], order.shapes)
+        found[place] = None if trial is None else _Values(trial.start, trial.vector, trial.cost, trial.promise)
+    return found
