@@ -9,7 +9,7 @@ import pytest
 
 from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
 from gateway.closure.inference.fit import fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
@@ -70,7 +70,7 @@ def test_effect_is_found_from_its_start_values(name: str, values: tuple[float, .
     made = campaign(effect, truth, seed)
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    trial = try_effect(without, effect, range(len(data.orders)))
+    trial = try_effect(without, effect, shapes_of(without, range(len(data.orders))))
     assert trial is not None
     fit = refit(trial, data)
     where = fit.model.layout.effect(name)
@@ -88,7 +88,7 @@ def test_ripple_keeps_its_whole_order_beside_another_effect() -> None:
     made = replace(made, groups=groups)
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    trial = try_effect(without, ripple, range(len(data.orders)))
+    trial = try_effect(without, ripple, shapes_of(without, range(len(data.orders))))
     assert trial is not None
     fit = refit(trial, data)
     assert fit.vector[fit.model.layout.effect(ripple.name)][2] == 3.0
@@ -99,7 +99,7 @@ def test_hub_motion_may_grow_with_speed() -> None:
     made = campaign(hub, truth, 17, (40.0, 70.0))
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    trial = try_effect(without, hub, range(len(data.orders)))
+    trial = try_effect(without, hub, shapes_of(without, range(len(data.orders))))
     assert trial is not None
     fit = refit(trial, data)
     where = fit.model.layout.effect(hub.name)

@@ -14,7 +14,7 @@ from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.belt_geometry import slopes
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
-from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.model.baseline_registry import angle_effects
@@ -65,7 +65,7 @@ def with_mounting(campaign: Campaign, data: Whitened) -> Fit:
     """Return the fit of the ring with a mounting offset."""
     core = ExactCore()
     plain = fit_model(ClosureModel(campaign, core), data, from_afar=True)
-    trial = try_effect(plain, effect_of("mounting offset"), [0])
+    trial = try_effect(plain, effect_of("mounting offset"), shapes_of(plain, [0]))
     assert trial is not None
     return refit(trial, data)
 
@@ -84,7 +84,7 @@ def fitted(recording: Path) -> Fitted:
     campaign = read_campaign([recording], jobs=1)
     data = whiten(campaign, ExactCore())
     before = with_mounting(campaign, data)
-    trial = try_effect(before, effect_of(WAVES), [0])
+    trial = try_effect(before, effect_of(WAVES), shapes_of(before, [0]))
     assert trial is not None
     return Fitted(campaign, data, before, refit(trial, data))
 

@@ -10,7 +10,7 @@ import pytest
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, SignalEffect
-from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
 from gateway.closure.inference.fit import FitFailedError, fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.baseline_registry import angle_effects
@@ -100,7 +100,7 @@ def test_travelling_waves_and_a_packet_ahead_are_found(speeds: tuple[float, ...]
     made = campaign(effect(), truth, 21, speeds)
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    trial = try_effect(without, effect(), range(len(data.orders)))
+    trial = try_effect(without, effect(), shapes_of(without, range(len(data.orders))))
     assert trial is not None
     fit = refit(trial, data)
     assert fit.misfit < 1.15 * data.size
@@ -126,7 +126,10 @@ def test_other_effects_are_not_better_explained_by_waves(name: str, values: tupl
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
     groups = range(len(data.orders))
-    ours, theirs = try_effect(without, effect(), groups), try_effect(without, true, groups)
+    ours, theirs = (
+        try_effect(without, effect(), shapes_of(without, groups)),
+        try_effect(without, true, shapes_of(without, groups)),
+    )
     assert theirs is not None
     right = refit(theirs, data)
     if ours is None:

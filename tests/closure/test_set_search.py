@@ -10,7 +10,8 @@ import pytest
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL, GroupConditions
-from gateway.closure.inference.candidate_trial import refit, try_effect
+from gateway.closure.inference.candidate_scan import Scan
+from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
 from gateway.closure.inference.set_search import baseline_fit, is_taken
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
@@ -37,7 +38,7 @@ def test_small_tilt_has_a_realistic_trial() -> None:
     angle_rad = 5e-5
     campaign = campaign_of(TWO_SPEEDS, turned(LATERAL, angle_rad), noise_mps2=0.05, axes=ALL_AXES)
     fit, data = fitted(campaign)
-    trial = try_effect(fit, angle_effect("roll tilt"), range(len(campaign.groups)))
+    trial = try_effect(fit, angle_effect("roll tilt"), shapes_of(fit, range(len(campaign.groups))))
     assert trial is not None
     assert trial.vector[trial.model.layout.effect("roll tilt")] == pytest.approx(angle_rad, rel=0.1)
     # The full fit confirms the trial.
@@ -54,8 +55,7 @@ def test_trial_beside_an_impossible_belt_fails_alone() -> None:
     vector = fit.vector.copy()
     vector[fit.model.layout.effect("belt extension")] = -1e-3
     beyond = replace(fit, vector=vector)
-    for name in ("shear flexibility", "gain"):
-        assert try_effect(beyond, angle_effect(name), [0]) is None
+    assert not Scan(beyond, [angle_effect(name) for name in ("shear flexibility", "gain")], [0]).trials()
 
 
 def tilt_and_gain(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:

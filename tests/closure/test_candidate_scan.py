@@ -1,0 +1,81 @@
+"""Scans of candidates: the same trials in any process and after any other, and the end of the processes."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference.candidate_scan import Helpers, Scan
+from gateway.closure.inference.candidate_trial import Trial
+from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.discrepancy_kernels import OrderLine
+from gateway.closure.inference.set_evidence import evaluate
+from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.closure.model.exact_baseline import ExactCore
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.tire_state import references
+from gateway.errors import TreadlinkError
+from tests.closure.planted_campaign import ONE_SPEED, campaign_of, fitted
+
+NAMES = ("gain", "pitch tilt", "belt extension", "drum curvature")
+
+
+def dies(_: Campaign) -> None:
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def same(one: list[Trial], other: list[Trial]) -> bool:
+    """Return whether two scans agree to the last bit."""
+    return len(one) == len(other) > 0 and all(
+        a.effect.name == b.effect.name
+        and np.array_equal(a.start, b.start)
+        and np.array_equal(a.vector, b.vector)
+        and (a.cost, a.promise) == (b.cost, b.promise)
+        for a, b in zip(one, other, strict=True)
+    )
+
+
+def test_trials_of_another_process_are_equal_to_the_last_bit() -> None:
+    """Without a discrepancy, with one, and with one that is concentrated; then the process is lost."""
+    campaign = campaign_of(ONE_SPEED)
+    fit, data = fitted(campaign)
+    effects = {name: effect for name, effect in angle_effects(catalogue()).items() if name in NAMES}
+    discrepancy = Discrepancy(campaign, data)
+    smooth = evaluate(fit, data, discrepancy, None).fit
+    assert smooth.applied is not None
+    line = discrepancy.concentrated(OrderLine(30))
+    amplitudes = np.concatenate([smooth.applied.amplitudes, np.full((*line.shape[:2], 1), 1e-3)], axis=2)
+    fits = [fit, smooth, smooth.under(line.applied(amplitudes))]
+
+    def lost() -> None:
+        with Helpers(1) as helpers:
+            helpers.begin(campaign, make_core(BaselineModel.EXACT), data, effects, discrepancy)
+            scans = [helpers.scan(one, list(effects.values()), [0]) for one in fits]
+            # Work is done in order, so that the process has made all trials of the scans before.
+            assert len(helpers.ahead(references, campaign)()) == campaign.states
+            for one, scan in zip(fits, scans, strict=True):
+                assert same(scan.trials(), Scan(one, list(effects.values()), [0]).trials())
+            helpers.ahead(dies, campaign)()
+
+    with pytest.raises(TreadlinkError, match="terminated from outside"):
+        lost()
+
+
+def test_change_by_an_option_does_not_depend_on_earlier_ones() -> None:
+    conditions = campaign_of(ONE_SPEED).groups[0].conditions
+    state = np.full(5, 0.1)
+    stretched, curved = RingOptions(extension_stiffness_n=4e5), RingOptions(drum_curvature_pm=0.5)
+    first, again = ExactCore((480,), anchored=True), ExactCore((480,), anchored=True)
+    again.shape(state + 0.3, conditions, curved, 0.0)
+    again.shape(state, replace(conditions, load_n=0.5 * conditions.load_n), RingOptions(), 0.0)
+    again.shape(state, conditions, curved, 0.0)
+    shapes = [core.shape(state, conditions, stretched, 0.0) for core in (first, again)]
+    assert np.array_equal(np.array(shapes[0].waveform), np.array(shapes[1].waveform))
+    assert shapes[0].trailing_edge_rad == shapes[1].trailing_edge_rad
