@@ -125,11 +125,8 @@ def test_other_effects_are_not_better_explained_by_waves(name: str, values: tupl
     made = campaign(true, np.array(values), 31)
     data = whiten(made, ExactCore())
     without = fit_model(ClosureModel(made, ExactCore()), data)
-    groups = range(len(data.orders))
-    ours, theirs = (
-        try_effect(without, effect(), shapes_of(without, groups)),
-        try_effect(without, true, shapes_of(without, groups)),
-    )
+    shapes = shapes_of(without, range(len(data.orders)))
+    ours, theirs = try_effect(without, effect(), shapes), try_effect(without, true, shapes)
     assert theirs is not None
     right = refit(theirs, data)
     if ours is None:

@@ -234,10 +234,11 @@ class _Shared:
             self.log_determinant += log_determinant - scatter.log_determinant
         # H and L' H of each pair of parts, with the Cholesky factor L of P.
         self._information: list[list[FloatArray]] = [[] for _ in parts]
+        stacked = np.stack(self._own)
         for one in parts:
             for other in range(one + 1):
                 scales = place.scales[one] * place.scales[other]
-                self._information[one].append(np.tensordot(scales, np.stack(self._own), axes=1))
+                self._information[one].append(np.tensordot(scales, stacked, axes=1))
         self._left = np.empty((place.parts * REAL, place.parts * REAL))
         inner = np.empty_like(self._left)
         for one in parts:
