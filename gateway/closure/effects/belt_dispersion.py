@@ -16,6 +16,7 @@ positive one is behind it, below N. The imaginary part is the decay.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -72,6 +73,7 @@ class BeltWave:
     share_by: tuple[float, ...]
 
 
+@lru_cache(maxsize=16)
 def belt_wave(tread: BlockTread, side: int, omega_radps: float, radius_m: float) -> BeltWave:
     """Return the wave ahead of the contact (side 0) or behind it (side 1)."""
     blocks = max(tread.blocks, _LEAST_BLOCKS)
