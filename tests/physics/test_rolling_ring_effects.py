@@ -270,6 +270,7 @@ def test_nearby_solution_is_exact_to_first_order(conditions: tuple[dict[str, flo
             tread_stiffness_npm2=ring.tread_stiffness_npm2 * (1.0 + step),
         )
         same, near = nearby_solutions(base, [ring, other], **still)  # type: ignore[arg-type]
+        assert same.sensor.radial_m == pytest.approx(base.sensor.radial_m, abs=1e-6)
         change = near.sensor.radial_m - same.sensor.radial_m
         exact = solve(other, **arguments).sensor.radial_m - base.sensor.radial_m
         errors.append(np.sqrt(np.mean((change - exact) ** 2)) / np.sqrt(np.mean(exact**2)))
@@ -278,6 +279,12 @@ def test_nearby_solution_is_exact_to_first_order(conditions: tuple[dict[str, flo
         )
     assert errors[1] < 0.003
     assert errors[1] < 0.7 * errors[0]
+
+
+def test_nearby_solution_follows_another_drum(plain: RingSolution) -> None:
+    flat, drum = nearby_solutions(plain, [RING, RING], drum_radii_m=[math.inf, 300.0])
+    exact = solve(drum_radius_m=300.0)
+    assert drum.axle_height_m - flat.axle_height_m == pytest.approx(exact.axle_height_m - plain.axle_height_m, rel=0.02)
 
 
 def test_nearby_solution_rejects_an_impossible_ring(plain: RingSolution) -> None:

@@ -215,6 +215,7 @@ def nearby_solutions(
     drum_radius_m: float = math.inf,
     axle_torque_nm: float | None = None,
     axle_torques_nm: Sequence[float] | None = None,
+    drum_radii_m: Sequence[float] | None = None,
 ) -> list[RingSolution]:
     """Return the solutions of rings that differ little from a solved one, to first order in the difference.
 
@@ -227,6 +228,7 @@ def nearby_solutions(
         drum_radius_m: of the solution.
         axle_torque_nm: of the solution.
         axle_torques_nm: of the rings, None for that of the solution.
+        drum_radii_m: of the rings, None for that of the solution.
 
     Raises:
         ValueError: a stiffness is out of range; the message names it.
@@ -234,11 +236,12 @@ def nearby_solutions(
     """
     nodes = len(solution.theta_rad)
     torques = [axle_torque_nm] * len(rings) if axle_torques_nm is None else axle_torques_nm
-    conditions = solution.load_n, solution.pressure_pa, solution.omega_radps, nodes, drum_radius_m
-    for ring in rings:
-        _check(ring, *conditions)
-    grid, law = ring_grid(nodes), _law(solution.ring, *conditions, axle_torque_nm)
-    laws = [_law(ring, *conditions, torque) for ring, torque in zip(rings, torques, strict=True)]
+    drums = [drum_radius_m] * len(rings) if drum_radii_m is None else drum_radii_m
+    conditions = solution.load_n, solution.pressure_pa, solution.omega_radps, nodes
+    for ring, drum in zip(rings, drums, strict=True):
+        _check(ring, *conditions, drum)
+    grid, law = ring_grid(nodes), _law(solution.ring, *conditions, drum_radius_m, axle_torque_nm)
+    laws = [_law(ring, *conditions, drum, torque) for ring, drum, torque in zip(rings, drums, torques, strict=True)]
     try:
         found = first_order_changes(law, grid, _warm(law, grid, solution), laws)
     except (FloatingPointError, np.linalg.LinAlgError) as error:
@@ -255,7 +258,7 @@ def _law(
     drum_radius_m: float,
     axle_torque_nm: float | None,
 ) -> BeltLaw:
-    bending = ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2
+    bending = _bending_nm2(ring, omega_radps)
     return BeltLaw(
         radius_m=ring.radius_m,
         bending_nm2=bending,
@@ -290,7 +293,7 @@ def _check(
         "extension_stiffness_n": ring.extension_stiffness_n,
         "tread_stiffness_npm2": ring.tread_stiffness_npm2,
         "shear_stiffness_n": ring.shear_stiffness_n,
-        "EI - rho I V^2": ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2,
+        "EI - rho I V^2": _bending_nm2(ring, omega_radps),
     }
     for name, value in positive.items():
         if not value > 0.0:
@@ -299,6 +302,10 @@ def _check(
         raise ValueError(f"nodes must be even and at least {MIN_NODES}, not {nodes}")
     if drum_radius_m <= 0.0 and not drum_radius_m < -ring.radius_m:
         raise ValueError(f"drum_radius_m must be positive, or below minus the tire's radius, not {drum_radius_m:g}")
+
+
+def _bending_nm2(ring: RingParameters, omega_radps: float) -> float:
+    return ring.bending_stiffness_nm2 - ring.rotary_inertia_kgm * (ring.radius_m * omega_radps) ** 2
 
 
 def _on_grid(ring: RingParameters, bending_nm2: float, nodes: int) -> float:
@@ -320,6 +327,11 @@ def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
     state[:, :2] = start.position_m
     if law.dof == 3:
         state[:, 2] = start.section_rad - grid.theta_rad
+        if math.isfinite(start.ring.shear_stiffness_n):
+            # A solution has the belt's own share of the section's turn from the tangent. Add that of the grid.
+            bending = _bending_nm2(start.ring, start.omega_radps)
+            by_grid = start.ring.shear_stiffness_n / _on_grid(start.ring, bending, len(grid.theta_rad)) - 1.0
+            state[:, 2] += by_grid * _turn_from_tangent(start.position_m, start.section_rad)
     traction = 0.0 if law.torque_nm is None else -start.longitudinal_force_n / start.load_n
     return NewtonState(state, start.axle_height_m, traction, 0)
 
@@ -333,8 +345,8 @@ def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState
         section = theta + found.state[:, 2]
         turn = found.state[:, 2]
         # Keep only the belt's own share of the section's turn from the tangent; the rest is the grid's.
-        slope, _ = angle_derivatives(position[:, 0] + 1j * position[:, 1])
-        section = section - (1.0 - law.shear_n / ring.shear_stiffness_n) * np.angle(np.exp(1j * section) / slope)
+        share = law.shear_n / ring.shear_stiffness_n
+        section = section - (1.0 - share) * _turn_from_tangent(position, section)
         curvature = (1.0 + (np.roll(turn, -1) - np.roll(turn, 1)) / (2.0 * grid.step_rad)) / law.radius_m
         waveform = sensor_waveform(position, law.radius_m, offset_m, section)
     else:
@@ -365,6 +377,13 @@ def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState
         sensor=waveform,
         iterations=found.iterations,
     )
+
+
+def _turn_from_tangent(position_m: FloatArray, section_rad: FloatArray) -> FloatArray:
+    """Return (N,) the angle of the section's direction from the tangent of the belt."""
+    slope, _ = angle_derivatives(position_m[:, 0] + 1j * position_m[:, 1])
+    turn: FloatArray = np.angle(np.exp(1j * section_rad) / slope)
+    return turn
 
 
 def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
