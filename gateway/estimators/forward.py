@@ -1,10 +1,10 @@
 """Forward estimator: the exact ring with tire-locked edge waves, fitted to the averaged waveform.
 
 The weak form takes every repeating wave for a shape of the belt. This model has parameters for edge waves, and for a
-shear-flexible, extensible belt, a soft tread, damping and a stiffening sidewall. All have priors, so that parameters
-that the data do not determine widen the errors. A fit takes about a second, so fits are made at updates 1, 2, 4, ... 32
-and then every 32; in between, the numbers follow the current load and pressure. docs/evidence/accuracy.md gives their
-errors.
+shear-flexible, extensible belt, a soft tread, damping of sidewall, tread and bending, a stiffening sidewall, and a drum
+in place of the road. All have priors, so that parameters that the data do not determine widen the errors. A fit takes
+about a second, so fits are made at updates 1, 2, 4, ... 32 and then every 32; in between, the numbers follow the
+current load and pressure. docs/evidence/accuracy.md gives their errors.
 """
 
 from __future__ import annotations

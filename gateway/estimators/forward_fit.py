@@ -45,6 +45,10 @@ _POOLED_FREEDOM: Final = 2.0
 _WAVES_FROM: Final = 3
 # Amplitude over its standard error from which the order and decay of a packet are fitted.
 _DISTINCT: Final = 3.0
+# Least curvature of a drum times the belt radius: drums have at most ten times the tire's radius. The road is taken for
+# flat where the fitted curvature is below by these standard errors.
+_LEAST_CURVATURE: Final = 0.1
+_EXCLUDED: Final = 2.0
 # Model error of the mean, which only the gain follows.
 _MEAN_ERROR: Final = 1e-4
 # Parameters that decide convergence: order and decay of a packet in the noise never settle.
@@ -187,7 +191,7 @@ def _fit(
         model=by_model,
         misfit=float(np.mean(np.abs(residual[used]) ** 2 / (2.0 * variance[used]))),
         half_angle_rad=half_angle,
-        half_angle_gradient=half_angle_gradient,
+        half_angle_gradient=np.where(end.free, half_angle_gradient, 0.0),
         steps=end.steps,
         converged=end.converged,
     )
@@ -244,7 +248,12 @@ def _converge(
             break
         here = there
         free = _distinct(here.parameters, std, free)
-        if size < _CONVERGED and (not cold or step > _WAVES_FROM):
+        if size < 1.0 and free[P.ROAD_CURVATURE] and _is_flat(here.parameters, std):
+            free[P.ROAD_CURVATURE] = False
+            flat = here.parameters.copy()
+            flat[P.ROAD_CURVATURE] = 0.0
+            here = model.solve(flat, here.ring)
+        elif size < _CONVERGED and (not cold or step > _WAVES_FROM):
             break
         if size < 1.0:
             correction = model.refined(here)[0] - here.orders
@@ -292,6 +301,11 @@ def _distinct(parameters: FloatArray, std: FloatArray, free: BoolArray) -> BoolA
     return result
 
 
+def _is_flat(parameters: FloatArray, std: FloatArray) -> bool:
+    """Return whether the data exclude a drum."""
+    return bool(abs(parameters[P.ROAD_CURVATURE]) + _EXCLUDED * std[P.ROAD_CURVATURE] < _LEAST_CURVATURE)
+
+
 def _move(
     model: ForwardModel,
     here: ForwardSolution,
@@ -305,7 +319,7 @@ def _move(
     for _ in range(_HALVINGS + 1):
         try:
             there = model.solve(here.parameters + change, here.ring)
-        except RingNotConvergedError:
+        except (RingNotConvergedError, ValueError):
             change = 0.25 * change
             continue
         if _cost(there, data, variance, used) <= before * (1.0 + 1e-9):

@@ -22,7 +22,7 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA, TABLE_3_RADIUS_M
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring import RingParameters, RingSolution, nearby_solutions, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.types import ComplexArray, FloatArray
 
@@ -48,18 +48,20 @@ class P(IntEnum):
     SHEAR = 6
     DAMPING = 7
     TREAD_DAMPING = 8
-    STIFFENING = 9
-    TRACTION = 10
-    CENTRE = 11
-    GAIN = 12
-    BEFORE_COSINE = 13
-    BEFORE_SINE = 14
-    BEFORE_ORDER = 15
-    BEFORE_DECAY = 16
-    AFTER_COSINE = 17
-    AFTER_SINE = 18
-    AFTER_ORDER = 19
-    AFTER_DECAY = 20
+    BENDING_DAMPING = 9
+    STIFFENING = 10
+    TRACTION = 11
+    ROAD_CURVATURE = 12
+    CENTRE = 13
+    GAIN = 14
+    BEFORE_COSINE = 15
+    BEFORE_SINE = 16
+    BEFORE_ORDER = 17
+    BEFORE_DECAY = 18
+    AFTER_COSINE = 19
+    AFTER_SINE = 20
+    AFTER_ORDER = 21
+    AFTER_DECAY = 22
 
 
 SIZE: Final = len(P)
@@ -75,8 +77,10 @@ PRIORS: Final[dict[P, tuple[float, float]]] = {
     P.SHEAR: (0.0, 1.5),  # shear length 3 mm: 0.7 to 15 mm
     P.DAMPING: (0.0, 0.05),  # loss angle of the sidewall
     P.TREAD_DAMPING: (0.0, 0.05),
+    P.BENDING_DAMPING: (0.0, 0.05),  # loss angle of the belt at the wheel's frequency: 1 ms at 65 km/h
     P.STIFFENING: (0.0, 1.0),  # of the sidewall per belt radius: 6 % at 20 mm
     P.TRACTION: (0.0, 0.1),  # axle torque over load and radius
+    P.ROAD_CURVATURE: (0.0, 0.3),  # times the belt radius: 0 for a road, 0.2 to 0.6 for drums
     P.CENTRE: (0.0, 0.05),
     P.GAIN: (0.0, 0.1),
     P.BEFORE_COSINE: (0.0, 0.1),
@@ -137,7 +141,6 @@ class ForwardModel:
         offset: e / R, sensor below the neutral layer.
         offset_std: one standard error of it.
         steady_std: one standard error of the signal's steady value beyond a common gain, over that value.
-        drum: radius of the drum over the belt radius; infinite for a flat road.
         nodes: of the ring.
     """
 
@@ -146,7 +149,6 @@ class ForwardModel:
     offset: float = 0.0
     offset_std: float = 0.0
     steady_std: float = 0.0
-    drum: float = math.inf
     nodes: int = COARSE_NODES
 
     def resolving(self, parameters: FloatArray) -> Self:
@@ -176,6 +178,7 @@ class ForwardModel:
             else math.inf,
             foundation_damping_nspm2=p[P.DAMPING] * radial / _OMEGA_RADPS,
             tread_damping_nspm2=p[P.TREAD_DAMPING] * tread / _OMEGA_RADPS,
+            bending_damping_nm2s=p[P.BENDING_DAMPING] * bending / _OMEGA_RADPS,
             sidewall_stiffening_pm=p[P.STIFFENING] / TABLE_3_RADIUS_M,
         )
 
@@ -193,8 +196,8 @@ class ForwardModel:
             _OMEGA_RADPS,
             nodes=self.nodes,
             sensor_offset_m=self.offset * TABLE_3_RADIUS_M,
-            drum_radius_m=self.drum * TABLE_3_RADIUS_M,
-            axle_torque_nm=float(parameters[P.TRACTION]) * TABLE_3_LOAD_N * TABLE_3_RADIUS_M,
+            drum_radius_m=_drum_radius_m(parameters),
+            axle_torque_nm=_torque_nm(parameters),
             start=start if start is not None and len(start.theta_rad) == self.nodes else None,
         )
         return ForwardSolution(parameters, ring, self._orders(parameters, ring))
@@ -235,13 +238,19 @@ class ForwardModel:
         """Return the derivatives of the orders, (SIZE, m), and of the half angle, (SIZE,), by every parameter."""
         p, ring = at.parameters, at.ring
         rows, half_angle = np.zeros((SIZE, self.max_order + 1), dtype=np.complex128), np.zeros(SIZE)
-        for place in _RING_PARAMETERS:
-            if place is P.SHEAR and not self.shear:
-                continue
-            moved = p.copy()
-            moved[place] += _STEP
-            there = self.solve(moved, ring)
-            rows[place] = (there.orders - at.orders) / _STEP
+        places = [place for place in _RING_PARAMETERS if self.shear or place is not P.SHEAR]
+        moved = p + _STEP * np.eye(SIZE)[places]
+        near = nearby_solutions(
+            ring,
+            [self.ring(one) for one in moved],
+            sensor_offset_m=self.offset * TABLE_3_RADIUS_M,
+            drum_radius_m=_drum_radius_m(p),
+            drum_radii_m=[_drum_radius_m(one) for one in moved],
+            axle_torque_nm=_torque_nm(p),
+            axle_torques_nm=[_torque_nm(one) for one in moved],
+        )
+        for place, parameters, there in zip(places, moved, near, strict=True):
+            rows[place] = (self._orders(parameters, there) - at.orders) / _STEP
             half_angle[place] = (there.half_angle_rad - at.half_angle_rad) / _STEP
         rows[P.CENTRE] = -1j * np.arange(self.max_order + 1) * at.orders
         rows[P.GAIN] = at.orders
@@ -273,6 +282,15 @@ class ForwardModel:
             fine.orders + (fine.orders - at.orders) / 3.0,
             fine.half_angle_rad + (fine.half_angle_rad - at.half_angle_rad) / 3.0,
         )
+
+
+def _torque_nm(parameters: FloatArray) -> float:
+    return float(parameters[P.TRACTION]) * TABLE_3_LOAD_N * TABLE_3_RADIUS_M
+
+
+def _drum_radius_m(parameters: FloatArray) -> float:
+    curvature = float(parameters[P.ROAD_CURVATURE])
+    return TABLE_3_RADIUS_M / curvature if curvature else math.inf
 
 
 def stacked(orders: ComplexArray) -> FloatArray:
