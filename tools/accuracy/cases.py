@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -49,6 +50,7 @@ class Case:
         jitter_m: standard deviation of the leading edge from revolution to revolution.
         offset_m: of the sensor below the neutral layer; the estimators assume none.
         torque_nm: driving torque; the road's friction carries it as shear in the contact.
+        drum_m: radius of the drum that the tire rolls on, not stated; infinite for a road.
     """
 
     group: str
@@ -67,6 +69,7 @@ class Case:
     jitter_m: float = 0.0
     offset_m: float = 0.0
     torque_nm: float | None = None
+    drum_m: float = math.inf
 
     @property
     def omega_radps(self) -> float:
@@ -122,9 +125,11 @@ def variant_cases() -> Iterator[Case]:
         ("shear-flexible belt 0.2 MN", {"shear_stiffness_n": 2e5, "rotary_inertia_kgm": 1e-4}),
         ("sidewall damping 200 N s/m2", {"foundation_damping_nspm2": 200.0}),
         ("tread damping 50 kN s/m2", {"tread_damping_nspm2": 5e4}),
+        ("bending damping 0.002 N m2 s", {"bending_damping_nm2s": 2e-3}),
     ):
         yield replace(base, name=name, ring=replace(BASE_RING, **change))
     yield replace(base, name="contact shear, drive 300 N m", torque_nm=300.0)
+    yield replace(base, name="drum of 0.85 m, not stated", drum_m=0.85)
     yield replace(base, name="edge waves as measured", waves=(MEASURED_WAVES,))
     yield replace(base, name="edge waves, two pairs", waves=(MEASURED_WAVES, MORE_WAVES))
     yield replace(base, name="leading edge jitters 2 mm", jitter_m=0.002)

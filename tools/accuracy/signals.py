@@ -28,16 +28,31 @@ _JITTER_REACH_RAD = 0.2
 
 @lru_cache(maxsize=64)
 def _solved(
-    ring: RingParameters, load_n: float, pressure_pa: float, omega: float, offset_m: float, torque_nm: float | None
+    ring: RingParameters,
+    load_n: float,
+    pressure_pa: float,
+    omega: float,
+    offset_m: float,
+    torque_nm: float | None,
+    drum_m: float,
 ) -> RingSolution:
     return solve_rolling_ring(
-        ring, load_n, pressure_pa, omega, nodes=NODES, sensor_offset_m=offset_m, axle_torque_nm=torque_nm
+        ring,
+        load_n,
+        pressure_pa,
+        omega,
+        nodes=NODES,
+        sensor_offset_m=offset_m,
+        axle_torque_nm=torque_nm,
+        drum_radius_m=drum_m,
     )
 
 
 def truth_of(case: Case) -> RingSolution:
     """Return the ring in equilibrium that the samples come from."""
-    return _solved(case.ring, case.load_n, case.pressure_pa, case.omega_radps, case.offset_m, case.torque_nm)
+    return _solved(
+        case.ring, case.load_n, case.pressure_pa, case.omega_radps, case.offset_m, case.torque_nm, case.drum_m
+    )
 
 
 class Samples(NamedTuple):
