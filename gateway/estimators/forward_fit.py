@@ -45,10 +45,10 @@ _POOLED_FREEDOM: Final = 2.0
 _WAVES_FROM: Final = 3
 # Amplitude over its standard error from which the order and decay of a packet are fitted.
 _DISTINCT: Final = 3.0
-# Least curvature of a drum times the belt radius: drums have at most ten times the tire's radius. The road is taken for
-# flat where the fitted curvature is below by these standard errors.
+# Least curvature of a drum times the belt radius: drums have at most ten times the tire's radius.
 _LEAST_CURVATURE: Final = 0.1
-_EXCLUDED: Final = 2.0
+# Standard errors within which a curvature is taken for that of a flat road.
+_FLAT: Final = 2.0
 # Model error of the mean, which only the gain follows.
 _MEAN_ERROR: Final = 1e-4
 # Parameters that decide convergence: order and decay of a packet in the noise never settle.
@@ -302,8 +302,9 @@ def _distinct(parameters: FloatArray, std: FloatArray, free: BoolArray) -> BoolA
 
 
 def _is_flat(parameters: FloatArray, std: FloatArray) -> bool:
-    """Return whether the data exclude a drum."""
-    return bool(abs(parameters[P.ROAD_CURVATURE]) + _EXCLUDED * std[P.ROAD_CURVATURE] < _LEAST_CURVATURE)
+    """Return whether the road is flat: a drum would show and does not."""
+    curvature, error = abs(float(parameters[P.ROAD_CURVATURE])), float(std[P.ROAD_CURVATURE])
+    return error < _LEAST_CURVATURE and curvature < max(0.5 * _LEAST_CURVATURE, _FLAT * error)
 
 
 def _move(
