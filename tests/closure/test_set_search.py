@@ -10,8 +10,10 @@ import pytest
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL, GroupConditions
+from gateway.closure.inference import set_search
 from gateway.closure.inference.candidate_scan import Scan
 from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
+from gateway.closure.inference.fit import FitFailedError
 from gateway.closure.inference.set_search import baseline_fit, is_taken
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
@@ -86,6 +88,19 @@ def test_known_set_is_fitted_again_from_a_better_optimum() -> None:
     search.found[alone] = replace(stuck, log_evidence=stuck.log_evidence - 50.0)
     search.run(baseline_fit(campaign, search.core, search.data))
     assert search.found[alone].log_evidence == pytest.approx(stuck.log_evidence, abs=0.5)
+
+
+def test_known_set_stays_where_another_fit_of_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise FitFailedError("no step makes it better")
+
+    campaign = campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES)
+    _, search = searched(campaign, among("roll tilt", "gain"))
+    known = dict(search.found)
+    monkeypatch.setattr(set_search, "evaluate", fail)
+    search.run(baseline_fit(campaign, search.core, search.data))
+    assert search.found == known
+    assert not search.rejected & set(known)
 
 
 @pytest.mark.parametrize("answers", [0, 3])

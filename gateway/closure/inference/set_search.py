@@ -157,6 +157,7 @@ class SetSearch:
         found = self._evaluate(fit, amplitudes)
         if known is not None and (found is None or found.log_evidence < known.log_evidence):
             self.found[names] = known
+            self.rejected.discard(names)
 
     def _corrected(self, start: Fit) -> Fit:
         """Return the fit with all corrections of the baseline model if it is the better one."""
