@@ -9,6 +9,11 @@ from gateway.physics.rolling_ring.equilibrium import MIN_NODES as MIN_NODES
 from gateway.physics.rolling_ring.equilibrium import RingNumbers as RingNumbers
 from gateway.physics.rolling_ring.equilibrium import RingParameters as RingParameters
 from gateway.physics.rolling_ring.equilibrium import RingSolution as RingSolution
+from gateway.physics.rolling_ring.equilibrium import loaded_belt as loaded_belt
 from gateway.physics.rolling_ring.equilibrium import nearby_solutions as nearby_solutions
 from gateway.physics.rolling_ring.equilibrium import solve_rolling_ring as solve_rolling_ring
 from gateway.physics.rolling_ring.newton_solver import RingNotConvergedError as RingNotConvergedError
+from gateway.physics.rolling_ring.tread_excitation import BlockResponse as BlockResponse
+from gateway.physics.rolling_ring.tread_excitation import LoadedBelt as LoadedBelt
+from gateway.physics.rolling_ring.tread_excitation import TreadBlocks as TreadBlocks
+from gateway.physics.rolling_ring.tread_excitation import block_response as block_response

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, NamedTuple, Self
 
 import numpy as np
@@ -18,6 +18,7 @@ from gateway.physics.rolling_ring.newton_solver import (
     resting_state,
 )
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, angle_derivatives, sensor_waveform
+from gateway.physics.rolling_ring.tread_excitation import LoadedBelt
 from gateway.types import BoolArray, FloatArray
 
 MIN_NODES: Final = 120
@@ -247,6 +248,22 @@ def nearby_solutions(
     except (FloatingPointError, np.linalg.LinAlgError) as error:
         raise RingNotConvergedError(f"no derivatives of the ring's equilibrium: {error}") from error
     return [_solution(*one, sensor_offset_m) for one in zip(rings, laws, [grid] * len(laws), found, strict=True)]
+
+
+def loaded_belt(solution: RingSolution, drum_radius_m: float = math.inf) -> LoadedBelt:
+    """Return a solved ring as what its tread's blocks can make vibrate.
+
+    Args:
+        solution: of the ring.
+        drum_radius_m: of the solution.
+    """
+    # Belt and tread lose more or less at the frequency of blocks than at that of the contact.
+    ring = replace(solution.ring, tread_damping_nspm2=0.0, bending_damping_nm2s=0.0)
+    nodes = len(solution.theta_rad)
+    # Torque and load are met by the solution; the vibration is at a fixed height of the axle.
+    law = _law(ring, solution.load_n, solution.pressure_pa, solution.omega_radps, nodes, drum_radius_m, None)
+    at = _warm(law, ring_grid(nodes), solution)
+    return LoadedBelt(law, at.state, at.height_m, -solution.longitudinal_force_n / solution.load_n)
 
 
 def _law(
