@@ -13,7 +13,7 @@ from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, LATERAL,
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring import RingParameters, RingSolution, loaded_belt, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
@@ -71,7 +71,8 @@ def block_of(
         along = square * shape.circumferential_m + STANDARD_GRAVITY_MPS2 * shape.gravity_circumferential
         signal[CIRCUMFERENTIAL] = along
         signal[LATERAL] = 0.02 * square * RADIUS_M * np.sin(2.0 * THETA) * np.exp(-np.square(THETA / 0.5))
-    return ModelledBlock(conditions, THETA, signal, shape, ring.leading_edge_rad, ring.trailing_edge_rad)
+    edges = ring.leading_edge_rad, ring.trailing_edge_rad
+    return ModelledBlock(conditions, THETA, signal, shape, *edges, loaded_belt(ring))
 
 
 def at(speed_kmh: float) -> GroupConditions:

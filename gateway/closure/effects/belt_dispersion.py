@@ -15,6 +15,7 @@ positive one is behind it, below N. The imaginary part is the decay.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -102,6 +103,35 @@ def belt_wave(tread: BlockTread, side: int, omega_radps: float, radius_m: float)
         decay_by=tuple((sign * number_by.imag).tolist()),
         share_by=tuple((-(number_by.real * order - at.real * order_by) / order**2).tolist()),
     )
+
+
+def mass_of_wave(
+    order: float,
+    blocks: float,
+    bending_nm2: float,
+    tension_n: float,
+    sidewall_npm2: float,
+    omega: float,
+    radius_m: float,
+) -> float:
+    """Return rho A, kg/m, of a belt without losses whose wave a sensor sees at an order; NaN where none has it.
+
+    Args:
+        order: seen by the sensor, N - k.
+        blocks: N.
+        bending_nm2: EI.
+        tension_n: p0 b R, without the part of rotation.
+        sidewall_npm2: radial stiffness.
+        omega: angular speed, rad/s.
+        radius_m: of the belt.
+    """
+    k = blocks - order
+    if k == 0.0:
+        return math.nan
+    w = order * omega
+    moved = (1.0 + 1.0 / k**2) * w * w + 4.0 * omega * w / k - omega**2 * (k * k - 3.0)
+    held = bending_nm2 * (k * k - 1.0) ** 2 / radius_m**4 + tension_n * (k * k - 1.0) / radius_m**2 + sidewall_npm2
+    return held / moved if moved > 0.0 else math.nan
 
 
 def _undamped(blocks: float, bending: float, tension: float, sign: float, omega_radps: float, radius_m: float) -> float:

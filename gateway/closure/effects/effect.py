@@ -33,6 +33,7 @@ from typing import Any, Final
 import numpy as np
 
 from gateway.closure.model.ring_options import RingOptions
+from gateway.physics.rolling_ring import LoadedBelt
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.reasons import Reason
 from gateway.types import FloatArray
@@ -185,6 +186,7 @@ class ModelledBlock:
         shape: ring waveform on the same grid: acceleration over omega^2, projections of gravity, reaction to spin.
         leading_edge_rad: of the model's contact, negative.
         trailing_edge_rad: positive.
+        belt: of the model, None for a series.
     """
 
     conditions: GroupConditions
@@ -193,6 +195,7 @@ class ModelledBlock:
     shape: SensorWaveform
     leading_edge_rad: float
     trailing_edge_rad: float
+    belt: LoadedBelt | None = None
 
     def zeros(self) -> FloatArray:
         """Return an empty contribution, (3, FIELD_SIZE)."""
@@ -241,6 +244,12 @@ class Effect(ABC):
     def starts(self, conditions: Sequence[GroupConditions]) -> tuple[tuple[float, ...], ...]:
         """Return parameter vectors, not zero, from which a fit may begin under these conditions."""
         return self.start_values
+
+    def equivalents(
+        self, start: Sequence[float], conditions: Sequence[GroupConditions]
+    ) -> tuple[tuple[float, ...], ...]:
+        """Return starts that differ from one, yet predict nearly the same: parameters that trade off. None for most."""
+        return ()
 
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Return why these values (p,) with their standard errors are impossible; None when they are possible.

@@ -22,6 +22,9 @@ _TRIAL_STEPS: Final = 25
 _ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far from its nominal shape.
 _BENT: Final = 1.5
+# Starts of an effect with many minima that are followed, and the steps.
+_FINALISTS: Final = 10
+_FOLLOWED: Final = 3
 # Fraction of a ring effect's starts that is tried in addition.
 _SMALL: Final = 0.03
 
@@ -72,9 +75,14 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
         # The ring responds differently to large and to small changes of its own parameters.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
-    best = max(_trials(fit, model, effect, shapes, starts), key=_promise, default=None)
+    trials = _trials(fit, model, effect, shapes, starts)
+    best = max(trials, key=_promise, default=None)
     if best is None:
         return None
+    equivalents = effect.equivalents(best.start.tolist(), conditions)
+    if equivalents:
+        trials += _trials(fit, model, effect, shapes, equivalents)
+        best = _followed(fit, model, effect, shapes, trials)
     if effect.scan:
         for place, values in effect.scan:
             near = best.start.tolist()
@@ -85,6 +93,19 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
         reached = np.clip(best.vector[best.model.layout.effect(effect.name)], *bounds(effect))
         best = max([best, *_trials(fit, model, effect, shapes, [reached.tolist()])], key=_promise)
     return best
+
+
+def _followed(
+    fit: Fit, model: ClosureModel, effect: AngleEffect, shapes: Mapping[int, Shape], trials: list[Trial]
+) -> Trial:
+    """Return the best of trials after some more linear steps: far from the solution a promise may be an illusion."""
+    finalists = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
+    for _ in range(_FOLLOWED):
+        ends = [
+            np.clip(one.vector[one.model.layout.effect(effect.name)], *bounds(effect)).tolist() for one in finalists
+        ]
+        finalists = _trials(fit, model, effect, shapes, ends) or finalists
+    return max(finalists, key=_promise)
 
 
 def _promise(trial: Trial) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
 from gateway.closure.model.ring_options import RingOptions
+from gateway.physics.rolling_ring import LoadedBelt
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
@@ -26,11 +27,13 @@ class Shape:
         waveform: acceleration over omega^2, gravity and spin; (FIELD_SIZE,) each. A model without gravity has zeros.
         leading_edge_rad: of the contact, negative.
         trailing_edge_rad: positive.
+        belt: of which it is, for what vibrates on it; None for a model without one.
     """
 
     waveform: SensorWaveform
     leading_edge_rad: float
     trailing_edge_rad: float
+    belt: LoadedBelt | None = None
 
 
 class Core(Protocol):
@@ -102,11 +105,15 @@ class Core(Protocol):
 
 
 def moved(shape: Shape, tangent: Shape, step: float) -> Shape:
-    """Return a shape moved by a step along a tangent."""
+    """Return a shape moved by a step along a tangent; one without a belt leaves that of the shape."""
+    belt = shape.belt
+    if belt is not None and tangent.belt is not None:
+        belt = belt.moved(tangent.belt, step)
     return Shape(
         SensorWaveform(*(field + step * slope for field, slope in zip(shape.waveform, tangent.waveform, strict=True))),
         shape.leading_edge_rad + step * tangent.leading_edge_rad,
         shape.trailing_edge_rad + step * tangent.trailing_edge_rad,
+        belt,
     )
 
 
@@ -134,6 +141,7 @@ def slopes(base: Shape, shapes: Sequence[Shape], steps: FloatArray) -> tuple[Sha
                 SensorWaveform(*(field / step for field in change.waveform)),
                 change.leading_edge_rad / step,
                 change.trailing_edge_rad / step,
+                None if change.belt is None else change.belt.scaled(1.0 / step),
             )
         )
     return tuple(found)

@@ -21,6 +21,7 @@ from gateway.physics.rolling_ring import (
     RingNotConvergedError,
     RingParameters,
     RingSolution,
+    loaded_belt,
     nearby_solutions,
     solve_rolling_ring,
 )
@@ -127,7 +128,8 @@ class ExactCore:
         # A tire with a millimetre of run-out has the derivatives of a round one, which needs a third of the solutions.
         options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
         load, pressure, omega = _place(conditions)
-        place = load, pressure, omega if options.depends_on_speed else _ANY_OMEGA_RADPS
+        speed = omega if options.depends_on_speed else _ANY_OMEGA_RADPS
+        place = load, pressure, speed, self._grid(conditions)
         return self._tangents.at(place, parameters, options, lambda: self._slopes(parameters, conditions, options))
 
     def change(
@@ -140,11 +142,14 @@ class ExactCore:
     ) -> Shape:
         """Return the approximate change of the shape by another option: on a coarse grid, at a nearby state."""
         near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
-        return moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
+        change = moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
+        # The belt of the coarse grid is not that of the shape which is to change.
+        return replace(change, belt=None)
 
     def _slopes(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> tuple[Shape, ...]:
         """Return the derivatives of a round tire's shape by the state's parameters."""
-        here, *there = map(_on_field, self._nearby([parameters, *stepped(parameters, self.steps)], conditions, options))
+        nearby = self._nearby([parameters, *stepped(parameters, self.steps)], conditions, options)
+        here, *there = (_on_field(one, options) for one in nearby)
         return slopes(here, there, self.steps)
 
     def _nearby(
@@ -177,6 +182,7 @@ class ExactCore:
             SensorWaveform(*fields),
             coarse.leading_edge_rad + correction[1],
             coarse.trailing_edge_rad + correction[2],
+            coarse.belt,
         )
 
     def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
@@ -240,7 +246,7 @@ class ExactCore:
             start=near,
         )
         self._near[near_key] = solution
-        solved = _Solved(_on_field(solution), solution)
+        solved = _Solved(_on_field(solution, options), solution)
         self._kept[key] = solved
         if len(self._kept) > _KEPT:
             self._kept.popitem(last=False)
@@ -311,7 +317,7 @@ def _place(conditions: GroupConditions) -> tuple[float, float, float]:
     return conditions.load_n, conditions.pressure_pa, conditions.omega_radps
 
 
-def _on_field(solution: RingSolution) -> Shape:
+def _on_field(solution: RingSolution, options: RingOptions) -> Shape:
     """Return a solution on the model's angle grid, by trigonometric interpolation."""
     coarse = np.array(solution.sensor)
     nodes = coarse.shape[1]
@@ -320,4 +326,5 @@ def _on_field(solution: RingSolution) -> Shape:
     count = min(nodes, FIELD_SIZE) // 2
     kept[:, :count] = spectrum[:, :count]
     fields = np.fft.irfft(kept, n=FIELD_SIZE, axis=1) * (FIELD_SIZE / nodes)
-    return Shape(SensorWaveform(*fields), solution.leading_edge_rad, solution.trailing_edge_rad)
+    belt = loaded_belt(solution, options.drum_radius_m)
+    return Shape(SensorWaveform(*fields), solution.leading_edge_rad, solution.trailing_edge_rad, belt)

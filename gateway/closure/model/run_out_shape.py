@@ -58,7 +58,7 @@ def out_of_round(
         at = float(angles[1])
         share = _parabola(np.array([steps_pm * (cosine_m * math.cos(at) + sine_m * math.sin(at))]))
         edges.append(float(share[:, 0] @ angles))
-    return Shape(SensorWaveform(*fields), *edges)
+    return Shape(SensorWaveform(*fields), edges[0], edges[1], middle.shape.belt)
 
 
 def _parabola(at: FloatArray) -> FloatArray:

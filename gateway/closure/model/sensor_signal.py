@@ -59,7 +59,8 @@ def base_signal(core: Core, shape: Shape, conditions: GroupConditions) -> Modell
         signal[CIRCUMFERENTIAL] += (
             drift * wave.circumferential_m + conditions.omega_dot_radps2 * wave.spin_circumferential_m
         )
-    return ModelledBlock(conditions, THETA, signal, wave, shape.leading_edge_rad, shape.trailing_edge_rad)
+    edges = shape.leading_edge_rad, shape.trailing_edge_rad
+    return ModelledBlock(conditions, THETA, signal, wave, *edges, shape.belt)
 
 
 def with_signal(here: ModelledBlock, signal_mps2: FloatArray) -> ModelledBlock:

@@ -1,0 +1,84 @@
+"""Excitation by tread blocks in the closure: recovery from data, mirror image in reverse, models without a belt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave, mass_of_wave
+from gateway.closure.effects.catalogue import candidates, catalogue
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, SignalEffect
+from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
+from gateway.closure.inference.fit import fit_model
+from gateway.closure.inference.likelihood import whiten
+from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.exact_baseline import ExactCore
+from tests.closure.belt_data import CONDITIONS, block_of
+from tests.closure.test_belt_recovery import campaign
+
+NAME = "tread block excitation"
+# Shares, blocks, mass, losses of belt and tread.
+TRUTH = np.array([0.035, -0.02, 71.0, 4.6, 2.5e-5, 4e-5])
+
+
+def effect() -> SignalEffect:
+    found = catalogue()[NAME]
+    assert isinstance(found, SignalEffect)
+    return found
+
+
+@pytest.mark.parametrize("speeds", [(65.0,), (45.0, 75.0)])
+def test_blocks_mass_and_losses_are_found(speeds: tuple[float, ...]) -> None:
+    made = campaign(effect(), TRUTH, 5, speeds)
+    data = whiten(made, ExactCore())
+    without = fit_model(ClosureModel(made, ExactCore()), data)
+    trial = try_effect(without, effect(), shapes_of(without, range(len(data.orders))))
+    assert trial is not None
+    fit = refit(trial, data)
+    assert fit.misfit < 1.15 * data.size
+    where = fit.model.layout.effect(NAME)
+    std = np.sqrt(np.diagonal(fit.covariance))[where]
+    assert (np.abs(fit.vector[where] - TRUTH) < 4.5 * std).all()
+    assert std[2] < 0.3
+    assert std[3] < 0.05 * TRUTH[3]
+
+
+def test_equivalents_keep_the_order_of_the_wave_ahead() -> None:
+    start = (0.03, 0.03, 64.0, 6.8, 1e-4, 0.0)
+    found = effect().equivalents(start, (CONDITIONS,))
+    assert {one[2] for one in found} >= {60.0, 64.0, 67.0, 70.0}
+    masses = [one[3] for one in found]
+    assert min(masses) < 3.5 < max(masses)
+    assert all(one[:2] == start[:2] and one[4:] == start[4:] for one in found)
+
+
+def test_mass_of_a_wave_is_that_of_its_belt() -> None:
+    bending, tension, mass, omega, radius = 6.8, 4200.0, 3.5, 52.0, 0.32
+    wave = belt_wave(BlockTread(67.0, bending / mass, tension / mass, 0.0, 0.0), 0, omega, radius)
+    # The dispersion has a sidewall of its own, of little weight.
+    found = mass_of_wave(wave.order, 67.0, bending, tension, 1.8e5 * mass, omega, radius)
+    assert found == pytest.approx(mass, rel=0.01)
+    assert np.isnan(mass_of_wave(67.0, 67.0, bending, tension, 6e5, omega, radius))
+
+
+def test_reverse_sees_the_mirror_image_of_the_pattern() -> None:
+    forward, back = block_of(), block_of(replace(CONDITIONS, reverse=True))
+    cosine, sine = (np.array([*pair, *TRUTH[2:]]) for pair in ((0.04, 0.0), (0.0, 0.04)))
+    assert effect().contribution(back, cosine) == pytest.approx(effect().contribution(forward, cosine))
+    assert effect().contribution(back, sine) == pytest.approx(-effect().contribution(forward, sine))
+
+
+def test_sensor_on_the_middle_line_still_moves_along_the_belt() -> None:
+    """The belt's vibration has a part along it, unlike the steady shape of an inextensible belt."""
+    made = effect().contribution(block_of(), TRUTH)
+    assert 0.01 < np.linalg.norm(made[CIRCUMFERENTIAL]) / np.linalg.norm(made[RADIAL]) < 0.5
+
+
+def test_model_without_a_belt_has_no_excitation() -> None:
+    block = replace(block_of(), belt=None)
+    assert not effect().contribution(block, TRUTH).any()
+    assert not effect().derivative(block, TRUTH).any()
+    assert NAME in candidates(BaselineModel.EXACT)
+    assert NAME not in candidates(BaselineModel.SERIES)
