@@ -378,11 +378,14 @@ class Code(StrEnum):
     STATED_ROLL = "stated_roll"
 
     # Trends of a dataset
+    TREND_CLOCK_WRONG = "trend_clock_wrong"
+    TREND_DISTANCE_CONSTANT = "trend_distance_constant"
     TREND_LOAD_STATED = "trend_load_stated"
     TREND_LOAD_STEPS = "trend_load_steps"
     TREND_LOSES_PRESSURE = "trend_loses_pressure"
     TREND_NO_VALUES = "trend_no_values"
     TREND_OUTLIERS_LEFT_OUT = "trend_outliers_left_out"
+    TREND_PRESSURE_CONSTANT = "trend_pressure_constant"
     TREND_PRESSURE_NOT_MEASURED = "trend_pressure_not_measured"
     TREND_RECORDED_DISTANCE = "trend_recorded_distance"
     TREND_SENSOR_CLIPS = "trend_sensor_clips"
@@ -394,6 +397,7 @@ class Code(StrEnum):
     TREND_STEPS = "trend_steps"
     TREND_STIFFNESS_DRIFTS = "trend_stiffness_drifts"
     TREND_TEMPERATURE_CONSTANT = "trend_temperature_constant"
+    TREND_TEMPERATURE_STUCK = "trend_temperature_stuck"
     TREND_TEMPERATURE_UNKNOWN = "trend_temperature_unknown"
     TREND_TOO_FEW = "trend_too_few"
     TREND_UNDETERMINED = "trend_undetermined"

@@ -14,6 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.clock import Clock, SystemClock
 from gateway.errors import OutputError, RecordingError
 from gateway.fleet.dataset import FAILURES, read_description
 from gateway.fleet.recording_estimation import RECORDINGS
@@ -35,6 +36,10 @@ _ESTIMATES: Final = (
 )  # fmt: skip
 _TEXT: Final = frozenset({"recording", "path", "position", "sensor_id", "start_utc"})
 _ODOMETER_COLUMNS: Final = ("vehicle", "utc", "km")
+# Clocks that were not set begin in 1970, 1980 or 2000; there were no such sensors before.
+_EARLIEST_NS: Final = int(np.datetime64("2000-03-01", "ns").astype(np.int64))
+# Clocks of recorder and of this computer may differ.
+_CLOCK_SLACK_NS: Final = 86_400 * 10**9
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +59,20 @@ class DatasetHistories:
     notes: tuple[Reason, ...]
 
 
-def read_histories(root: Path, odometer: Odometer | None = None) -> DatasetHistories:
+def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock | None = None) -> DatasetHistories:
     """Read the table of recordings.
 
+    A recording whose clock cannot be right is left out: alone it would decide every trend over time and distance.
+
+    Args:
+        root: folder of the dataset.
+        odometer: readings by vehicle.
+        clock: tells the present time, after which no recording began.
+
     Raises:
-        OutputError: there is no dataset, or it has no recordings.
+        OutputError: there is no dataset, or it has no recordings whose clock was right.
     """
+    latest_ns = (clock or SystemClock()).now_ns() + _CLOCK_SLACK_NS
     description = read_description(root)
     estimates = [name for name in _ESTIMATES if name in description.estimates]
     names = [*_PLAIN, *(name + part for name in estimates for part in ("", "_std", "_reason"))]
@@ -74,8 +87,18 @@ def read_histories(root: Path, odometer: Odometer | None = None) -> DatasetHisto
             continue
         vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
         read.add(path.name)
+        if found and not _EARLIEST_NS <= found[0]["start_utc"] <= latest_ns:
+            date = str(np.datetime64(found[0]["start_utc"], "ns").astype("datetime64[D]"))
+            notes.append(Reason(Code.TREND_CLOCK_WRONG, path=str(found[0]["path"]), date=date))
+            continue
         for row in found:
             rows[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
+    if not rows and read:
+        raise OutputError(
+            f"the clock was wrong in all recordings of the dataset '{root}': {len(read)} began before March 2000 or "
+            "after now",
+            "Set the clock of the recorder, or of this computer.",
+        )
     if not rows:
         raise OutputError(
             f"the dataset '{root}' has no recordings", "Add some: treadlink campaign PATH... --out DATASET"
@@ -182,12 +205,6 @@ def _history(
         columns=columns,
         invalid={name: reason for name, reason in invalid.items() if reason},
     )
-
-
-def _last_reason(rows: Sequence[Mapping[str, Any]], name: str) -> str:
-    """Return why the last recording without a value has none; empty when every recording has one."""
-    without = (row.get(f"{name}_reason") for row in reversed(rows) if row.get(name) is None)
-    return next((str(reason) for reason in without if reason), "")
 
 
 def _km(

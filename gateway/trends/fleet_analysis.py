@@ -179,6 +179,8 @@ def _wear(tire: _Tire) -> None:
     history = tire.history
     wear = history.column("wear_mm")
     why = _missing(history, "wear_mm", wear)
+    if math.isfinite(history.km[0]) and not _span(history.km) > 0.0 and np.isfinite(wear).any():
+        why = Reason(Code.TREND_DISTANCE_CONSTANT)
     line = _line(tire, "wear_mm", "mm", history.km * 1e-3, wear, history.column("wear_mm_std"), against="km", warm=True)
     basis = () if history.has_odometer else (Reason(Code.TREND_RECORDED_DISTANCE, distance_m=1e3 * _span(history.km)),)
     if line is None or line.search.fit is None:
@@ -201,6 +203,11 @@ def _pressure(tire: _Tire) -> None:
         why = Reason(Code.TREND_PRESSURE_NOT_MEASURED)
     elif not np.isfinite(cold).any():
         why = Reason(Code.TREND_TEMPERATURE_UNKNOWN)
+    elif np.isfinite(cold).sum() > LEAST_FREEDOM + 1 and _is_same(gauge[np.isfinite(cold)]):
+        # A gas that is warmed and cooled does not keep its pressure: a repeated value is no measurement of a loss.
+        known = np.isfinite(cold)
+        why = Reason(Code.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[known][0]), count=int(known.sum()))
+        cold = np.full(len(cold), math.nan)
     else:
         why = _missing(history, "", cold)
     unknown = np.full(len(cold), math.nan)
@@ -218,10 +225,14 @@ def _pressure(tire: _Tire) -> None:
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
         return
     notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
-    loss = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, reasons=notes)
+    status, warm_known = Status.VALID, degc[np.isfinite(cold)]
+    if _is_same(warm_known):
+        stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(warm_known[0]), count=len(warm_known))
+        status, notes = Status.PROVISIONAL, (stuck, *notes)
+    loss = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, status=status, reasons=notes)
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
-    if _is_significant(loss, line) and loss.value > _NOTABLE_LOSS_PA * 1e-3:
+    if status is Status.VALID and _is_significant(loss, line) and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
 
 
@@ -577,6 +588,11 @@ def _centred(values: FloatArray) -> FloatArray:
 
 def _varies(values: FloatArray, least: float) -> bool:
     return bool(np.isfinite(values).all()) and float(values.std()) >= least
+
+
+def _is_same(values: FloatArray) -> bool:
+    """Return whether all values are equal: measured ones never are."""
+    return bool(values.size) and float(np.ptp(values)) == 0.0
 
 
 def _span(values: FloatArray) -> float:

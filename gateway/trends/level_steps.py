@@ -22,14 +22,19 @@ _SPIKE: Final = 6.0
 _MAD_TO_STD: Final = 1.4826
 # Share of the sum of squares that rounding leaves.
 _ROUNDING: Final = 1e-20
+# A rise from one value to the next that deviates by this many times the robust scatter of all is tried as a step.
+_JUMP: Final = 4.0
+_LAD_ROUNDS: Final = 20
 
 
 def find_steps(design: FloatArray, values: FloatArray, *, family: int = 1, least: float = 0.0) -> list[int]:
     """Return the indices at which a new level begins, in order.
 
-    Steps are added one at a time where they reduce the residual most. One that is not significant stays for a while, as
-    several steps may show only together. Those are kept that an F-test finds significant over all places and series in
-    the end, and that are larger than three times the scatter that remains and than `least`.
+    All jumps from one value to the next are tried together first: of a saw-tooth, such as a leak that is refilled every
+    month, no single step reduces the residual. Further steps are added one at a time where they reduce it most. One
+    that is not significant stays for a while, as several steps may show only together. Those are kept that an F-test
+    finds significant over all places and series in the end, and that are larger than three times the scatter that
+    remains and than `least`.
 
     Args:
         design: (n, p) of the trend without steps, in the order of time.
@@ -40,21 +45,56 @@ def find_steps(design: FloatArray, values: FloatArray, *, family: int = 1, least
     keep = np.flatnonzero(~_spikes(values))
     rows, wanted = design[keep], values[keep]
     level = _FALSE_RATE / max(family, 1)
-    added: list[int] = []
-    significant = 0
-    while len(added) < _MOST_STEPS and len(added) - significant < _LOOK_AHEAD:
+    jumps = _significant(rows, wanted, _jumps(rows, wanted), level, least)
+    added, significant = list(jumps), len(jumps)
+    while len(added) - len(jumps) < _MOST_STEPS and len(added) - significant < _LOOK_AHEAD:
         best = _best_step(rows, wanted, added)
         if best is None:
             break
         added.append(best)
         if _is_step(rows, wanted, added, best, level, least):
             significant = len(added)
-    found = added[:significant]
+    return sorted(int(keep[at]) for at in _significant(rows, wanted, added[:significant], level, least))
+
+
+def _significant(rows: FloatArray, wanted: FloatArray, places: list[int], level: float, least: float) -> list[int]:
+    """Return the steps that are significant beside each other; the last ones given are dropped first."""
+    found = list(places)
     while True:
         weak = [at for at in found if not _is_step(rows, wanted, found, at, level, least)]
         if not weak:
-            return sorted(int(keep[at]) for at in found)
+            return found
         found.remove(weak[-1])
+
+
+def _jumps(rows: FloatArray, wanted: FloatArray) -> list[int]:
+    """Return the places of sudden changes between neighbours, the largest first.
+
+    Differences of neighbours follow the trend without its level, and steps are their outliers: a fit of least absolute
+    deviations is not bent by them.
+    """
+    count = len(wanted)
+    if count < 2 * LEAST_POINTS:
+        return []
+    slopes, changes = np.diff(rows, axis=0), np.diff(wanted)
+    slopes = slopes[:, np.abs(slopes).max(axis=0) > 0.0]
+    left, scale = changes, 0.0
+    weights = np.ones(count - 1)
+    for _ in range(_LAD_ROUNDS):
+        root = np.sqrt(weights)
+        left = changes - slopes @ np.linalg.lstsq(slopes * root[:, None], changes * root, rcond=None)[0]
+        scale = _MAD_TO_STD * float(np.median(np.abs(left)))
+        if not scale > 0.0:
+            return []
+        weights = 1.0 / np.maximum(np.abs(left), 1e-3 * scale)
+    found: list[int] = []
+    for at in (np.argsort(-np.abs(left), kind="stable") + 1).tolist():
+        if abs(left[at - 1]) <= _JUMP * scale:
+            break
+        if LEAST_POINTS <= at <= count - LEAST_POINTS and all(abs(at - other) >= LEAST_POINTS for other in found):
+            found.append(at)
+    freedom = count - rows.shape[1] - LEAST_POINTS
+    return found[: max(freedom, 0)]
 
 
 def _best_step(rows: FloatArray, wanted: FloatArray, found: list[int]) -> int | None:

@@ -614,11 +614,22 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.STATED_RADIUS: "belt radius {radius_m:g mm} ({source})",
     Code.STATED_ROLL: "mounting roll {roll_rad:g deg} ({source})",
     # Trends of a dataset
+    Code.TREND_CLOCK_WRONG: (
+        "left out, because the clock of the recorder was wrong: {path} says it began on {date}. Set its clock and "
+        "record again"
+    ),
+    Code.TREND_DISTANCE_CONSTANT: (
+        "the distance is the same in all recordings; an odometer file needs readings before and after them"
+    ),
     Code.TREND_LOAD_STATED: "as stated, not measured",
     Code.TREND_LOAD_STEPS: "the load changes in {count} steps",
     Code.TREND_LOSES_PRESSURE: "loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month",
     Code.TREND_NO_VALUES: "no recording has a value: {why}",
     Code.TREND_OUTLIERS_LEFT_OUT: "{count} outliers left out",
+    Code.TREND_PRESSURE_CONSTANT: (
+        "the pressure is {pressure_pa:.1f kPa} in all {count} recordings: the sensor is stuck, or too coarse to show "
+        "a loss"
+    ),
     Code.TREND_PRESSURE_NOT_MEASURED: "no sensor has sent a pressure",
     Code.TREND_RECORDED_DISTANCE: (
         "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
@@ -629,9 +640,13 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_SENSOR_MOVES: "sensor: its distance from the neutral layer has changed by {change_m:.1f mm}",
     Code.TREND_SENSOR_NOISE: "sensor: its noise has become {factor:.1f} times as large",
     Code.TREND_SENSOR_ZERO: "sensor: its zero has changed by {change_mps2:.1f m/s²}",
-    Code.TREND_STEPS: "steps at {count} places, fitted and left out of the trend",
+    Code.TREND_STEPS: "steps that are fitted and left out of the trend: {count}",
     Code.TREND_STIFFNESS_DRIFTS: "{name} changes by {share:.2%} ± {std:.2%} a month",
     Code.TREND_TEMPERATURE_CONSTANT: "the temperature varies too little, or is not known",
+    Code.TREND_TEMPERATURE_STUCK: (
+        "the temperature is {temperature_degc:.1f} °C in all {count} recordings: if the sensor is stuck, the pressure "
+        "of a colder season looks like a loss"
+    ),
     Code.TREND_TEMPERATURE_UNKNOWN: "no sensor has sent a temperature, which the comparison of pressures needs",
     Code.TREND_TOO_FEW: "{count} recordings with a value, {needed} are needed",
     Code.TREND_UNDETERMINED: "the recordings do not determine it",

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gateway.clock import ManualClock
 from gateway.errors import OutputError, RecordingError
 from gateway.fleet.history_reading import read_histories, read_odometer
 from gateway.trends.fleet_analysis import analyse
-from tests.testkit.campaign_recordings import START_NS
+from tests.testkit.campaign_recordings import START_NS, write_recording
 
 ODOMETER = "vehicle,utc,km\nvan 7,2023-11-14T00:00:00Z,1000\nvan 7,2023-11-24T00:00:00Z,1500\n"
 
@@ -39,6 +40,29 @@ def test_unreadable_file_is_left_out(campaign, recordings, tmp_path):
     found = read_histories(tmp_path / "dataset")
     assert found.recordings == 2
     assert str(found.notes[0].code) == "trend_unreadable_file"
+
+
+@pytest.mark.parametrize("start_ns", [0, 946_684_800 * 10**9, START_NS + 3 * 86_400 * 10**9])
+def test_a_recording_with_a_wrong_clock_is_left_out(campaign, recordings, tmp_path, start_ns):
+    write_recording(
+        recordings / "lost_time.mcap",
+        "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 80\n",
+        wheels=("load_n = 4000\n",),
+        duration_s=1.6,
+        start_ns=start_ns,
+        seed=9,
+    )
+    campaign(recordings)
+    found = read_histories(tmp_path / "dataset", clock=ManualClock(START_NS + 86_400 * 10**9))
+    assert [str(note.code) for note in found.notes] == ["trend_clock_wrong"]
+    assert str(found.notes[0]["path"]).endswith("lost_time.mcap")
+    assert sum(len(tire.recordings) for tire in found.tires) == 3
+
+
+def test_only_wrong_clocks_are_an_error(campaign, recordings, tmp_path):
+    campaign(recordings)
+    with pytest.raises(OutputError, match="the clock was wrong in all recordings"):
+        read_histories(tmp_path / "dataset", clock=ManualClock(START_NS - 10 * 86_400 * 10**9))
 
 
 def test_missing_dataset_is_an_error(tmp_path):

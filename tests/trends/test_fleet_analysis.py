@@ -78,6 +78,42 @@ def test_refills_do_not_hide_a_leak():
     assert any(reason.code is Code.TREND_STEPS and reason["count"] == 2 for reason in loss.reasons)
 
 
+def test_a_leak_refilled_every_month_is_found():
+    # A saw-tooth: no single step reduces its residual, and there are more than the greedy search adds.
+    tire = history(count=240, months=16.0)
+    lost = 9000.0 * (tire.months % 1.0)
+    (found,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
+    loss = number(found, Quantity.PRESSURE_LOSS)
+    assert loss.value == pytest.approx(9.0, abs=3.0 * loss.std)
+    assert Code.TREND_LOSES_PRESSURE in codes(found)
+    assert any(reason.code is Code.TREND_STEPS and reason["count"] == 15 for reason in loss.reasons)
+
+
+def test_a_pressure_that_never_changes_shows_no_loss():
+    tire = history()
+    (found,) = trends_of(changed(tire, "pressure_pa", np.full(100, 220e3))).tires
+    for quantity in (Quantity.PRESSURE_LOSS, Quantity.PRESSURE_NOW):
+        assert number(found, quantity).status is Status.INVALID
+        assert number(found, quantity).reasons[0].code is Code.TREND_PRESSURE_CONSTANT
+
+
+def test_a_temperature_that_never_changes_makes_no_leak():
+    tire = history()
+    colder = 220e3 - 3000.0 * tire.months
+    stuck = changed(changed(tire, "pressure_pa", colder), "temperature_degc", np.full(100, 25.0))
+    (found,) = trends_of(stuck).tires
+    loss = number(found, Quantity.PRESSURE_LOSS)
+    assert loss.status is Status.PROVISIONAL
+    assert loss.reasons[0].code is Code.TREND_TEMPERATURE_STUCK
+    assert Code.TREND_LOSES_PRESSURE not in codes(found)
+
+
+def test_a_distance_that_stands_still_is_said():
+    tire = history()
+    (found,) = trends_of(replace(tire, km=np.full(100, 20_000.0))).tires
+    assert number(found, Quantity.WEAR_RATE).reasons[0].code is Code.TREND_DISTANCE_CONSTANT
+
+
 def test_stated_pressure_shows_no_loss():
     tire = history()
     (found,) = trends_of(changed(tire, "pressure_measured", np.zeros(100))).tires
