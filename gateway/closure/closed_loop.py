@@ -98,7 +98,7 @@ def _diagnose(
     errors = hold_out(posterior, data, also)
     held_out, noise = errors.summary, errors.noise_mps2
     over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
-    findings = doubted(findings_of(posterior, effects, errors.rms_of), best.fit.model.effects, campaign, over)
+    findings = doubted(findings_of(posterior, effects, errors.rms_of), tuple(effects.values()), campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     time_locked = time_locked_result()

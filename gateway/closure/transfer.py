@@ -83,7 +83,8 @@ def transfer(
             "Check that the effects belong to this tire and sensor.",
         ) from error
     pair = {kept.names: kept, baseline.names: baseline}
-    certain = Posterior(pair, {kept.names: 1.0, baseline.names: 0.0}, (kept,), (1.0,))
+    masses = {kept.names: 1.0, baseline.names: 0.0}
+    certain = Posterior(pair, masses, masses, (kept,), (1.0,))
     errors = hold_out(certain, data)
     return Transfer(
         model=str(model),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -107,6 +108,29 @@ def test_impossible_set_has_no_weight() -> None:
     assert (finding.verdict, finding.probability) == (Verdict.REFUSED, 0.0)
     assert finding.reason is not None
     assert finding.reason.code is Code.IMPLAUSIBLE_PARAMETER
+
+
+def test_no_name_rests_on_impossible_sets() -> None:
+    """Half a recording with a loose sensor: an impossible filter, and waves that mend what it leaves."""
+    objection = (("filter", Reason(Code.IMPLAUSIBLE_PARAMETER)),)
+    sets = [
+        SimpleNamespace(names=frozenset(names), log_evidence=log_evidence, objections=objections)
+        for names, log_evidence, objections in (
+            ((), 0.0, ()),
+            (("waves",), -2.0, ()),
+            (("filter",), 100.0, objection),
+            (("filter", "waves"), 120.0, objection),
+        )
+    ]
+    found = over({one.names: one for one in sets})
+    assert found.identified() == ()
+    assert found.best.names == frozenset()
+    assert found.probability(["waves"]) == pytest.approx(1.0 / (1.0 + math.exp(2.0)))
+    # Nor is an effect named that impossible sets have no need for.
+    sets[1].log_evidence = 50.0
+    sets[2].log_evidence = 120.0
+    found = over({one.names: one for one in sets})
+    assert found.probability(["waves"]) == pytest.approx(0.5)
 
 
 def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:

@@ -46,11 +46,13 @@ class PosteriorOver(Generic[SetT]):
     """Sets of effects with their probabilities.
 
     An effect with impossible values stands for something that the catalogue lacks: its set keeps its probability, and
-    counts for the other effects in it, but not for that one.
+    counts for the other effects in it, but not for that one. Nor do these rest on impossible sets alone: their
+    probability among the possible sets must be as high.
 
     Attributes:
         every: all sets with an evidence.
         masses: probability of each; they add up to 1.
+        possible: probability of each without impossible values among these sets; they add up to 1.
         sets: possible sets whose effects are all supported (`criteria.REPORTED`), most probable first.
         weights: probability of each among these; they add up to 1.
         temperature: by which the evidence of the data was divided, since the best set leaves more than noise.
@@ -58,6 +60,7 @@ class PosteriorOver(Generic[SetT]):
 
     every: Mapping[Names, SetT]
     masses: Mapping[Names, float]
+    possible: Mapping[Names, float]
     sets: tuple[SetT, ...]
     weights: tuple[float, ...]
     temperature: float = 1.0
@@ -80,7 +83,7 @@ class PosteriorOver(Generic[SetT]):
 
     def probability(self, names: Iterable[str]) -> float:
         """Return the probability that at least one of these effects is present."""
-        return _probability(self.every, self.masses, frozenset(names))
+        return _probability(self.every, self.masses, self.possible, frozenset(names))
 
     def log_odds(self, name: str) -> float:
         """Return the logarithm of the odds that an effect is present, from the best sets with and without it."""
@@ -168,19 +171,22 @@ def over(every: Mapping[Names, SetT], temperature: float = 1.0) -> PosteriorOver
     stand_in = math.log(criteria.STAND_IN_ODDS)
     of_set = {one.names: _tempered(one, temperature) for one in ordered}
     scores = np.array([of_set[one.names] + (stand_in if one.objections else 0.0) for one in ordered])
-    masses = np.exp(scores - scores.max())
-    masses /= masses.sum()
-    mass_of = {one.names: float(mass) for one, mass in zip(ordered, masses.tolist(), strict=True)}
+    mass_of = _shares(dict(zip((one.names for one in ordered), scores.tolist(), strict=True)))
+    possible = _shares({one.names: of_set[one.names] for one in ordered if not one.objections})
     supported = [
         one
         for one in ordered
         if not one.objections
-        and all(_probability(every, mass_of, frozenset([name])) >= criteria.REPORTED for name in one.names)
+        and all(_probability(every, mass_of, possible, frozenset([name])) >= criteria.REPORTED for name in one.names)
     ]
-    own = np.array([of_set[one.names] for one in supported])
-    weights = np.exp(own - own.max())
-    weights /= weights.sum()
-    return PosteriorOver(dict(every), mass_of, tuple(supported), tuple(weights.tolist()), temperature)
+    weights = _shares({one.names: of_set[one.names] for one in supported})
+    return PosteriorOver(dict(every), mass_of, possible, tuple(supported), tuple(weights.values()), temperature)
+
+
+def _shares(logs: Mapping[Names, float]) -> dict[Names, float]:
+    """Return the shares of sets in their sum, from logarithms."""
+    shares = np.exp(np.array(list(logs.values())) - max(logs.values()))
+    return dict(zip(logs, (shares / shares.sum()).tolist(), strict=True))
 
 
 def _tempered(one: Weighed, temperature: float) -> float:
@@ -189,5 +195,10 @@ def _tempered(one: Weighed, temperature: float) -> float:
     return odds + (one.log_evidence - odds) / temperature
 
 
-def _probability(every: Mapping[Names, Weighed], masses: Mapping[Names, float], wanted: Names) -> float:
-    return min(1.0, sum(mass for names, mass in masses.items() if counted(every[names]) & wanted))
+def _probability(
+    every: Mapping[Names, Weighed], masses: Mapping[Names, float], possible: Mapping[Names, float], wanted: Names
+) -> float:
+    """Return the smaller probability of those over all sets and over the possible ones."""
+    in_all = sum(mass for names, mass in masses.items() if counted(every[names]) & wanted)
+    in_possible = sum(mass for names, mass in possible.items() if names & wanted)
+    return min(1.0, in_all, in_possible)
