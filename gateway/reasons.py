@@ -476,6 +476,8 @@ class Code(StrEnum):
     TOO_FEW_ALIKE = "too_few_alike"
     OUTLIER_OF_GROUP = "outlier_of_group"
     CLIPPED_UNLIKE_GROUP = "clipped_unlike_group"
+    CONTACTS_CONTRADICT = "contacts_contradict"
+    LOADS_CONTRADICT = "loads_contradict"
     FEW_REVOLUTIONS = "few_revolutions"
     ONE_SPEED = "one_speed"
     GROUPS_TOO_SHORT = "groups_too_short"

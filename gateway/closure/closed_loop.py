@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
+import numpy as np
+
 from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.data.condition_groups import unlike_contacts
 from gateway.closure.effects.catalogue import candidates, corrections
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference import criteria
@@ -20,7 +23,7 @@ from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
-from gateway.closure.inference.number_estimates import estimates_of
+from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.reference_model import numbers_of_exact_ring
 from gateway.closure.inference.residual import unexplained
@@ -31,7 +34,7 @@ from gateway.closure.inference.unexplained_revolutions import unexplained_revolu
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
-from gateway.closure.result import Diagnosis, Unexplained, Verdict
+from gateway.closure.result import Diagnosis, Fitted, Unexplained, Verdict
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
 
@@ -108,12 +111,21 @@ def _diagnose(
     better = [exact] if exact is not None else []
     if exact is None and posterior.impossible is not None:
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
-    after, determined = estimates_of([(one.fit, weight) for one, weight in posterior.considered], better)
+    unlike = _unlike_contacts(campaign)
+    contradicted = frozenset(campaign.groups[first].state for first, _ in unlike)
+    considered = [(one.fit, weight) for one, weight in posterior.considered]
+    after, determined = estimates_of(considered, better, contradicted)
     if exact is None and core.model is not BaselineModel.EXACT:
         # The error of the equations is unknown.
         determined = dict.fromkeys(determined, False)
     to_before = better if exact is not None else [*better, after]
-    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)], to_before)
+    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)], to_before, contradicted)
+    # The series take the load for a part of Cw.
+    apart = belt_widths_apart(after) if core.model is BaselineModel.EXACT else None
+    if apart is not None:
+        before, after = widened(before, *apart), widened(after, *apart)
+        determined = still_determined(after, determined)
+        determined_before = still_determined(before, determined_before)
     left: tuple[Unexplained, ...] = (
         *changes,
         *unexplained(best.fit, data),
@@ -147,6 +159,8 @@ def _diagnose(
         trends=trends_of(start, best.fit, data),
         empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
         notes=(
+            *_contradictions(campaign, unlike),
+            *_apart(apart),
             *_notes(campaign, with_mean=core.mean),
             *_ended(search),
             *_tempered(posterior),
@@ -226,6 +240,40 @@ def _check_directions(campaign: Campaign, wrong: list[int]) -> None:
         f"If the tire rolled in the opposite direction, {' and '.join(remedies)}; otherwise the sensor's axis points "
         "backwards: record or import it with the sign reversed.",
     )
+
+
+def _unlike_contacts(campaign: Campaign) -> list[tuple[int, int]]:
+    return unlike_contacts(
+        np.array([group.state for group in campaign.groups]),
+        np.array([group.conditions.omega_radps for group in campaign.groups]),
+        np.array([group.half_angle_rad for group in campaign.groups]),
+    )
+
+
+def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tuple[Reason, ...]:
+    """Return a note on every state whose contacts differ."""
+    notes = []
+    for pair in pairs:
+        short, long = (campaign.groups[place] for place in pair)
+        same = short.recording == long.recording
+        first, second = (group.label if same else campaign.recordings[group.recording] for group in (short, long))
+        notes.append(
+            Reason(
+                Code.CONTACTS_CONTRADICT,
+                short=first,
+                short_rad=short.half_angle_rad,
+                long=second,
+                long_rad=long.half_angle_rad,
+            )
+        )
+    return tuple(notes)
+
+
+def _apart(widths: tuple[Fitted, Fitted] | None) -> tuple[Reason, ...]:
+    if widths is None:
+        return ()
+    low, high = widths
+    return (Reason(Code.LOADS_CONTRADICT, low=low.value, high=high.value, share=math.log(high.value / low.value)),)
 
 
 def _ended(search: SetSearch) -> tuple[Reason, ...]:

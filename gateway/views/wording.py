@@ -607,7 +607,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.OF_RECORDINGS: "{statement}: {recordings}",
     Code.STATED_LOAD: "load {load_n:.0f N} ({source})",
     Code.STATED_LOAD_RANGE: "load {low_n:.0f} to {high_n:.0f N} ({source})",
-    Code.STATED_OFFSET: "mounting offset {offset_m:.1f mm} below the neutral layer ({source})",
+    Code.STATED_OFFSET: "mounting offset {offset_m:z.1f mm} below the neutral layer ({source})",
     Code.STATED_PITCH: "mounting pitch {pitch_rad:g deg} ({source})",
     Code.STATED_PRESSURE: "pressure {pressure_pa:.0f kPa} ({source})",
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
@@ -799,6 +799,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TOO_FEW_ALIKE: "too few at the same speed, load, pressure and temperature",
     Code.OUTLIER_OF_GROUP: "an outlier at the same conditions, as after an impact",
     Code.CLIPPED_UNLIKE_GROUP: "the radial axis is clipped, unlike in others at the same conditions",
+    Code.CONTACTS_CONTRADICT: (
+        "contact half angle {short_rad:.1f deg} in {short}, {long_rad:.1f deg} in {long}: load, pressure or tire is "
+        "not as stated"
+    ),
+    Code.LOADS_CONTRADICT: (
+        "Cw, which no load changes, is {low:.4g} to {high:.4g}: a stated load or pressure is {share:.1%} off; all "
+        "errors contain that"
+    ),
     Code.FEW_REVOLUTIONS: "only {revolutions} revolutions: a pattern common to all of them may still be chance",
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
     Code.GROUPS_TOO_SHORT: (

@@ -9,7 +9,7 @@ from gateway.closure.effects.catalogue import candidates, corrections
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
 from gateway.closure.inference.fit import fit_model
 from gateway.closure.inference.likelihood import whiten
-from gateway.closure.inference.number_estimates import estimates_of
+from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
 from gateway.closure.inference.reference_model import numbers_of_exact_ring
 from gateway.closure.model.baseline import Shape, moved
 from gateway.closure.model.baseline_registry import angle_effects, make_core
@@ -17,6 +17,7 @@ from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal, field_orders
+from gateway.closure.result import Fitted
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import (
@@ -211,3 +212,42 @@ def test_number_worse_than_a_third_is_not_determined() -> None:
     vars(fit)["covariance"] = 1.0 * np.eye(len(fit.vector))
     _, determined = estimates_of([(fit, 1.0)])
     assert not any(determined[name] for name in NUMBERS)
+
+
+def of_states(second_cw: float) -> dict[str, Fitted]:
+    """Two states: the load of the second may be stated wrongly."""
+    return {
+        "Cw": Fitted(0.195, 0.0003, quantity="Cw"),
+        "Bs": Fitted(3.08e-3, 1e-6, quantity="Bs"),
+        "Rs/Cw": Fitted(15.2, 0.1, quantity="Rs/Cw"),
+        "Cw (5400 N, 210 kPa)": Fitted(second_cw, 0.0003, quantity="Cw"),
+    }
+
+
+def test_states_whose_cw_agree_keep_their_errors() -> None:
+    assert belt_widths_apart(of_states(0.1962)) is None
+    assert belt_widths_apart({"Cw": Fitted(0.195, 0.0003, quantity="Cw")}) is None
+
+
+def test_a_load_stated_wrongly_is_in_the_errors() -> None:
+    estimates = of_states(0.1755)
+    apart = belt_widths_apart(estimates)
+    assert apart is not None
+    assert (apart[0].value, apart[1].value) == (0.1755, 0.195)
+    found = widened(estimates, *apart)
+    share = np.log(0.195 / 0.1755)
+    assert found["Bs"].std == pytest.approx(share * 3.08e-3, rel=1e-3)
+    assert found["Rs/Cw"] == estimates["Rs/Cw"]
+    assert still_determined(found, {"Bs": True, "Cw": False}) == {"Bs": True, "Cw": False}
+    estimates = of_states(0.13)
+    far = belt_widths_apart(estimates)
+    assert far is not None
+    assert still_determined(widened(estimates, *far), {"Bs": True}) == {"Bs": False}
+
+
+def test_nothing_of_a_contradicted_state_is_determined() -> None:
+    fit, _ = fitted(campaign_of(ONE_SPEED, nothing))
+    _, sure = estimates_of([(fit, 1.0)])
+    _, contradicted = estimates_of([(fit, 1.0)], contradicted=frozenset([0]))
+    assert any(sure.values())
+    assert not any(contradicted.values())

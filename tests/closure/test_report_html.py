@@ -141,6 +141,16 @@ def test_undecided_effects_are_in_summary_and_omissions():
     answer = Page(diagnosis_html(replace(empty(), findings=(first,), held_out=HeldOut(2.0, 4.0, 40, 4)))).text
     assert "the held-out error increases from 2.00 to 4.00" in answer
     assert "Do not rely on the effects" in answer
+    lasting = replace(first, lock="time")
+    answer = Page(diagnosis_html(replace(empty(), findings=(lasting,), held_out=HeldOut(4.0, 2.0, 40, 4)))).text
+    assert "The held-out error is 2.00 m/s² rms" in answer
+    assert "With this effect" not in answer
+    probable = replace(second, name="ply steer", verdict=Verdict.REFUSED, probability=0.83)
+    held_out = HeldOut(4.0, 2.0, 40, 4)
+    answer = Page(diagnosis_html(replace(empty(), findings=(lasting, probable), held_out=held_out))).text
+    assert "With ply steer, which is not certain, the held-out error falls from 4.00 to 2.00" in answer
+    answer = Page(diagnosis_html(replace(empty(), findings=(first, probable), held_out=held_out))).text
+    assert "With this effect and ply steer, which is not certain, the held-out error falls" in answer
     shuffled = replace(ordinary(1), findings=(second, replace(first, verdict=Verdict.INDISTINGUISHABLE)))
     names, rows = omissions(shuffled)
     assert names[0] == "with all"

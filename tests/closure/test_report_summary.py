@@ -7,7 +7,8 @@ import pytest
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.inference.findings import fitted_parameter
-from gateway.closure.result import Fitted, TireState
+from gateway.closure.result import Fitted, TireState, Verdict
+from gateway.reasons import Code, Reason
 from gateway.views.report.quantities import show_fitted, significant, span_text, typeset
 from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
@@ -77,6 +78,30 @@ def test_undetermined_despite_small_error():
     sure = replace(sure, estimates_after={**sure.estimates_after, "Ts": Fitted(2.41, 0.09)})
     lines = closure_summary_lines(replace(sure, determined={"Bs": False}))
     assert "too small to be measured" in " ".join(line.strip() for line in lines)
+
+
+def test_undetermined_for_two_causes():
+    sure = replace(ordinary(), load_known=True)
+    sure = replace(sure, estimates_after={**sure.estimates_after, "Bs": Fitted(1e-5, 1e-6)})
+    text = " ".join(map(str.strip, closure_summary_lines(replace(sure, determined={"Bs": False, "Ts": False}))))
+    assert "not determined: Bs, Ts (standard error above 30 %; record longer, or at more loads; Bs: too small" in text
+
+
+def test_undetermined_because_recordings_contradict():
+    note = Reason(Code.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
+    diagnosis = replace(ordinary(), notes=(note,), determined={"Bs": False})
+    text = " ".join(map(str.strip, closure_summary_lines(diagnosis)))
+    assert "not determined: Bs (the recordings contradict each other: see the notes)" in text
+    assert "contact half angle 12.6 deg in a.mcap, 15.5 deg in b.mcap" in text
+
+
+def test_probable_effects_are_in_the_summary():
+    """The error after contains them: it must not be credited to others."""
+    probable = replace(ordinary().findings[0], name="ply steer", verdict=Verdict.REFUSED, probability=0.83)
+    text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(probable,)))))
+    assert "not certain  ply steer (probability 0.83): in the error after, but not identified" in text
+    rare = replace(probable, probability=0.3)
+    assert "not certain" not in "\n".join(closure_summary_lines(replace(ordinary(), findings=(rare,))))
 
 
 def test_non_stationary_and_unknown_lock_are_marked():

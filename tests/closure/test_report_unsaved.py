@@ -48,6 +48,12 @@ def test_reason_and_remedy(findings, reason, remedy):
     assert why.remedy.endswith(".")
 
 
+def test_a_large_residual_needs_more_than_no_correction():
+    why = why_unsaved(replace(empty(), unexplained=ordinary().unexplained))
+    assert "unexplained residuals" in why.remedy
+    assert "need no correction" not in why.remedy
+
+
 def test_saved_and_unsaved_effects_are_listed():
     findings = (*named("gain", "ply steer"), *named("cavity resonance", "edge scatter", lock="time"))
     held = SimpleNamespace(effects=(SimpleNamespace(name="gain"),))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.data.condition_groups import tire_states
+from gateway.closure.data.condition_groups import tire_states, unlike_contacts
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import RADIAL, BaselineModel
 from gateway.closure.model.baseline_registry import angle_effects, make_core
@@ -83,3 +83,14 @@ def test_drifting_load_is_predicted_by_block() -> None:
         exact = there.predict_group(at, 1)[0]
         change = np.abs(exact[RADIAL] - predicted[2, RADIAL]).max()
         assert np.abs(exact[RADIAL] - predicted[number, RADIAL]).max() < 0.05 * change + 1e-9
+
+
+def test_contacts_that_differ_contradict_a_state() -> None:
+    state = np.array([0, 0, 0, 1, 1])
+    speed = np.array([50.0, 51.0, 80.0, 50.0, 50.0])
+    # At 80 rad/s the edges may be elsewhere; 5 % are a load 7 % off.
+    half = np.array([0.222, 0.272, 0.180, 0.300, 0.315])
+    assert unlike_contacts(state, speed, half) == [(0, 1)]
+    assert unlike_contacts(state, np.array([50.0, 80.0, 80.0, 50.0, 50.0]), half) == [(2, 1)]
+    assert unlike_contacts(state[3:], speed[3:], half[3:]) == []
+    assert unlike_contacts(state, speed, np.full(5, np.nan)) == []

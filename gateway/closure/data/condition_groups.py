@@ -20,6 +20,7 @@ STATE_LOAD_WIDTH: Final = 0.04
 # The share of sidewall stiffness due to pressure is unknown, so a state tolerates only a small change of pressure.
 STATE_PRESSURE_WIDTH: Final = 0.01
 _ANGLE_WIDTH: Final = 0.08
+_CONTACT_SPEED_WIDTH: Final = 0.1
 # Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
 _APART: Final = 0.2
 # Difference of temperatures that counts as much as that of speeds.
@@ -92,6 +93,25 @@ def tire_states(
     keys = list(zip(loads.tolist(), angles.tolist(), pressures.tolist(), strict=True))
     numbers = {key: number for number, key in enumerate(dict.fromkeys(keys))}
     return np.array([numbers[key] for key in keys], dtype=np.intp)
+
+
+def unlike_contacts(state: IntArray, omega_radps: FloatArray, half_angle_rad: FloatArray) -> list[tuple[int, int]]:
+    """Return pairs of groups of one state whose contacts contradict it, the shortest and the longest of each state.
+
+    Groups whose contacts differ by more than 8 % would not be taken for one state if their loads were not stated: a
+    load of one of them differs by 12 %, or the tire. Only speeds within a tenth are compared, as edges move with speed.
+    """
+    pairs = []
+    for each in np.unique(state).tolist():
+        here = np.flatnonzero(state == each)
+        for label in np.unique(modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH)).tolist():
+            alike_speed = here[modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH) == label]
+            angles = np.log(half_angle_rad[alike_speed])
+            if not np.isfinite(angles).any() or not np.nanmax(angles) - np.nanmin(angles) > _ANGLE_WIDTH:
+                continue
+            pairs.append((int(alike_speed[np.nanargmin(angles)]), int(alike_speed[np.nanargmax(angles)])))
+            break
+    return pairs
 
 
 def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int) -> IntArray:

@@ -19,15 +19,21 @@ NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 # A number known worse than this is not determined; nor is bending below this share of tension.
 _WORST_SHARE: Final = 0.3
 _LEAST_BENDING: Final = 1e-3
+# Standard errors from which two states contradict each other.
+_CONTRADICTED: Final = 3.0
 _HALF_ANGLE: Final = "contact_half_angle_rad"
 _TREAD: Final = "tread_stiffness_npm2"
 # Errors due to contact edges between the nodes of the solver's grid, as shares: rms over rings drawn at random.
 _GRID_SHARES: Final = {"Bs": 1e-4, "Cw": 1.5e-4, "Rs": 1e-4, "Ts": 5e-4, _TREAD: 7e-4, _HALF_ANGLE: 4e-4}
+# In proportion to the load that was stated.
+_OF_LOAD: Final = frozenset({*NUMBERS, _TREAD})
 _UNITS: Final = {_TREAD: "N/m^2", _HALF_ANGLE: "rad"}
 
 
 def estimates_of(
-    sets: Sequence[tuple[Fit, float]], better: Sequence[Mapping[str, Fitted]] = ()
+    sets: Sequence[tuple[Fit, float]],
+    better: Sequence[Mapping[str, Fitted]] = (),
+    contradicted: frozenset[int] = frozenset(),
 ) -> tuple[dict[str, Fitted], dict[str, bool]]:
     """Return every estimate, and whether the data determine it.
 
@@ -37,6 +43,7 @@ def estimates_of(
     Args:
         sets: fit and probability of each set of effects; probabilities add up to 1.
         better: estimates by models that explain more of the same data. The distance to the farthest is an error too.
+        contradicted: states whose recordings contradict each other; nothing of them is determined.
     """
     found: dict[str, Fitted] = {}
     determined: dict[str, bool] = {}
@@ -59,8 +66,44 @@ def estimates_of(
             distances = [abs(value - other[name + suffix].value) for other in better if name + suffix in other]
             errors[name] = math.hypot(errors[name], max(distances, default=0.0))
             found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state)
-            determined[name + suffix] = _is_determined(name, values, errors, known)
+            determined[name + suffix] = state not in contradicted and _is_determined(name, values, errors, known)
     return found, determined
+
+
+def belt_widths_apart(estimates: Mapping[str, Fitted]) -> tuple[Fitted, Fitted] | None:
+    """Return the lowest and the highest Cw of all states where they contradict each other, None otherwise.
+
+    Cw is the belt's width over its radius, the same at every load and pressure. All numbers of a state are proportional
+    to its load over its pressure: where that is stated wrongly, Cw is off by the same share.
+    """
+    widths = sorted((one for one in estimates.values() if one.quantity == "Cw"), key=lambda one: one.value)
+    if len(widths) < 2 or not widths[0].value > 0.0:
+        return None
+    low, high = widths[0], widths[-1]
+    return (low, high) if high.value - low.value > _CONTRADICTED * math.hypot(low.std, high.std) else None
+
+
+def widened(estimates: Mapping[str, Fitted], low: Fitted, high: Fitted) -> dict[str, Fitted]:
+    """Return estimates whose errors contain the distance of two states that contradict each other.
+
+    Args:
+        estimates: of all states.
+        low: Cw of one state.
+        high: of the other.
+    """
+    share = math.log(high.value / low.value)
+    return {
+        name: replace(one, std=math.hypot(one.std, share * one.value)) if one.quantity in _OF_LOAD else one
+        for name, one in estimates.items()
+    }
+
+
+def still_determined(estimates: Mapping[str, Fitted], determined: Mapping[str, bool]) -> dict[str, bool]:
+    """Return which estimates are determined once their errors were widened."""
+    return {
+        name: was and estimates[name].std < _WORST_SHARE * abs(estimates[name].value)
+        for name, was in determined.items()
+    }
 
 
 def _mixture(sets: Sequence[tuple[Fit, float]], index: int) -> tuple[dict[str, float], dict[str, float]]:

@@ -35,6 +35,8 @@ from gateway.views.report.phrases import (
     counted,
     effect_title,
     effects_listed,
+    likely,
+    listed,
     model_words,
     no_residual,
     place_text,
@@ -231,11 +233,15 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     share = ratio(held_out.rms_after_mps2, floor)
     times = f"{fixed(share, 2)} times the" if math.isfinite(share) else "with a"
     over = f", {times} noise floor of {significant(floor)} m/s²."
-    if named or undecided:
+    uncertain = [effect_title(finding.name) for finding in likely(diagnosis)]
+    shaped = [finding.name for finding in (*diagnosis.named, *undecided) if finding.lock == "angle"]
+    if shaped or uncertain:
         grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
         verb = "increases" if grown else "changes" if before == after else "falls"
-        added = "this effect" if len(named) + len(undecided) == 1 else "these effects"
-        yield f"With {added} the held-out error {verb} from {before} to {after} m/s² rms{over}"
+        added = ["this effect" if len(shaped) == 1 else "these effects"] if shaped else []
+        unsure = f", which {'is' if len(uncertain) == 1 else 'are'} not certain," if uncertain else ""
+        sets = f"With {listed([*added, *uncertain])}{unsure}"
+        yield f"{sets} the held-out error {verb} from {before} to {after} m/s² rms{over}"
         if grown:
             yield "Do not rely on the effects before the rest of the residual is explained."
     else:

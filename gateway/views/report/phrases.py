@@ -18,7 +18,7 @@ from gateway.closure.result import (
     Unexplained,
     Verdict,
 )
-from gateway.reasons import Reason
+from gateway.reasons import Code, Reason
 from gateway.views import wording
 from gateway.views.report.quantities import orders_text, parameter_label, span_text, typeset
 from gateway.views.text import clean
@@ -53,6 +53,9 @@ SINGLE_TURNS: Final = {
 
 GROWN: Final = 1.02
 """Ratio of the held-out error after to that before above which it has increased."""
+
+# Probability from which an effect is rather present than not.
+_EVEN: Final = 0.5
 
 # Relative standard error above which an estimate is not determined.
 _LARGEST_RELATIVE_STD: Final = 0.3
@@ -212,6 +215,15 @@ def undecided_sets(diagnosis: Diagnosis) -> list[Finding]:
     return list(sets.values())
 
 
+def likely(diagnosis: Diagnosis) -> list[Finding]:
+    """Return the effects that are more likely than not, but not certain: the error after contains them."""
+    return [
+        finding
+        for finding in diagnosis.findings
+        if finding.verdict is Verdict.REFUSED and finding.lock == "angle" and finding.probability > _EVEN
+    ]
+
+
 def undetermined(diagnosis: Diagnosis) -> list[str]:
     """Return the estimates that the data do not determine."""
     return [name for name, known in diagnosis.determined.items() if not known]
@@ -221,14 +233,18 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     """Return the main reason why some estimates are not determined, and the remedy; empty for none."""
     if not names:
         return ""
+    if any(isinstance(note, Reason) and note.code is Code.CONTACTS_CONTRADICT for note in diagnosis.notes):
+        return "the recordings contradict each other: see the notes"
     known = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
     assumed = [quantity for quantity, stated in known if not stated]
     if assumed:
         return f"{listed(assumed)} assumed; state {'it' if len(assumed) == 1 else 'them'}"
-    estimates = [diagnosis.estimates_after[name] for name in names if name in diagnosis.estimates_after]
-    if any(not one.std < _LARGEST_RELATIVE_STD * abs(one.value) for one in estimates):
-        return "standard error above 30 %; record longer, or at more loads"
-    return "too small to be measured; record at more loads"
+    estimates = {name: one for name, one in diagnosis.estimates_after.items() if name in names}
+    small = [name for name, one in estimates.items() if one.std < _LARGEST_RELATIVE_STD * abs(one.value)]
+    if len(small) == len(estimates):
+        return "too small to be measured; record at more loads"
+    beside = f"; {', '.join(small)}: too small to be measured" if small else ""
+    return f"standard error above 30 %; record longer, or at more loads{beside}"
 
 
 class NoCorrection(NamedTuple):
@@ -242,6 +258,11 @@ def why_unsaved(diagnosis: Diagnosis) -> NoCorrection:
     """Return why a diagnosis has nothing that `live` and `estimate` could subtract."""
     if not diagnosis.named:
         undecided = undecided_sets(diagnosis)
+        if not undecided and diagnosis.unexplained:
+            return NoCorrection(
+                "no effect was identified",
+                "What is left is not in the catalogue: see the unexplained residuals of the report.",
+            )
         if not undecided:
             return NoCorrection(
                 "no effect was identified",

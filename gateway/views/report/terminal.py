@@ -14,6 +14,8 @@ from gateway.views.report.phrases import (
     counted,
     effect_title,
     effects_listed,
+    likely,
+    listed,
     model_words,
     no_residual,
     place_text,
@@ -67,6 +69,7 @@ class _Lines:
         undecided = undecided_sets(diagnosis)
         yield from self._named(diagnosis.named, bool(undecided))
         yield from self._undecided(undecided)
+        yield from self._likely(likely(diagnosis))
         yield from self._unexplained(diagnosis)
         yield from self._estimates(diagnosis)
         for index, note in enumerate(diagnosis.notes[:_MOST_NOTES]):
@@ -95,6 +98,11 @@ class _Lines:
             yield self._row("undecided", effects_listed((finding.name, *finding.rivals), "or"))
             if finding.decide_with is not None:
                 yield from self._rows("", f"to decide: {reason_text(finding.decide_with)}")
+
+    def _likely(self, uncertain: Sequence[Finding]) -> Iterator[str]:
+        if uncertain:
+            names = [f"{effect_title(one.name)} (probability {fixed(one.probability, 2)})" for one in uncertain]
+            yield from self._rows("not certain", f"{listed(names)}: in the error after, but not identified")
 
     def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
         if not diagnosis.unexplained:
