@@ -167,6 +167,10 @@ def diagnose(
     """
     if known_path is not None and (html_path is not None or effects_path is not None or empirical):
         raise click.UsageError("--effects only compares: leave out --html, --save-effects and --empirical.")
+    if known_path is not None and (wheel is not None or budget_s is not None):
+        raise click.UsageError(
+            "--effects states the wheel, and nothing is searched for: leave out --wheel and --budget."
+        )
     if effects_path is not None and model != "exact":
         raise TreadlinkError(
             "--save-effects requires --model exact",

@@ -159,10 +159,10 @@ def _diagnose(
         trends=trends_of(start, best.fit, data),
         empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
         notes=(
+            *_ended(search),
             *_contradictions(campaign, unlike),
             *_apart(apart),
             *_notes(campaign, with_mean=core.mean),
-            *_ended(search),
             *_tempered(posterior),
             *time_locked.notes,
         ),

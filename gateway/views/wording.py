@@ -758,7 +758,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "less by that factor"
     ),
     Code.SEARCH_ENDED_EARLY: (
-        "the search for effects ended at its time limit after {sets} sets: others may be more probable"
+        "the search for effects ended at its time limit before it was complete (sets tried: {sets}): others may be "
+        "more probable"
     ),
     Code.SIZE_DIFFERS_BETWEEN_RECORDINGS: "its size would have to differ between recordings (most in {recording})",
     Code.LEAVES_RESIDUAL_AT_EDGES: (

@@ -260,6 +260,10 @@ def test_effects_of_another_recording_exclude_a_search(closed, recording, tmp_pa
     result = run(recording, "--effects", path, "--html", tmp_path / "a.html")
     assert result.exit_code == 2
     assert "--html" in result.output
+    for ignored in (("--wheel", "W0"), ("--budget", "5")):
+        result = run(recording, "--effects", path, *ignored)
+        assert result.exit_code == 2
+        assert "leave out --wheel and --budget" in result.output
     message, remedy = refused(recording, "--effects", path)
     assert "no effect 'imbalance'" in message
     assert "--save-effects" in remedy

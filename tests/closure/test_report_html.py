@@ -141,6 +141,8 @@ def test_undecided_effects_are_in_summary_and_omissions():
     answer = Page(diagnosis_html(replace(empty(), findings=(first,), held_out=HeldOut(2.0, 4.0, 40, 4)))).text
     assert "the held-out error increases from 2.00 to 4.00" in answer
     assert "Do not rely on the effects" in answer
+    answer = Page(diagnosis_html(replace(empty(), complete=False))).text
+    assert "No effect is identified: the search ended at its time limit." in answer
     lasting = replace(first, lock="time")
     answer = Page(diagnosis_html(replace(empty(), findings=(lasting,), held_out=HeldOut(4.0, 2.0, 40, 4)))).text
     assert "The held-out error is 2.00 m/s² rms" in answer

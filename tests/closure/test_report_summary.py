@@ -44,6 +44,8 @@ def test_summary_without_findings():
     text = "\n".join(closure_summary_lines(empty()))
     assert "nothing: no effect has sufficient evidence" in text
     assert "nothing that repeats with the wheel exceeds the noise;" in text
+    text = "\n".join(closure_summary_lines(replace(empty(), complete=False)))
+    assert "nothing: the search ended before it was complete" in text
     text = "\n".join(closure_summary_lines(replace(empty(), spectra=ordinary().spectra)))
     assert "nothing exceeds the noise" in text
 

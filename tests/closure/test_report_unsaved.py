@@ -48,6 +48,11 @@ def test_reason_and_remedy(findings, reason, remedy):
     assert why.remedy.endswith(".")
 
 
+def test_a_search_that_ended_early_says_so():
+    why = why_unsaved(replace(empty(), complete=False, unexplained=ordinary().unexplained))
+    assert "--budget" in why.remedy
+
+
 def test_a_large_residual_needs_more_than_no_correction():
     why = why_unsaved(replace(empty(), unexplained=ordinary().unexplained))
     assert "unexplained residuals" in why.remedy

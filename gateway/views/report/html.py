@@ -222,7 +222,10 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     if named:
         yield f"The model lacks {effects_listed(named)}."
     elif not undecided:
-        yield "No effect of the catalogue is supported by sufficient evidence."
+        if diagnosis.complete:
+            yield "No effect of the catalogue is supported by sufficient evidence."
+        else:
+            yield "No effect is identified: the search ended at its time limit."
     for finding in undecided:
         subject = "It also" if named else "The model"
         if finding.rivals:

@@ -258,6 +258,10 @@ def why_unsaved(diagnosis: Diagnosis) -> NoCorrection:
     """Return why a diagnosis has nothing that `live` and `estimate` could subtract."""
     if not diagnosis.named:
         undecided = undecided_sets(diagnosis)
+        if not undecided and not diagnosis.complete:
+            return NoCorrection(
+                "no effect was identified before the search ended", "Give it more time: a larger --budget, or none."
+            )
         if not undecided and diagnosis.unexplained:
             return NoCorrection(
                 "no effect was identified",

@@ -67,7 +67,7 @@ class _Lines:
         yield from axis_lines(held_out)
         yield self._row("noise floor", f"{fixed(floor, 2)} m/s²; after / noise floor {fixed(share, 2)}")
         undecided = undecided_sets(diagnosis)
-        yield from self._named(diagnosis.named, bool(undecided))
+        yield from self._named(diagnosis, bool(undecided))
         yield from self._undecided(undecided)
         yield from self._likely(likely(diagnosis))
         yield from self._unexplained(diagnosis)
@@ -77,9 +77,12 @@ class _Lines:
             last = f" (and {more} more)" if more > 0 and index == _MOST_NOTES - 1 else ""
             yield from self._rows("note", remark(note) + last)
 
-    def _named(self, named: tuple[Finding, ...], undecided: bool) -> Iterator[str]:
+    def _named(self, diagnosis: Diagnosis, undecided: bool) -> Iterator[str]:
+        named = diagnosis.named
         if not named:
             why = "these data do not decide" if undecided else "no effect has sufficient evidence"
+            if not diagnosis.complete:
+                why = "the search ended before it was complete"
             yield self._row("identified", f"nothing: {why}")
         for index, finding in enumerate(named[:_MOST_NAMED]):
             more = len(named) - _MOST_NAMED
