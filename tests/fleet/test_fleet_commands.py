@@ -136,3 +136,13 @@ def test_names_of_estimates_are_those_of_tables(campaign, recordings, tmp_path):
         estimate_names(("kinematic", "weak-form", "ring-paper", "load"))
     )
     assert row["ring-paper:Bs_status"] in set(Status)
+
+
+def test_workers_print_no_alarms():
+    code = (
+        "import logging, gateway.fleet.worker_signals\n"
+        "logging.getLogger('gateway.session.alarm_log').warning('FL: ALARM')\n"
+        "logging.getLogger('other').warning('shown')"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stderr == "shown\n"
