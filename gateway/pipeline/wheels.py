@@ -9,7 +9,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from operator import itemgetter
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,27 +85,41 @@ class _Run:
         wheel.add(self._first, self._ticks_us, self._axes, counts, self._host)
 
 
-def _add_runs(runs: dict[WheelPipeline, _Run]) -> None:
-    """Add runs to their wheels and forget them."""
-    for wheel, run in runs.items():
-        run.add_to(wheel)
-    runs.clear()
+class _Source:
+    """Hub and wheel from which samples come.
 
+    Attributes:
+        hub: the hub.
+        wheel: None for the hub itself.
+        ticks_us: hub times of the present frames.
+        run: samples that have not been added to the wheel yet, None without any.
+    """
 
-class _Source(NamedTuple):
-    """Hub and wheel from which samples come, None for the hub itself, and the hub times of the present frames."""
+    __slots__ = ("hub", "run", "ticks_us", "wheel")
 
-    hub: _Hub
-    wheel: WheelPipeline | None
-    ticks_us: list[int]
+    def __init__(self, hub: _Hub, wheel: WheelPipeline | None) -> None:
+        self.hub, self.wheel = hub, wheel
+        self.ticks_us: list[int] = []
+        self.run: _Run | None = None
 
+    def take(self, message: SampleBlock, tick_us: int) -> None:
+        """Take a block, with the hub time of its first sample."""
+        self.ticks_us.append(tick_us)
+        if self.wheel is not None and not (self.run is not None and self.run.goes_on(message, tick_us)):
+            self.add_run()
+            self.run = _Run(message, tick_us, self.hub.host)
 
-def _stamp_arrivals(sources: dict[tuple[int, int], _Source | None], host_ns: int) -> None:
-    """Let the hubs' clocks know frames that arrived together at `host_ns`, and forget their sources."""
-    for source in sources.values():
-        if source is not None:
-            source.hub.host.stamp_arrival(source.ticks_us, host_ns)
-    sources.clear()
+    def add_run(self) -> None:
+        """Add the samples that wait to the wheel."""
+        if self.run is not None and self.wheel is not None:
+            self.run.add_to(self.wheel)
+            self.run = None
+
+    def stamp_arrival(self, host_ns: int) -> None:
+        """Let the hub's clock know the present frames, which arrived together at `host_ns`, and forget them."""
+        if self.ticks_us:
+            self.hub.host.stamp_arrival(self.ticks_us, host_ns)
+            self.ticks_us.clear()
 
 
 class Pipeline:
@@ -146,45 +160,39 @@ class Pipeline:
         self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
         self._hubs: dict[tuple[str, int], _Hub] = {}
         self.limit = WheelLimit(self._setups)
-        # Samples of each link that have not been added to their wheels yet.
-        self._runs: dict[str, dict[WheelPipeline, _Run]] = {}
+        # Sources of samples of each link, those that were admitted.
+        self._sources: dict[str, dict[tuple[int, int], _Source]] = {}
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
         newest: tuple[_Hub, int] | None = None
-        sources: dict[tuple[int, int], _Source | None] = {}
-        runs = self._runs.setdefault(link, {})
+        sources = self._sources.setdefault(link, {})
         for frame in frames:
-            message = frame.message
+            _, hub_number, number, _, tick, message = frame
             if not isinstance(message, SampleBlock):
                 # It takes effect between the samples before and behind it.
-                _add_runs(runs)
-                _stamp_arrivals(sources, host_ns)
+                for source in sources.values():
+                    source.add_run()
+                    source.stamp_arrival(host_ns)
                 stamped = self._stamped(link, frame, host_ns)
                 if stamped is not None:
                     newest = stamped
                     self._slow(link, frame, stamped[1])
                 continue
-            key = frame.hub, frame.wheel
-            if key not in sources:
-                sources[key] = self._source(link, *key)
-            source = sources[key]
-            if source is None:
-                continue
-            hub, wheel, ticks_us = source
-            tick_us = hub.unwrap(frame.tick_us)
-            ticks_us.append(tick_us)
-            newest = hub, tick_us
-            if wheel is not None and not (wheel in runs and runs[wheel].goes_on(message, tick_us)):
-                if wheel in runs:
-                    runs[wheel].add_to(wheel)
-                runs[wheel] = _Run(message, tick_us, hub.host)
-        _stamp_arrivals(sources, host_ns)
+            found = sources.get((hub_number, number)) or self._source(link, hub_number, number)
+            if found is not None:
+                tick_us = found.hub.unwrap(tick)
+                found.take(message, tick_us)
+                newest = found.hub, tick_us
+        longest_us = _GATHERED_SHARE * self._hold_s * 1e6
+        is_due = False
+        for source in sources.values():
+            source.stamp_arrival(host_ns)
+            is_due = is_due or (source.run is not None and source.run.is_long(longest_us))
         if newest is not None:
             newest[0].host.measure_latency(newest[1], host_ns)
-        longest_us = _GATHERED_SHARE * self._hold_s * 1e6
-        if any(run.is_long(longest_us) for run in runs.values()):
-            _add_runs(runs)
+        if is_due:
+            self._add_runs(link)
         return [result for wheel in self._due() for result in wheel.complete()]
 
     def _due(self) -> list[WheelPipeline]:
@@ -205,16 +213,22 @@ class Pipeline:
 
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
-        _add_runs(self._runs.get(link, {}))
+        self._add_runs(link)
         return [
             result for (of_link, _, _), wheel in self._wheels.items() if of_link == link for result in wheel.complete()
         ]
 
+    def _add_runs(self, link: str) -> None:
+        """Add the samples of a link that wait to their wheels."""
+        for source in self._sources.get(link, {}).values():
+            source.add_run()
+
     def _source(self, link: str, hub: int, wheel: int) -> _Source | None:
-        """Return a source of samples; None if not admitted."""
+        """Return a new source of samples; None if not admitted."""
         if not self.limit.admits(link, hub, wheel):
             return None
-        return _Source(self._known_hub(link, hub), self._wheel(link, hub, wheel), [])
+        source = self._sources[link][hub, wheel] = _Source(self._known_hub(link, hub), self._wheel(link, hub, wheel))
+        return source
 
     def _slow_frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame without samples."""
@@ -346,8 +360,8 @@ class Pipeline:
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""
-        for runs in self._runs.values():
-            _add_runs(runs)
+        for of_link in self._sources:
+            self._add_runs(of_link)
         results: list[RevolutionResult] = []
         for (link, hub, _), wheel in self._wheels.items():
             results += wheel.finish(self._hubs[(link, hub)].host)

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 from types import MappingProxyType
-from typing import Final, NamedTuple
+from typing import Final, Generic, NamedTuple, TypeVar
 
 from gateway.config.vehicle import Thresholds
-from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.estimator import Status
 from gateway.pipeline.results import Alarm, LinkSnapshot, SilentPart, SinkSnapshot, SinkState, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.security.guard import SUSPICIOUS
@@ -20,6 +20,7 @@ from gateway.session.link_health import hub_name
 from gateway.session.silence import SilentHub
 from gateway.session.wheel_identity import misplaced_sensor
 
+_Of = TypeVar("_Of")
 AlarmKey = tuple[str, str]
 """Position and name of an alarm."""
 
@@ -137,137 +138,149 @@ def _misplaced_sensors(wheels: Sequence[WheelSnapshot], configured: Mapping[str,
             yield Alarm(wheel.position, AlarmName.MISPLACED, reason)
 
 
-class _Limit(NamedTuple):
-    """A threshold: an upper one, or a lower one where `is_lower` is set.
+class _Limit(NamedTuple, Generic[_Of]):
+    """A kind of threshold of wheels or links: an upper one, or a lower one where `is_lower` is set.
 
     Attributes:
         name: of its alarm.
-        limit: None where none is stated.
-        value: present value, None where it is unknown.
+        stated: returns the limit, None where none is stated.
+        value: returns the present value, None where it is unknown.
         reason: of the alarm, from value and limit.
         now: the value alone.
         is_lower: whether the alarm is below the limit.
     """
 
     name: AlarmName
-    limit: float | None
-    value: float | None
+    stated: Callable[[Thresholds], float | None]
+    value: Callable[[_Of], float | None]
     reason: Callable[[float, float], Reason]
     now: Callable[[float], Reason]
     is_lower: bool = False
 
-    def crossed(self, stood: Code | None) -> Reason | None:
+    def crossed(self, value: float, limit: float, stood: Code | None) -> Reason | None:
         """Return the reason of the alarm, None when there is none; `stood` is that of the alarm that stood before."""
-        if self.limit is None or self.value is None:
-            return None
-        reason = self.reason(self.value, self.limit)
-        margin = _MARGIN * abs(self.limit) if stood is reason.code else 0.0
-        over = self.limit - self.value if self.is_lower else self.value - self.limit
+        reason = self.reason(value, limit)
+        margin = _MARGIN * abs(limit) if stood is reason.code else 0.0
+        over = limit - value if self.is_lower else value - limit
         return reason if over > -margin else None
 
 
-def _wheel_limits(wheel: WheelSnapshot, limits: Thresholds) -> Iterator[_Limit]:
-    """Yield the thresholds of a wheel with its present values, None where a limit or a value is unknown."""
-    yield _Limit(
+def _speed_mps(wheel: WheelSnapshot) -> float | None:
+    if wheel.silence is not None or wheel.last is None:
+        return None
+    found = (one for one in wheel.last.estimates if one.name == _SPEED)
+    return next((one.value for one in found if one.status != Status.INVALID), None)
+
+
+_WHEEL_LIMITS: Final = (
+    _Limit[WheelSnapshot](
         AlarmName.PRESSURE,
-        limits.pressure_min_pa,
-        wheel.pressure_pa,
+        lambda limits: limits.pressure_min_pa,
+        lambda wheel: wheel.pressure_pa,
         lambda value, limit: Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=value, limit_pa=limit),
         lambda value: Reason(Code.PRESSURE_NOW, pressure_pa=value),
         is_lower=True,
-    )
-    yield _Limit(
+    ),
+    _Limit[WheelSnapshot](
         AlarmName.PRESSURE,
-        limits.pressure_max_pa,
-        wheel.pressure_pa,
+        lambda limits: limits.pressure_max_pa,
+        lambda wheel: wheel.pressure_pa,
         lambda value, limit: Reason(Code.PRESSURE_ABOVE_LIMIT, pressure_pa=value, limit_pa=limit),
         lambda value: Reason(Code.PRESSURE_NOW, pressure_pa=value),
-    )
-    yield _Limit(
+    ),
+    _Limit[WheelSnapshot](
         AlarmName.TEMPERATURE,
-        limits.temperature_max_degc,
-        wheel.temperature_degc,
+        lambda limits: limits.temperature_max_degc,
+        lambda wheel: wheel.temperature_degc,
         lambda value, limit: Reason(Code.TEMPERATURE_ABOVE_LIMIT, temperature_degc=value, limit_degc=limit),
         lambda value: Reason(Code.TEMPERATURE_NOW, temperature_degc=value),
-    )
-    speed: Estimate | None = None
-    if wheel.silence is None:
-        found = (one for one in (wheel.last.estimates if wheel.last is not None else ()) if one.name == _SPEED)
-        speed = next((one for one in found if one.status != Status.INVALID), None)
-        yield _Limit(
-            AlarmName.LOAD,
-            limits.load_max_n,
-            wheel.load_n,
-            lambda value, limit: Reason(Code.LOAD_ABOVE_LIMIT, load_n=value, limit_n=limit),
-            lambda value: Reason(Code.LOAD_NOW, load_n=value),
-        )
-    yield _Limit(
+    ),
+    _Limit[WheelSnapshot](
+        AlarmName.LOAD,
+        lambda limits: limits.load_max_n,
+        lambda wheel: wheel.load_n if wheel.silence is None else None,
+        lambda value, limit: Reason(Code.LOAD_ABOVE_LIMIT, load_n=value, limit_n=limit),
+        lambda value: Reason(Code.LOAD_NOW, load_n=value),
+    ),
+    _Limit[WheelSnapshot](
         AlarmName.SPEED,
-        limits.speed_max_mps,
-        speed.value if speed is not None else None,
+        lambda limits: limits.speed_max_mps,
+        _speed_mps,
         lambda value, limit: Reason(Code.SPEED_ABOVE_LIMIT, speed_mps=value, limit_mps=limit),
         lambda value: Reason(Code.SPEED_NOW, speed_mps=value),
-    )
-    yield _Limit(
+    ),
+    _Limit[WheelSnapshot](
         AlarmName.WEAR,
-        limits.wear_max_m,
-        wheel.wear_mm.value * 1e-3 if wheel.wear_mm is not None else None,
+        lambda limits: limits.wear_max_m,
+        lambda wheel: wheel.wear_mm.value * 1e-3 if wheel.wear_mm is not None else None,
         lambda value, limit: Reason(Code.WEAR_ABOVE_LIMIT, wear_m=value, limit_m=limit),
         lambda value: Reason(Code.WEAR_NOW, wear_m=value),
-    )
+    ),
+)
+_LINK_LIMITS: Final = (
+    _Limit[LinkSnapshot](
+        AlarmName.LOSS,
+        lambda limits: limits.frame_loss_max,
+        lambda link: link.frames_lost / (link.frames + link.frames_lost) if link.frames + link.frames_lost else None,
+        lambda value, limit: Reason(Code.FRAME_LOSS_ABOVE_LIMIT, share=value, limit=limit),
+        lambda value: Reason(Code.FRAME_LOSS_NOW, share=value),
+    ),
+    _Limit[LinkSnapshot](
+        AlarmName.BATTERY,
+        lambda limits: limits.battery_min_percent / 100.0 if limits.battery_min_percent is not None else None,
+        lambda link: link.battery_percent / 100.0 if link.battery_percent is not None else None,
+        lambda value, limit: Reason(Code.BATTERY_BELOW_LIMIT, level=value, limit=limit),
+        lambda value: Reason(Code.BATTERY_NOW, level=value),
+        is_lower=True,
+    ),
+)
 
 
 def has_wheel_limits(limits: Thresholds) -> bool:
     """Return whether any limit of wheels is stated; without one no threshold alarm of a wheel can be raised."""
-    return any(limit.limit is not None for limit in _wheel_limits(WheelSnapshot(""), limits))
-
-
-def _link_limits(link: LinkSnapshot, limits: Thresholds) -> Iterator[_Limit]:
-    """Yield the thresholds of a link with its present values."""
-    total = link.frames + link.frames_lost
-    yield _Limit(
-        AlarmName.LOSS,
-        limits.frame_loss_max,
-        link.frames_lost / total if total else None,
-        lambda value, limit: Reason(Code.FRAME_LOSS_ABOVE_LIMIT, share=value, limit=limit),
-        lambda value: Reason(Code.FRAME_LOSS_NOW, share=value),
-    )
-    least = limits.battery_min_percent
-    yield _Limit(
-        AlarmName.BATTERY,
-        least / 100.0 if least is not None else None,
-        link.battery_percent / 100.0 if link.battery_percent is not None else None,
-        lambda value, limit: Reason(Code.BATTERY_BELOW_LIMIT, level=value, limit=limit),
-        lambda value: Reason(Code.BATTERY_NOW, level=value),
-        is_lower=True,
-    )
+    return any(kind.stated(limits) is not None for kind in _WHEEL_LIMITS)
 
 
 def present_values(
     wheels: Iterable[WheelSnapshot], links: Iterable[LinkSnapshot], limits: Thresholds
 ) -> dict[AlarmKey, Reason]:
     """Return the present value of each threshold, by the alarm that it would raise."""
-    pairs = [(wheel.position, limit) for wheel in wheels for limit in _wheel_limits(wheel, limits)]
-    pairs += [(link.link, limit) for link in links for limit in _link_limits(link, limits)]
+    of_wheels = ((wheel.position, wheel, _WHEEL_LIMITS) for wheel in wheels)
+    of_links = ((link.link, link, _LINK_LIMITS) for link in links)
+    return {**_present(of_wheels, limits), **_present(of_links, limits)}
+
+
+def _present(sources: Iterable[tuple[str, _Of, Iterable[_Limit[_Of]]]], limits: Thresholds) -> dict[AlarmKey, Reason]:
     return {
-        (position, limit.name): limit.now(limit.value)
-        for position, limit in pairs
-        if limit.value is not None and limit.limit is not None
+        (position, kind.name): kind.now(value)
+        for position, of, kinds in sources
+        for kind, value, _ in _known(of, kinds, limits)
     }
 
 
-def _crossed(position: str, limits: Iterable[_Limit], standing: Mapping[AlarmKey, Code]) -> Iterator[Alarm]:
-    for limit in limits:
-        reason = limit.crossed(standing.get((position, limit.name)))
+def _known(of: _Of, kinds: Iterable[_Limit[_Of]], limits: Thresholds) -> Iterator[tuple[_Limit[_Of], float, float]]:
+    """Yield the stated thresholds of a wheel or link whose values are known, with value and limit."""
+    for kind in kinds:
+        limit = kind.stated(limits)
+        value = kind.value(of) if limit is not None else None
+        if limit is not None and value is not None:
+            yield kind, value, limit
+
+
+def _crossed(
+    position: str, of: _Of, kinds: Iterable[_Limit[_Of]], limits: Thresholds, standing: Mapping[AlarmKey, Code]
+) -> Iterator[Alarm]:
+    for kind, value, limit in _known(of, kinds, limits):
+        reason = kind.crossed(value, limit, standing.get((position, kind.name)))
         if reason is not None:
-            yield Alarm(position, limit.name, reason)
+            yield Alarm(position, kind.name, reason)
 
 
 def threshold_alarms(
     wheel: WheelSnapshot, limits: Thresholds, standing: Mapping[AlarmKey, Code] = NONE_STANDING
 ) -> tuple[Alarm, ...]:
     """Return the alarms of the limits that the configuration states for wheels."""
-    return tuple(_crossed(wheel.position, _wheel_limits(wheel, limits), standing))
+    return tuple(_crossed(wheel.position, wheel, _WHEEL_LIMITS, limits, standing))
 
 
 def _wheel_alarms(wheel: WheelSnapshot, limits: Thresholds, standing: Mapping[AlarmKey, Code]) -> Iterator[Alarm]:
@@ -282,7 +295,7 @@ def _wheel_alarms(wheel: WheelSnapshot, limits: Thresholds, standing: Mapping[Al
 def _link_alarms(link: LinkSnapshot, limits: Thresholds, standing: Mapping[AlarmKey, Code]) -> Iterator[Alarm]:
     if not link.connected:
         yield Alarm(link.link, AlarmName.LINK, Reason(Code.LINK_DOWN, state=link.note))
-    yield from _crossed(link.link, _link_limits(link, limits), standing)
+    yield from _crossed(link.link, link, _LINK_LIMITS, limits, standing)
     suspicious = tuple(
         Reason(Code.FRAMES_VERDICT, verdict=str(verdict), count=count)
         for verdict in SUSPICIOUS

@@ -315,9 +315,9 @@ class SilenceWatch:
 
     def frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame."""
-        message = frame.message
+        type_, hub, wheel, _, _, message = frame
         axes = message.axes if isinstance(message, SampleBlock) else 0
-        self.heard(link, Heard(frame.hub, frame.wheel, frame.type, message, axes), host_ns)
+        self._heard(link, hub, wheel, type_, message, axes, host_ns)
 
     @staticmethod
     def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Heard]]:
@@ -444,7 +444,11 @@ class SilenceWatch:
 
     def heard(self, name: str, frame: Heard, host_ns: int) -> None:
         """Take what matters of a frame."""
-        number, wheel, type_, message, axes = frame
+        self._heard(name, *frame, host_ns)
+
+    def _heard(
+        self, name: str, number: int, wheel: int, type_: int, message: Message | None, axes: int, host_ns: int
+    ) -> None:
         link = self._link(name, host_ns)
         if host_ns < link.now_ns - _SET_BACK_NS:
             # Recordings that follow each other may have times that do not.

@@ -149,19 +149,19 @@ class StatementWatch:
     def frames(self, link: str, frames: Iterable[Frame]) -> None:
         """Take decoded frames in the order of the stream."""
         self._links.add(link)
-        for frame in frames:
-            source = link, frame.hub, frame.wheel
-            message = frame.message
+        for type_, hub, number, _, tick_us, message in frames:
+            source = link, hub, number
             wheel = self._wheels.get(source)
             if wheel is None and not self._limit.admits(*source):
                 continue
             if not isinstance(message, SampleBlock):
-                self._slow(source, frame.type, frame.tick_us, message)
-            elif frame.wheel == HUB_ITSELF:
+                self._slow(source, type_, tick_us, message)
+            elif number == HUB_ITSELF:
                 self._find(source, Code.HUB_SENDS_AS_WHEEL)
             else:
                 wheel = wheel or self._wheel(source)
-                wheel.pending.append((message.first_sample, frame.tick_us, message.axes))
+                first_sample, axes, _ = message
+                wheel.pending.append((first_sample, tick_us, axes))
                 if len(wheel.pending) >= _REVIEW_BLOCKS:
                     self._review_pending(source, wheel)
 
