@@ -17,17 +17,53 @@ from gateway.types import ComplexArray, FloatArray
 
 
 class RevolutionArrays:
-    """Axes of k revolutions and what is common to several estimators of them."""
+    """Waveforms of k revolutions and what is common to several estimators of them.
+
+    Attributes:
+        revolutions: in order.
+    """
 
     def __init__(self, revolutions: Sequence[Revolution]) -> None:
-        self._revolutions = revolutions
+        self.revolutions = revolutions
+
+    @classmethod
+    def of_rows(
+        cls,
+        revolutions: Sequence[Revolution],
+        axes_mps2: FloatArray,
+        radial_mps2: FloatArray,
+        orders_mps2: ComplexArray,
+    ) -> Self:
+        """Return revolutions whose waveforms are the rows of arrays."""
+        arrays = cls(revolutions)
+        arrays.axes_mps2, arrays.radial_mps2, arrays.orders_mps2 = axes_mps2, radial_mps2, orders_mps2
+        return arrays
+
+    def __len__(self) -> int:
+        return len(self.revolutions)
+
+    def part(self, rows: slice) -> Self:
+        """Return some of the revolutions, without a copy."""
+        if len(self.revolutions[rows]) == len(self):
+            return self
+        return self.of_rows(
+            self.revolutions[rows], self.axes_mps2[rows], self.radial_mps2[rows], self.orders_mps2[rows]
+        )
 
     @cached_property
     def axes_mps2(self) -> FloatArray:
         """(k, 3, n) as `Revolution.axes_mps2`."""
-        if len(self._revolutions) == 1:
-            return self._revolutions[0].axes_mps2[np.newaxis]
-        return np.stack([revolution.axes_mps2 for revolution in self._revolutions])
+        return np.array([revolution.axes_mps2 for revolution in self.revolutions])
+
+    @cached_property
+    def radial_mps2(self) -> FloatArray:
+        """(k, n) as `Revolution.radial_mps2`."""
+        return np.array([revolution.radial_mps2 for revolution in self.revolutions])
+
+    @cached_property
+    def orders_mps2(self) -> ComplexArray:
+        """(k, 61) as `Revolution.orders_mps2`."""
+        return np.array([revolution.orders_mps2 for revolution in self.revolutions])
 
     @cached_property
     def means_mps2(self) -> FloatArray:
@@ -45,12 +81,12 @@ class RevolutionArrays:
     @cached_property
     def omega_radps(self) -> FloatArray:
         """(k,) mean angular speeds."""
-        return np.array([revolution.omega_radps for revolution in self._revolutions])
+        return np.array([revolution.omega_radps for revolution in self.revolutions])
 
     @cached_property
     def omega_dot_radps2(self) -> FloatArray:
         """(k,) angular accelerations."""
-        return np.array([revolution.omega_dot_radps2 for revolution in self._revolutions])
+        return np.array([revolution.omega_dot_radps2 for revolution in self.revolutions])
 
 
 class ConditionArrays(NamedTuple):

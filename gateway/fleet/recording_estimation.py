@@ -21,6 +21,7 @@ from gateway.config.effects_file import check_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, recorded_vehicle
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.estimator import Revolution
+from gateway.estimators.revolution_block import RevolutionArrays
 from gateway.fleet.content_keys import FileContent, settings_key
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.wheel_rows import WheelRow
@@ -127,7 +128,7 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
         ac_coupled=False,
         faults=(Reason(Code.SAMPLES_LOST),),
     )
-    (result,) = TireEstimates(UNKNOWN_WHEEL, estimators).take_block([revolution], [0.0], [0], [None])
+    (result,) = TireEstimates(UNKNOWN_WHEEL, estimators).take_block(RevolutionArrays([revolution]), [0.0], [0], [None])
     taken = {*RECORDING_HEAD, *RECORDING_TAIL, *HEAD, *TAIL}
     return tuple(distinct_name(estimate.name, taken) for estimate in result.estimates)
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling, Hello
 from gateway.estimators.estimator import Revolution
+from gateway.estimators.revolution_block import RevolutionArrays
 from gateway.pipeline.contact_timing import TimedPair
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import ContactPair
@@ -122,10 +123,10 @@ class TimedRevolution:
 
 def revolutions_in_angle(
     revolutions: Sequence[TimedRevolution], buffer: SampleBuffer, reading: SensorReading, radius_m: float
-) -> list[Revolution]:
+) -> RevolutionArrays:
     """Extract revolutions from the buffer and transform them to the angle domain.
 
-    The arrays of the revolutions are rows of common arrays. The numbers of each do not depend on the others.
+    The numbers of each do not depend on the others.
 
     Args:
         revolutions: in order of time.
@@ -143,7 +144,7 @@ def revolutions_in_angle(
     for begin in range(0, len(revolutions), _TOGETHER):
         part = slice(begin, begin + _TOGETHER)
         found += _in_angle(revolutions[part], buffer, reading, radius_m, axes[part], radial[part], orders[part])
-    return found
+    return RevolutionArrays.of_rows(found, axes, radial, orders)
 
 
 def _in_angle(

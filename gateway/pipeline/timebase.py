@@ -109,7 +109,7 @@ class HostClock:
         self._first: tuple[int, int] | None = None
         # The latest fits by their newest window: last point, offset in ns and drift in ns/us.
         self._fits: dict[int, tuple[tuple[int, int, int], float, float]] = {}
-        self.latency_s: float | None = None
+        self._newest: tuple[int, int] | None = None
 
     def stamp(self, tick_us: int, host_ns: int) -> None:
         """Add the arrival at `host_ns` of a frame with hub time `tick_us` (unwrapped)."""
@@ -150,8 +150,16 @@ class HostClock:
             self.stamp(int(ticks_us[earliest]), int(hosts_ns[earliest]))
 
     def measure_latency(self, tick_us: int, host_ns: int) -> None:
-        """Set the latency: delay of this frame relative to the fastest frames."""
-        self.latency_s = max(0.0, (host_ns - self.host_ns(tick_us)) * 1e-9)
+        """Set the frame that the latency is that of."""
+        self._newest = tick_us, host_ns
+
+    @property
+    def latency_s(self) -> float | None:
+        """Delay of the newest frame relative to the fastest frames, None before the first."""
+        if self._newest is None:
+            return None
+        tick_us, host_ns = self._newest
+        return max(0.0, (host_ns - self.host_ns(tick_us)) * 1e-9)
 
     def host_ns(self, tick_us: float) -> int:
         """Return the host time of hub time `tick_us`, with the least delay of the link included; 0 if unknown."""

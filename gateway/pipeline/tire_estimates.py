@@ -11,7 +11,7 @@ from typing import Final, cast
 import numpy as np
 
 from firmware_protocol.messages import Axis, Environment
-from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
+from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
@@ -79,21 +79,21 @@ class _PausedSteps:
 
     def __init__(
         self,
-        revolutions: Sequence[Revolution],
+        arrays: RevolutionArrays,
         taken: Sequence[int],
         steps: AverageSteps | None,
         before: AverageSteps | None,
     ) -> None:
-        self._revolutions = revolutions
+        self._arrays = arrays
         self._steps, self._before = steps, before
         # Step after each revolution, -1 before the first.
-        self._step = np.searchsorted(np.array(taken, dtype=np.intp), np.arange(len(revolutions)), side="right") - 1
+        self._step = np.searchsorted(np.array(taken, dtype=np.intp), np.arange(len(arrays)), side="right") - 1
 
     def _one(self, index: int) -> tuple[AverageSteps, int]:
         if self._before is not None:
             return self._before, len(self._before.counts) - 1
         # Without any average the revolution stands for itself, in spite of its faults.
-        return _average(RunningAverage(), [self._revolutions[index]]), 0
+        return _average(RunningAverage(), self._arrays, [index]), 0
 
     @cached_property
     def _parts(self) -> list[tuple[AverageSteps, int]]:
@@ -131,15 +131,18 @@ class _PausedSteps:
         return steps.at(place)
 
 
-def _average(average: RunningAverage, revolutions: Sequence[Revolution]) -> AverageSteps:
-    """Add revolutions to an average; return it after each."""
-    radial = np.stack([revolution.radial_mps2 for revolution in revolutions])
-    finite = np.isfinite(radial).all(axis=1)
+def _average(average: RunningAverage, arrays: RevolutionArrays, taken: Sequence[int]) -> AverageSteps:
+    """Add some of the revolutions, at least one, to an average; return it after each."""
+    revolutions, radial, orders = arrays.revolutions, arrays.radial_mps2, arrays.orders_mps2
+    # Without a copy where all are taken, as nearly always.
+    if len(taken) < len(arrays):
+        revolutions, radial, orders = [revolutions[index] for index in taken], radial[taken], orders[taken]
+    finite = np.isfinite(radial)
     if not finite.all():
-        radial[~finite] = 0.0
+        radial = np.where(np.logical_and.reduce(finite, axis=1, keepdims=True), radial, 0.0)
     return average.update_block(
         radial,
-        np.stack([revolution.orders_mps2 for revolution in revolutions]),
+        orders,
         [revolution.omega_radps for revolution in revolutions],
         edges_rad=[(revolution.leading_edge_rad, revolution.trailing_edge_rad) for revolution in revolutions],
         edges_std_rad=[
@@ -212,7 +215,7 @@ class TireEstimates:
 
     def take_block(
         self,
-        revolutions: Sequence[Revolution],
+        arrays: RevolutionArrays,
         ends_us: Sequence[float],
         hosts_ns: Sequence[int],
         doubts: Sequence[Reason | None],
@@ -223,7 +226,7 @@ class TireEstimates:
         depend on how the samples arrived. Environment readings up to the last end must have been given.
 
         Args:
-            revolutions: in order; their arrays may be rows of stacked arrays.
+            arrays: the revolutions, in order.
             ends_us: hub time of the end of each.
             hosts_ns: host time of the end of each, ns since the epoch.
             doubts: about the sensor; makes all estimates of that revolution but the speed provisional.
@@ -232,30 +235,30 @@ class TireEstimates:
             One result per revolution.
         """
         results: list[RevolutionResult] = []
-        first = 0
+        revolutions, first = arrays.revolutions, 0
         for end in range(1, len(revolutions) + 1):
             corrected = revolutions[first].uncorrected is None
             whole = end < len(revolutions) and (revolutions[end].uncorrected is None) is corrected
             if not whole or end - first == _LONGEST_BLOCK:
                 rows = slice(first, end)
-                results += self._take_alike(revolutions[rows], ends_us[rows], hosts_ns[rows], doubts[rows])
+                results += self._take_alike(arrays.part(rows), ends_us[rows], hosts_ns[rows], doubts[rows])
                 first = end
         return results
 
     def _take_alike(
         self,
-        revolutions: Sequence[Revolution],
+        arrays: RevolutionArrays,
         ends_us: Sequence[float],
         hosts_ns: Sequence[int],
         doubts: Sequence[Reason | None],
     ) -> list[RevolutionResult]:
         """Estimate revolutions of one series: all with known effects subtracted, or none."""
+        revolutions = arrays.revolutions
         uncorrected = revolutions[0].uncorrected is not None
         if uncorrected not in self._series:
             self._series[uncorrected] = _Series(self._names, self._current)
         self._current = series = self._series[uncorrected]
-        averages = self._take_in(revolutions)
-        arrays = RevolutionArrays(revolutions)
+        averages = self._take_in(arrays)
         stated = [self.conditions(end_us) for end_us in ends_us]
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
         given = [Given() for _ in revolutions]
@@ -317,15 +320,15 @@ class TireEstimates:
         old_s = old_pressure_s(self._environment, end_us)
         return final if old_s is None else rest_on_old_pressure(final, old_s)
 
-    def _take_in(self, revolutions: Sequence[Revolution]) -> AverageSteps:
+    def _take_in(self, arrays: RevolutionArrays) -> AverageSteps:
         """Update the running average with the revolutions that have no faults; return it after each revolution."""
-        taken = [index for index, revolution in enumerate(revolutions) if not revolution.faults]
-        self.rejected += len(revolutions) - len(taken)
+        taken = [index for index, revolution in enumerate(arrays.revolutions) if not revolution.faults]
+        self.rejected += len(arrays) - len(taken)
         before = self._current.average.steps
-        steps = _average(self._current.average, [revolutions[index] for index in taken]) if taken else None
-        if steps is not None and len(taken) == len(revolutions):
+        steps = _average(self._current.average, arrays, taken) if taken else None
+        if steps is not None and len(taken) == len(arrays):
             return steps
-        return _PausedSteps(revolutions, taken, steps, before)
+        return _PausedSteps(arrays, taken, steps, before)
 
     def conditions(self, tick_us: float) -> TireConditions:
         """Return the conditions of the tire at hub time `tick_us`."""

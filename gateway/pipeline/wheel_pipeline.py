@@ -367,7 +367,7 @@ class WheelPipeline:
             ends_us.append(end_us)
             self._revolutions += 1
         in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m)
-        doubts = sensor.health.revolutions(in_angle)
+        doubts = sensor.health.revolutions(in_angle.revolutions)
         self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
 
     @property

@@ -12,6 +12,7 @@ import pytest
 from gateway.estimators import ply_steer, self_calibration, weak_form
 from gateway.estimators.estimator import Estimate, Revolution, Status
 from gateway.estimators.pace import LONGEST, differ, is_due
+from gateway.estimators.revolution_block import RevolutionArrays
 from gateway.estimators.signal_evidence import Cause, Contradiction, Evidence, Subject
 from gateway.pipeline import tire_estimates
 from gateway.pipeline.results import RevolutionResult
@@ -44,7 +45,9 @@ def estimated(
         first = len(results)
         rows = slice(first, first + steps[first % len(steps)])
         ends = [1e6 * (revolution.start_s + revolution.period_s) for revolution in revolutions[rows]]
-        results += tire.take_block(revolutions[rows], ends, [round(1e3 * end) for end in ends], doubts[rows])
+        results += tire.take_block(
+            RevolutionArrays(revolutions[rows]), ends, [round(1e3 * end) for end in ends], doubts[rows]
+        )
     return results
 
 
