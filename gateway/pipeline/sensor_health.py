@@ -210,10 +210,10 @@ class SensorHealth:
         self._ringing = None
         if self._used < _REVOLUTIONS:
             return
+        if not (self._spectra[0] > _RINGING_SHARE**2).any():
+            return
         known = np.isfinite(self._spectra).all(axis=0)
         after, ahead = self._spectra[:, known]
-        if not (after > _RINGING_SHARE**2).any():
-            return
         rings = (after > _RINGING_SHARE**2) & (after > _RINGING_RATIO * (ahead + np.median(ahead)))
         if rings.any():
             strongest = int(np.argmax(np.where(rings, after, 0.0)))

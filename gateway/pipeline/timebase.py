@@ -15,6 +15,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.signal.short_medians import median
+
 # Distance of the support points of the sample clock, and their number in a fit.
 _SAMPLE_WINDOW_S: Final = 0.5
 _SAMPLE_WINDOWS: Final = 120
@@ -191,9 +193,13 @@ class HostClock:
         early = np.ones(len(points), bool)
         drift = offset = 0.0
         for _ in range(3):
-            drift, offset = (float(value) for value in np.polyfit(ticks[early], delays[early], 1))
+            used = ticks[early]
+            tick, delay = float(used.mean()), float(delays[early].mean())
+            used -= tick
+            drift = float(used @ delays[early]) / float(used @ used)
+            offset = delay - drift * tick
             residual = delays - (offset + drift * ticks)
-            early = residual <= np.median(residual[early])
+            early = residual <= median(residual[early])
             if early.sum() < 4:
                 break
         return offset, drift

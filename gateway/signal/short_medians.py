@@ -13,7 +13,8 @@ def median(values: NDArray[np.floating[Any]] | NDArray[np.integer[Any]]) -> floa
     """Return the median of (n,) values, n > 0; NaN if any value is NaN."""
     half = len(values) // 2
     # On short arrays, sorting takes no longer than selecting. NaN is sorted to the end.
-    ascending = np.sort(values)
+    ascending = values.copy()
+    ascending.sort()
     upper = float(ascending.item(half))
     if math.isnan(ascending.item(-1)):
         return math.nan
