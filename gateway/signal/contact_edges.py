@@ -4,7 +4,7 @@ On a belt that rolls steadily the sensor reads s = V^2 kappa: zero on a flat roa
 part, overshoots on either side of the contact. The edge is defined as the place where contact pressure ends. What is
 found is the steepest slope of the smoothed waveform, the feature most robust to noise, which mostly lies inside it. The
 distance from it to the edge is estimated from the shape of the waveform (gateway/signal/edge_distance.py), and its
-error is part of the standard error.
+error is part of the standard error. Stronger smoothing finds the edge among waves of the belt.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import takewhile
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -19,7 +20,14 @@ import numpy as np
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid
-from gateway.signal.edge_distance import EdgeShape, edge_distance, edge_shape, model_std_rad
+from gateway.signal.edge_distance import (
+    EdgePlace,
+    EdgeShape,
+    edge_among_waves,
+    edge_distance,
+    edge_shape,
+    model_std_rad,
+)
 from gateway.signal.order_spectrum import coefficient_std
 from gateway.signal.short_medians import median
 from gateway.types import ComplexArray, FloatArray
@@ -27,6 +35,9 @@ from gateway.types import ComplexArray, FloatArray
 # The smoothed derivative keeps orders by a Gaussian of this standard width, narrower when the sampling is coarse.
 SMOOTHING_ORDER: Final = 40.0
 _SMOOTHING_SHARE: Final = 0.3
+# Widths of the stronger smoothings, where they are less than this share of the usual one.
+_STRONGER_ORDERS: Final = (20.0, 15.0)
+_STRONGER_SHARE: Final = 0.8
 
 # Standard error of the edge's definition at the usual smoothing: a constant error for all revolutions of a tire.
 EDGE_MODEL_STD_RAD: Final = model_std_rad(SMOOTHING_ORDER)
@@ -36,11 +47,9 @@ _SEARCH_RAD: Final = 0.9
 _FREE_RAD: Final = 1.1
 # Every contact extends at least this far to either side of 0.
 _CENTRE_RAD: Final = 0.2
-# Waves of the free belt are measured between these angles beyond the steepest slopes, as what remains above this order.
-# A smoothing to fewer orders than the last number removes them.
+# Waves of the free belt are measured between these angles beyond the steepest slopes, as what the usual smoothing keeps
+# and the next stronger one removes.
 _RIPPLE_RAD: Final = (0.45, 1.3)
-_RIPPLE_ORDER: Final = 18.0
-_WAVES_ABOVE: Final = 25.0
 # Smallest accepted step between baseline and contact, over the noise of the smoothed waveform.
 _MIN_CONTRAST: Final = 6.0
 
@@ -103,32 +112,29 @@ def find_contact_edges(
         return _not_found(Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
-    width = smoothing_order(samples_per_revolution)
-    levels = contact_levels(radial_mps2, width)
-    kept = _smoothing(len(radial_mps2), width)
-    noise, slope_noise, curvature_noise, slope_bend_noise = (noise_coefficient_mps2 * one for one in kept.noises)
+    levels = contact_levels(radial_mps2, smoothing_order(samples_per_revolution))
+    contrast, reason = _contrast(levels, noise_coefficient_mps2)
     plateau, baseline = levels.plateau_mps2, levels.baseline_mps2
-    if levels.shapes is None:
-        return _not_found(Reason(Code.NO_CONTACT), plateau, baseline)
-    contrast = (baseline - plateau) / noise if noise > 0.0 else math.inf
-    if not contrast > _MIN_CONTRAST:
-        return _not_found(Reason(Code.CONTACT_IN_NOISE), plateau, baseline, contrast)
-    ripple_noise = noise_coefficient_mps2 * kept.ripple_noise
-    ripple = math.sqrt(max(levels.ripple_mps2**2 - ripple_noise**2, 0.0)) / (baseline - plateau)
-    edges = []
-    for shape, direction in zip(levels.shapes, (-1, 1), strict=True):
-        noises = shape.noises_rad(slope_noise, slope_bend_noise)
-        smear = _smear(shape, scatter_mps2) if scatter_mps2 is not None else 0.0
-        found = edge_distance(width, shape.features_rad, noises, ripple, smear)
-        steepest_std = curvature_noise / shape.bend_mps2 if shape.bend_mps2 > 0.0 else math.inf
-        noise_std = math.hypot(steepest_std, found.noise_std_rad)
-        angle = shape.steepest_rad + direction * found.distance_rad
-        edges.append((angle, math.hypot(noise_std, found.model_std_rad), noise_std))
-    (leading, leading_std, leading_noise), (trailing, trailing_std, trailing_noise) = edges
-    if not (leading < 0.0 < trailing and math.isfinite(leading_std) and math.isfinite(trailing_std)):
+    if reason is not None:
+        return _not_found(reason, plateau, baseline, contrast)
+    smoothed = [levels, *_smoothed_more(radial_mps2, levels.width)]
+    ripple = _ripple(smoothed[0], smoothed[1], noise_coefficient_mps2) if len(smoothed) > 1 else 0.0
+    places = [_places(smoothed, side, noise_coefficient_mps2, scatter_mps2) for side in (0, 1)]
+    if not all(places):
+        return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
+    leading, trailing = (edge_among_waves(of_side, ripple) for of_side in places)
+    if not leading.angle_rad < 0.0 < trailing.angle_rad:
         return _not_found(Reason(Code.CONTACT_HAS_NO_SLOPE), plateau, baseline, contrast)
     return ContactEdges(
-        leading, trailing, leading_std, trailing_std, leading_noise, trailing_noise, plateau, baseline, contrast
+        leading.angle_rad,
+        trailing.angle_rad,
+        math.hypot(leading.noise_std_rad, leading.model_std_rad),
+        math.hypot(trailing.noise_std_rad, trailing.model_std_rad),
+        leading.noise_std_rad,
+        trailing.noise_std_rad,
+        plateau,
+        baseline,
+        contrast,
     )
 
 
@@ -137,22 +143,24 @@ class ContactLevels:
     """Levels of a waveform with a contact, and the shape of its slopes.
 
     Attributes:
+        width: of the smoothing, in orders.
+        smooth_mps2: (n,) smoothed waveform.
         plateau_mps2: level in the middle of the contact; the lowest level near 0 where no contact is found.
         baseline_mps2: level of the free belt.
         shapes: at the leading and at the trailing edge; None where no contact is found.
-        ripple_mps2: rms of the free belt's waves above order 18, beyond the overshoots; 0 if smoothing removes them.
     """
 
+    width: float
+    smooth_mps2: FloatArray
     plateau_mps2: float
     baseline_mps2: float
     shapes: tuple[EdgeShape, EdgeShape] | None
-    ripple_mps2: float
 
 
 def contact_levels(radial_mps2: FloatArray, width: float) -> ContactLevels:
     """Return the levels and slopes of a finite waveform (n,), smoothed to `width` orders."""
     n = radial_mps2.shape[0]
-    smooth, slope, stronger = _smooth(radial_mps2, width)
+    smooth, slope = _smooth(radial_mps2, width)
     points_per_rad = n / (2.0 * math.pi)
     middle, reach, search = n // 2, round(_CENTRE_RAD * points_per_rad), round(_SEARCH_RAD * points_per_rad)
     beyond = math.ceil(_FREE_RAD * points_per_rad)
@@ -167,23 +175,62 @@ def contact_levels(radial_mps2: FloatArray, width: float) -> ContactLevels:
         plateau = float(radial_mps2[first + quarter : last - quarter + 1].mean())
         crossings = _half_level_crossings(smooth, (first + last) // 2, 0.5 * (plateau + baseline), search)
     if crossings is None:
-        return ContactLevels(plateau, baseline, None, 0.0)
+        return ContactLevels(width, smooth, plateau, baseline, None)
     leading, trailing = (
         edge_shape(smooth, slope, index, direction, (plateau, baseline), search)
         for index, direction in zip(crossings, (-1, 1), strict=True)
     )
-    ripple = _ripple(smooth - stronger, leading.steepest_rad, trailing.steepest_rad) if width > _WAVES_ABOVE else 0.0
-    return ContactLevels(plateau, baseline, (leading, trailing), ripple)
+    return ContactLevels(width, smooth, plateau, baseline, (leading, trailing))
 
 
-def _ripple(waves_mps2: FloatArray, leading_rad: float, trailing_rad: float) -> float:
-    """Return the rms beside the contact of the waves that the usual smoothing keeps and a stronger one removes."""
-    angles = angle_grid(len(waves_mps2))
+def _contrast(levels: ContactLevels, noise_coefficient_mps2: float) -> tuple[float, Reason | None]:
+    """Return step over noise, and the reason why the waveform has no contact; None where it has one."""
+    if levels.shapes is None:
+        return math.nan, Reason(Code.NO_CONTACT)
+    noise = noise_coefficient_mps2 * _smoothing(len(levels.smooth_mps2), levels.width).noises[0]
+    contrast = (levels.baseline_mps2 - levels.plateau_mps2) / noise if noise > 0.0 else math.inf
+    return contrast, None if contrast > _MIN_CONTRAST else Reason(Code.CONTACT_IN_NOISE)
+
+
+def _smoothed_more(radial_mps2: FloatArray, width: float) -> list[ContactLevels]:
+    """Return the levels of a waveform under stronger smoothing than to `width` orders, as far as it has a contact."""
+    wanted = (contact_levels(radial_mps2, one) for one in _STRONGER_ORDERS if one < _STRONGER_SHARE * width)
+    return list(takewhile(lambda levels: levels.shapes is not None, wanted))
+
+
+def _places(
+    smoothed: list[ContactLevels], side: int, noise_coefficient_mps2: float, scatter_mps2: FloatArray | None
+) -> list[EdgePlace]:
+    """Return the places of one edge under each smoothing: 0 is the leading, 1 the trailing edge."""
+    places = []
+    for levels in smoothed:
+        assert levels.shapes is not None
+        shape, width = levels.shapes[side], levels.width
+        kept = _smoothing(len(levels.smooth_mps2), width)
+        _, slope_noise, curvature_noise, slope_bend_noise = (noise_coefficient_mps2 * one for one in kept.noises)
+        noises = shape.noises_rad(slope_noise, slope_bend_noise)
+        smear = _smear(shape, scatter_mps2) if scatter_mps2 is not None else 0.0
+        found = edge_distance(width, shape.features_rad, noises, smear)
+        if shape.bend_mps2 > 0.0:
+            angle = shape.steepest_rad + (2 * side - 1) * found.distance_rad
+            noise_std = math.hypot(curvature_noise / shape.bend_mps2, found.noise_std_rad)
+            places.append(EdgePlace(width, angle, noise_std, found.model_std_rad))
+    return places
+
+
+def _ripple(levels: ContactLevels, stronger: ContactLevels, noise_coefficient_mps2: float) -> float:
+    """Return the rms of the waves beside the contact that a stronger smoothing removes, over the step."""
+    assert levels.shapes is not None
+    waves = levels.smooth_mps2 - stronger.smooth_mps2
+    angles = angle_grid(len(waves))
     near, far = _RIPPLE_RAD
-    before = slice(*np.searchsorted(angles, (leading_rad - far, leading_rad - near)).tolist())
-    behind = slice(*np.searchsorted(angles, (trailing_rad + near, trailing_rad + far)).tolist())
-    beside = np.concatenate((waves_mps2[before], waves_mps2[behind]))
-    return math.sqrt(float(beside @ beside) / len(beside)) if len(beside) else 0.0
+    leading, trailing = (shape.steepest_rad for shape in levels.shapes)
+    before = slice(*np.searchsorted(angles, (leading - far, leading - near)).tolist())
+    behind = slice(*np.searchsorted(angles, (trailing + near, trailing + far)).tolist())
+    beside = np.concatenate((waves[before], waves[behind]))
+    square = float(beside @ beside) / len(beside) if len(beside) else 0.0
+    noise = noise_coefficient_mps2 * _wave_noise(len(waves), levels.width, stronger.width)
+    return math.sqrt(max(square - noise * noise, 0.0)) / (levels.baseline_mps2 - levels.plateau_mps2)
 
 
 def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> slice | None:
@@ -212,30 +259,30 @@ class _Smoothing(NamedTuple):
     """Smoothing of a waveform to a width in orders, and what it leaves of white noise.
 
     Attributes:
-        factors: (3, n / 2 + 1) factors of the orders of the smoothed waveform, of its derivative by angle, and of the
-            waveform smoothed to `_RIPPLE_ORDER`.
+        factors: (2, n / 2 + 1) factors of the orders of the smoothed waveform and of its derivative by angle.
         noises: of the smoothed waveform and its first three derivatives, over that of one real order coefficient.
-        ripple_noise: likewise, of the waves that the usual smoothing keeps and the stronger one removes.
     """
 
     factors: ComplexArray
     noises: tuple[float, ...]
-    ripple_noise: float
 
 
 @lru_cache(maxsize=32)
 def _smoothing(n: int, width: float) -> _Smoothing:
     """Return the smoothing of waveforms (n,) to `width` orders by a Gaussian."""
     orders, gain = _gaussian(n, width)
-    strong_orders, strong_gain = _gaussian(n, _RIPPLE_ORDER)
-    factors = np.zeros((3, n // 2 + 1), np.complex128)
-    factors[[0, 2], 0] = 1.0
+    factors = np.zeros((2, n // 2 + 1), np.complex128)
+    factors[0, 0] = 1.0
     factors[0, 1 : len(orders) + 1] = gain
     factors[1, 1 : len(orders) + 1] = gain * (1j * orders)
-    factors[2, 1 : len(strong_orders) + 1] = strong_gain
-    noises = tuple(math.sqrt(float(np.sum((orders**power * gain) ** 2))) for power in range(4))
-    band = gain - np.exp(-0.5 * (orders / _RIPPLE_ORDER) ** 2)
-    return _Smoothing(factors, noises, math.sqrt(float(np.sum(band**2))))
+    return _Smoothing(factors, tuple(math.sqrt(float(np.sum((orders**power * gain) ** 2))) for power in range(4)))
+
+
+@lru_cache(maxsize=32)
+def _wave_noise(n: int, width: float, stronger: float) -> float:
+    """Return the noise of what one smoothing keeps and a stronger one removes, over that of one order coefficient."""
+    orders, gain = _gaussian(n, width)
+    return math.sqrt(float(np.sum((gain - np.exp(-0.5 * (orders / stronger) ** 2)) ** 2)))
 
 
 def _gaussian(n: int, width: float) -> tuple[FloatArray, FloatArray]:
@@ -245,7 +292,7 @@ def _gaussian(n: int, width: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _smooth(waveform: FloatArray, width: float) -> FloatArray:
-    """Return the smoothed waveform, its derivative by angle, and the waveform smoothed to `_RIPPLE_ORDER`, (3, n)."""
+    """Return the smoothed waveform and its derivative by angle, (2, n)."""
     n = waveform.shape[0]
     curves: FloatArray = np.fft.irfft(np.fft.rfft(waveform) * _smoothing(n, width).factors, n=n, axis=1)
     return curves

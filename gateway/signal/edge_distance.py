@@ -6,14 +6,19 @@ free belt, and the width of its steepest part. The distance is a linear function
 geometrically exact ring (tools/fit_contact_edges.py). Its standard error is that at tires left out of the fit, with a
 margin for tires that are no rings.
 
-A tread can make waves that are locked to the tire and run out of both edges. They distort the features. Where the free
-belt ripples more than that of a smooth ring, the mean distance counts, with its spread over tires as standard error.
-The same holds where the waveform is the average of contacts of different lengths, which smears its edges.
+A tread can make waves that are locked to the tire, run out of both edges and swing in the contact. They shift the
+steepest slope and distort the features, in the stronger smoothing less than in the usual one. So the edge is found with
+several widths. On a smooth ring they agree within their errors; where they do not, or where the free belt ripples, the
+stronger smoothing counts, with its larger error.
+
+Where the waveform is the average of contacts of different lengths, which smears its edges, the mean distance counts,
+with its spread over tires as standard error.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -46,9 +51,15 @@ _FEATURE_STDS_RAD: Final = (
 )
 # Standard deviation of the distance over tires.
 _DISTANCE_SPREADS_RAD: Final = (0.0254, 0.0224, 0.0201, 0.0170, 0.0150, 0.0125)
-# Ripple of the free belt, over the step from contact to free belt, at which features count by half. On smooth rings it
-# is 0.001 in the median and 0.0045 at the 99th percentile; with waves as on a measured tire it is 0.016.
-_HALF_TRUST_RIPPLE: Final = 0.006
+# Ripple of the free belt, over the step from contact to free belt, at which an edge counts by half against that of a
+# stronger smoothing. On smooth rings it is 0.0009 in the median and 0.0034 at the 99th percentile; on a measured tire
+# it is 0.014.
+_HALF_TRUST_RIPPLE: Final = 0.0045
+# Likewise the difference of both edges, over the standard error that it has on a smooth ring.
+_HALF_TRUST_DIFFERENCE: Final = 1.5
+# Share of the difference between the two strongest smoothings that waves leave in the stronger one: 15 orders leave 0.3
+# to 0.4 of what a wave of order 33 to 35, lower than any seen, does at 20 orders, and less of every shorter wave.
+_WAVES_LEFT: Final = 0.4
 # Standard deviation of the edge in an average, rad, at which features count by half.
 _HALF_TRUST_SMEAR_RAD: Final = 0.006
 # A feature further than this many standard deviations from its mean is none of a tire's on a road.
@@ -155,7 +166,7 @@ def edge_shape(
 
 
 def edge_distance(
-    width: float, features_rad: FloatArray, noises_rad: FloatArray, ripple: float = 0.0, smear_rad: float = 0.0
+    width: float, features_rad: FloatArray, noises_rad: FloatArray, smear_rad: float = 0.0
 ) -> EdgeDistance:
     """Return the distance from the features.
 
@@ -165,11 +176,10 @@ def edge_distance(
         width: of the smoothing, in orders.
         features_rad: (4,) of the shape.
         noises_rad: (4,) their standard errors.
-        ripple: rms of the waves of the free belt, over the step from contact to free belt.
         smear_rad: standard deviation of the edge's place over the revolutions of an average.
     """
     model = _linear_model(width)
-    smooth = 1.0 / (1.0 + (ripple / _HALF_TRUST_RIPPLE) ** 4 + (smear_rad / _HALF_TRUST_SMEAR_RAD) ** 4)
+    smooth = 1.0 / (1.0 + (smear_rad / _HALF_TRUST_SMEAR_RAD) ** 4)
     distance, noise2, unknown2 = model.mean_rad, 0.0, 0.0
     for feature, noise, (factor, mean, spread) in zip(
         features_rad.tolist(), noises_rad.tolist(), model.features, strict=True
@@ -181,8 +191,52 @@ def edge_distance(
             distance += known * min(max(feature - mean, -limit), limit)
             noise2 += (known * noise) ** 2
         unknown2 += (smooth * factor * spread) ** 2 * (1.0 - trust)
-    wavy_std = math.sqrt(1.0 - smooth) * model.spread_rad
-    return EdgeDistance(distance, math.sqrt(noise2), math.hypot(model.std_rad, math.sqrt(unknown2), wavy_std))
+    smeared_std = math.sqrt(1.0 - smooth) * model.spread_rad
+    return EdgeDistance(distance, math.sqrt(noise2), math.hypot(model.std_rad, math.sqrt(unknown2), smeared_std))
+
+
+class EdgePlace(NamedTuple):
+    """Place of an edge as found with one smoothing.
+
+    Attributes:
+        width: of the smoothing, in orders.
+        angle_rad: of the edge.
+        noise_std_rad: standard error from noise.
+        model_std_rad: standard error of the edge's definition, a constant error of all revolutions of a tire.
+    """
+
+    width: float
+    angle_rad: float
+    noise_std_rad: float
+    model_std_rad: float
+
+
+def edge_among_waves(places: Sequence[EdgePlace], ripple: float) -> EdgePlace:
+    """Return the place of an edge from those found with stronger and stronger smoothing.
+
+    Args:
+        places: the usual smoothing first, at least one.
+        ripple: rms of the waves of the free belt, over the step from contact to free belt.
+    """
+    found, left = places[-1], _WAVES_LEFT
+    for index in range(len(places) - 2, -1, -1):
+        place, stronger = places[index], places[index + 1]
+        difference = place.angle_rad - found.angle_rad
+        # The error of the stronger smoothing contains that of the weaker one.
+        variance = model_std_rad(stronger.width) ** 2 - model_std_rad(place.width) ** 2
+        variance += place.noise_std_rad**2 + found.noise_std_rad**2
+        waves = (difference / _HALF_TRUST_DIFFERENCE) ** 2 / variance
+        trust = 1.0 / (1.0 + waves * waves + (ripple / _HALF_TRUST_RIPPLE) ** 4 * (index == 0))
+        other = 1.0 - trust
+        model = trust * place.model_std_rad + other * found.model_std_rad
+        found = EdgePlace(
+            place.width,
+            found.angle_rad + trust * difference,
+            trust * place.noise_std_rad + other * found.noise_std_rad,
+            math.sqrt(model**2 + (trust * other + left * left) * difference**2),
+        )
+        left = 0.0
+    return found
 
 
 class _LinearModel(NamedTuple):

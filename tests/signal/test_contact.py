@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, find_contact_edges
-from gateway.signal.edge_distance import edge_distance, model_std_rad
+from gateway.signal.edge_distance import EdgePlace, edge_among_waves, edge_distance, model_std_rad
 from gateway.signal.speed_normalisation import normalise_radial
 from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid, sampled, solution
 
@@ -44,7 +44,7 @@ def test_edge_error_covers_unknown_tread(tread: float, load_n: float) -> None:
     truth = solution(load_n, ring=ring)
     edges = find_contact_edges(clean_wave(load_n, ring=ring), 1069.0)
     assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=2.0 * edges.trailing_std_rad)
-    assert edges.trailing_std_rad < 1.6 * EDGE_MODEL_STD_RAD
+    assert edges.trailing_std_rad < 1.75 * EDGE_MODEL_STD_RAD
 
 
 def test_damped_tread_shifts_edges() -> None:
@@ -125,8 +125,9 @@ def test_edge_noise_error_matches_scatter(speed_kmh: float, noise_mps2: float) -
     found = [find_contact_edges(wave + rng.normal(size=1024) * noise_mps2, 1024.0) for _ in range(300)]
     scatter = np.std([edges.leading_rad for edges in found])
     stated = np.mean([edges.leading_noise_std_rad for edges in found])
-    # Noise of the steepest slope and of the shape next to it are added as if they were independent.
-    assert 0.9 * scatter < stated < 1.5 * scatter
+    # Noise of the steepest slope and of the shape next to it are added as if they were independent, and where the edges
+    # of both smoothings differ by noise, the stronger smoothing counts.
+    assert 0.9 * scatter < stated < 1.75 * scatter
 
 
 def test_coarse_sampling_increases_edge_error() -> None:
@@ -170,7 +171,8 @@ def test_edges_of_measured_tire() -> None:
         halves.append(0.5 * (edges.trailing_rad - edges.leading_rad))
     # The half-level crossings are 20.9 degrees apart; the edges lie outside them.
     assert all(math.radians(20.9) / 2.0 < half < math.radians(20.9) / 2.0 + 0.05 for half in halves)
-    assert np.std(halves) < 0.01
+    # In one revolution the leading edge comes late, and waves of the belt distort it.
+    assert np.std(halves) < 0.012
 
 
 @pytest.mark.parametrize("load_n", [500.0, 1000.0])
@@ -196,6 +198,32 @@ def test_waves_of_the_free_belt_widen_the_edge_error() -> None:
     truth = solution()
     assert wavy.trailing_std_rad > 2.0 * smooth.trailing_std_rad
     assert wavy.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=2.0 * wavy.trailing_std_rad)
+
+
+@pytest.mark.parametrize("phase_rad", np.arange(0.0, 6.0, 1.0))
+@pytest.mark.parametrize("order", [55.0, 67.0, 81.0])
+def test_waves_in_the_contact_do_not_move_the_edges(order: float, phase_rad: float) -> None:
+    wave, truth, theta = clean_wave(), solution(), angle_grid(1024)
+    inside = (theta > truth.leading_edge_rad) & (theta < truth.trailing_edge_rad)
+    spectrum = np.fft.rfft(np.where(inside, np.cos(order * theta + phase_rad), 0.0))
+    swinging = np.fft.irfft(spectrum * np.exp(-0.5 * (np.arange(513) / 80.0) ** 2), n=1024)
+    edges = find_contact_edges(wave + 0.1 * wave.mean() * swinging, 1069.0)
+    # A single smoothing to 40 orders is up to half of the half angle off, with stated errors of 0.004 rad.
+    assert abs(edges.leading_rad - truth.leading_edge_rad) < min(3.0 * edges.leading_std_rad, 0.03)
+    assert abs(edges.trailing_rad - truth.trailing_edge_rad) < min(3.0 * edges.trailing_std_rad, 0.03)
+
+
+def test_edges_that_differ_by_smoothing_are_less_certain() -> None:
+    usual, near, far = (EdgePlace(40.0, 0.2 + shift, 0.0, model_std_rad(40.0)) for shift in (0.0, 0.003, 0.05))
+    stronger = [EdgePlace(width, 0.2, 0.0, model_std_rad(width)) for width in (20.0, 15.0)]
+    same, close, moved = (edge_among_waves([place, *stronger], 0.0) for place in (usual, near, far))
+    assert same.model_std_rad == pytest.approx(usual.model_std_rad, rel=1e-9)
+    assert close.angle_rad == pytest.approx(near.angle_rad, abs=1e-4)
+    assert close.model_std_rad < 1.1 * usual.model_std_rad
+    assert moved.angle_rad == pytest.approx(0.2, abs=1e-3)
+    assert moved.model_std_rad > 2.0 * usual.model_std_rad
+    rippled = edge_among_waves([near, *stronger], 0.02)
+    assert rippled.angle_rad == pytest.approx(0.2, abs=1e-4)
 
 
 def test_noisy_shape_counts_less() -> None:
