@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from gateway.signal.order_spectrum import ORDER_COUNT
-from gateway.types import FloatArray
+from gateway.types import ComplexArray, FloatArray
 
 # Bands of orders [first, next); orders 0 and 1 belong to the first.
 BANDS: Final = (2, 4, 6, 9, 13, 18, 24, 31, 39, 48, ORDER_COUNT)
@@ -17,6 +17,10 @@ _BAND_OF: Final = np.searchsorted(np.array(BANDS), np.arange(ORDER_COUNT), side=
 _BAND_COUNT: Final = len(BANDS) - 1
 # Least standard error of an order, as a share of the mean: resampling and rounding.
 _LEAST_STD: Final = 1e-6
+# First of the bands in which the belt's shape has decayed to less than the waves that tread blocks make.
+_WAVE_BAND: Final = BANDS.index(39)
+# Power over that of noise from which it is not noise alone: in a band of nine orders noise exceeds it once in 30.
+_BEYOND_NOISE: Final = 2.0
 
 
 def relative_std(order_std: FloatArray, mean: float, orders: FloatArray, max_order: int) -> FloatArray:
@@ -42,6 +46,30 @@ def relative_std(order_std: FloatArray, mean: float, orders: FloatArray, max_ord
         last = orders[max(BANDS[0], max_order - 7) : max_order + 1]
         std[max_order + 1 :] = np.maximum(std[max_order + 1 :], math.sqrt(float(np.square(last).mean())))
     return np.maximum(std, _LEAST_STD)
+
+
+def wave_std(signal: ComplexArray, noise_std: FloatArray, max_order: int) -> FloatArray:
+    """Return standard errors of the relative signal's cosine orders by waves that are not its shape, (ORDER_COUNT,).
+
+    Tread blocks make waves that repeat every revolution, of orders around the number of blocks and up to 30 away from
+    it. Unlike the shape of the belt they have sines as strong as cosines, and orders above ORDER_COUNT. A belt that
+    loses energy has sines without the latter, a clipped signal the latter without sines: only what both show counts.
+
+    Args:
+        signal: (> max_order) orders c - i s about the contact centre.
+        noise_std: (ORDER_COUNT,) as of `relative_std`.
+        max_order: highest order that the sampling carries.
+    """
+    relative = signal[: max_order + 1] / signal[0].real
+    variance = np.zeros(ORDER_COUNT)
+    above = np.square(np.abs(relative[ORDER_COUNT:]))
+    beyond = 0.5 * float(above.mean()) if len(above) else math.inf
+    for first, following in pairwise(BANDS[_WAVE_BAND:]):
+        if first <= max_order:
+            waves = min(float(np.square(relative.imag[first:following]).mean()), beyond)
+            variance[first:following] = max(waves - _BEYOND_NOISE * float(noise_std[first]) ** 2, 0.0)
+    result: FloatArray = np.sqrt(variance)
+    return result
 
 
 def by_band(orders: FloatArray) -> FloatArray:

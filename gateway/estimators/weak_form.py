@@ -23,7 +23,7 @@ from gateway.estimators.determination import (
     unusable,
 )
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
-from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std
+from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std, wave_std
 from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
 from gateway.estimators.revolution_block import ConditionArrays, RevolutionBlock, one_revolution
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
@@ -268,7 +268,9 @@ class WeakFormEstimator:
             return Reason(Code.NO_STEADY_VALUE)
         if (curvature := float(plain[0].sum())) > _MAX_CONTACT_CURVATURE:
             return Reason(Code.NO_FLAT_CONTACT, curvature=curvature, limit=_MAX_CONTACT_CURVATURE)
-        std = relative_std(average.orders_std_mps2, mean, plain[0], max_order)[np.newaxis]
+        noise_std = relative_std(average.orders_std_mps2, mean, plain[0], max_order)
+        waves = wave_std(signal, noise_std, max_order)
+        std = np.hypot(noise_std, waves)[np.newaxis]
         begin = motion_begin(half_angle)
         try:
             if warm is None:
@@ -291,7 +293,7 @@ class WeakFormEstimator:
             return Reason(Code.NO_BELT_SHAPE)
         self._warm = solution
         systematic = systematic_errors(mean, plain, by_offset_step, conditions, damping)
-        fits = fits_of(solution, std, systematic)
+        fits = fits_of(solution, noise_std[np.newaxis], np.concatenate([systematic, np.diag(waves)]))
         response = solution.response[0, :4] * fits.free[0][:, np.newaxis]
         response[:, max_order + 1 :] = 0.0
         return _Renewed(

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.order_errors import wave_std
 from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator, fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.tread_pattern import EdgeWaves
 from gateway.reasons import Code, codes_of
+from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
@@ -255,6 +257,39 @@ def test_clipped_signal_does_not_balance() -> None:
     """Clipped revolutions are rejected before; where clipping is not detected, no number is valid."""
     clipped = estimates_of(np.minimum(exact_wave(solution()), 1.15 * RADIUS_M * OMEGA**2))
     assert {clipped[name].status for name in ("Bs", "Cw", "Ts")} <= {Status.PROVISIONAL, Status.INVALID}
+
+
+@pytest.mark.parametrize("orders", [(81.0, 56.0), (86.0, 52.0), (75.0, 60.0)])
+@pytest.mark.parametrize("phase_rad", [0.0, 2.0, 4.0])
+def test_waves_of_tread_blocks_do_not_bend_the_numbers(orders: tuple[float, float], phase_rad: float) -> None:
+    """Where the orders' errors are noise alone, Bs is up to 4.7 errors off."""
+    wave, truth, theta = exact_wave(solution()), solution(), angle_grid(1024)
+    before, behind = truth.leading_edge_rad - theta, theta - truth.trailing_edge_rad
+    ahead = np.cos(orders[0] * theta + phase_rad) * np.exp(-before / 1.2) * (before > 0.0)
+    after = 0.4 * np.cos(orders[1] * theta + phase_rad) * np.exp(-behind) * (behind > 0.0)
+    spectrum = np.fft.rfft(ahead + after) * np.exp(-0.5 * (np.arange(513) / 80.0) ** 2)
+    found = estimates_of(wave + 0.04 * wave.mean() * np.fft.irfft(spectrum, n=1024))
+    for name, true in zip(("Bs", "Cw", "Rs", "Ts"), TRUTH, strict=True):
+        assert found[name].status is Status.VALID
+        assert abs(found[name].value - true) < 2.5 * found[name].std
+
+
+def test_waves_are_told_from_damping_and_clipping() -> None:
+    rng, noise = np.random.default_rng(3), np.full(61, 1e-5)
+    shape = np.concatenate([[1.0], np.full(90, 1e-9)]).astype(np.complex128)
+    damped, clipped, waves = shape.copy(), shape.copy(), shape.copy()
+    damped[1:61] -= 1e-3j
+    clipped[1:] += 1e-3 * rng.normal(size=90)
+    waves[39:] += 1e-3 * (rng.normal(size=52) + 1j * rng.normal(size=52))
+    assert not wave_std(damped, noise, 90).any()
+    assert not wave_std(clipped, noise, 90).any()
+    found = wave_std(7.0 * waves, noise, 90)
+    assert not found[:39].any()
+    assert found[39:] == pytest.approx(np.full(22, 1e-3), rel=0.5)
+    assert wave_std(waves, np.full(61, 1e-3), 90) == pytest.approx(np.zeros(61))
+    # Where the sampling carries no higher orders, sines alone show waves.
+    assert wave_std(waves, noise, 50)[48:].all()
+    assert not wave_std(waves, noise, 38).any()
 
 
 def test_ring_far_from_table_3_is_recovered() -> None:
