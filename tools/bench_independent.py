@@ -36,7 +36,8 @@ _MOST_VALUES = 4
 _BLOCKS, _REVOLUTIONS = 5, 20
 # Distance from the contact's edges within which the belt is not free.
 _FROM_EDGE_RAD = 0.2
-_TIRES = ("car-45", "van-40", "van-80", "drum-65", "car-120", "car-65", "blocks-45", "blocks-75", "blocks-45,blocks-75")
+_SINGLE = ("car-45", "car-65", "car-120", "van-40", "van-80", "drum-65", "blocks-45", "blocks-60", "blocks-75")
+_TIRES = (*_SINGLE, "blocks-45,blocks-60,blocks-75")
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,6 +221,7 @@ class Effect(ABC):
         already_in: baseline models that contain it; it is no candidate there.
         needs_exact: True where it acts on the exact ring only; a series has no belt that it could act on.
         form_of: name of a phenomenon of which only one form can be present; empty for most effects.
+        has_equivalents: True where parameters trade off, so that good starts lie on a ridge.
         scan: (index of a parameter, values to try), one after the other from the best start so far, for effects whose
             misfit has many minima.
     """
@@ -239,6 +240,7 @@ class Effect(ABC):
     already_in: frozenset[BaselineModel] = frozenset()
     needs_exact: bool = False
     form_of: str = ""
+    has_equivalents: bool = False
     scan: tuple[tuple[int, tuple[float, ...]], ...] = ()
 
     def starts(self, conditions: Sequence[GroupConditions]) -> tuple[tuple[float, ...], ...]:
@@ -248,7 +250,7 @@ class Effect(ABC):
     def equivalents(
         self, start: Sequence[float], conditions: Sequence[GroupConditions]
     ) -> tuple[tuple[float, ...], ...]:
-        """Return starts that differ from one, yet predict nearly the same: parameters that trade off. None for most."""
+        """Return starts that differ from one, yet predict nearly the same, where `has_equivalents`."""
         return ()
 
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:

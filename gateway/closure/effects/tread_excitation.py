@@ -26,13 +26,12 @@ from gateway.physics.rolling_ring import BlockResponse, LoadedBelt, TreadBlocks,
 from gateway.types import ComplexArray, FloatArray
 
 # Numbers of blocks and masses that are tried, with a loss that makes each answer its neighbours as well.
-_START_COUNTS: Final = tuple(float(count) for count in range(40, 111, 2))
+_START_COUNTS: Final = tuple(float(count) for count in range(40, 112, 4))
 _START_MASSES_KGPM: Final = (3.5, 7.0)
 _START_SHARE: Final = 0.03
-_START_BENDING_S: Final = 1e-4
+_START_BENDING_S: Final = 3e-4
 # Numbers of blocks around a promising one that are tried with the mass that suits them.
 _EQUIVALENT_STEPS: Final = tuple(range(-8, 9))
-_MASS_FACTORS: Final = (0.83, 1.0, 1.2)
 _SCAN_BENDING_S: Final = (1e-5, 3e-5)
 _SCAN_TREAD_S: Final = (3e-5, 1e-4)
 # A fit may pass through values that have no vibration.
@@ -88,6 +87,7 @@ class TreadExcitation(SignalEffect):
     )
     needs_exact = True
     form_of = "edge waves"
+    has_equivalents = True
     scan = ((4, _SCAN_BENDING_S), (5, _SCAN_TREAD_S))
     stage = Stage.BELT
 
@@ -105,17 +105,12 @@ class TreadExcitation(SignalEffect):
         bending, tension, sidewall = (numbers * [radius**2, 1.0, radius**-2]).tolist()
         wave = belt_wave(BlockTread(count, bending / mass, tension / mass, 0.0, 0.0), 0, omega, radius)
         counts, masses = ((one.low, one.high) for one in self.parameters[2:4])
-        found: list[tuple[float, ...]] = []
+        found = []
         for step in _EQUIVALENT_STEPS:
             other = round(count) + step
             suits = mass_of_wave(wave.order, other, bending, tension, sidewall, omega, radius)
-            if counts[0] <= other <= counts[1]:
-                tried = (factor * suits for factor in _MASS_FACTORS)
-                found += [
-                    (*start[:2], float(other), its_mass, *start[4:])
-                    for its_mass in tried
-                    if masses[0] <= its_mass <= masses[1]
-                ]
+            if counts[0] <= other <= counts[1] and masses[0] <= suits <= masses[1]:
+                found.append((*start[:2], float(other), suits, *start[4:]))
         return tuple(found)
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:

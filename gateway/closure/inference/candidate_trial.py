@@ -75,14 +75,11 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
         # The ring responds differently to large and to small changes of its own parameters.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
-    trials = _trials(fit, model, effect, shapes, starts)
-    best = max(trials, key=_promise, default=None)
+    if effect.has_equivalents:
+        starts = _on_ridge(fit, model, effect, shapes, starts)
+    best = max(_trials(fit, model, effect, shapes, starts), key=_promise, default=None)
     if best is None:
         return None
-    equivalents = effect.equivalents(best.start.tolist(), conditions)
-    if equivalents:
-        trials += _trials(fit, model, effect, shapes, equivalents)
-        best = _followed(fit, model, effect, shapes, trials)
     if effect.scan:
         for place, values in effect.scan:
             near = best.start.tolist()
@@ -95,17 +92,32 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
     return best
 
 
-def _followed(
-    fit: Fit, model: ClosureModel, effect: AngleEffect, shapes: Mapping[int, Shape], trials: list[Trial]
-) -> Trial:
-    """Return the best of trials after some more linear steps: far from the solution a promise may be an illusion."""
-    finalists = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
+def _on_ridge(
+    fit: Fit,
+    model: ClosureModel,
+    effect: AngleEffect,
+    shapes: Mapping[int, Shape],
+    starts: Sequence[Sequence[float]],
+) -> list[list[float]]:
+    """Return the best start of an effect whose parameters trade off, on the ridge on which its best starts lie.
+
+    The best of some are followed for a few linear steps: far from the solution a promise may be an illusion. The
+    slowest and the fastest group must do.
+    """
+    groups = fit.model.campaign.groups
+    by_speed = sorted(shapes, key=lambda index: (groups[index].conditions.omega_radps, index))
+    few = {index: shapes[index] for index in {by_speed[0], by_speed[-1]}}
+    trials = _trials(fit, model, effect, few, starts)
+    best = max(trials, key=_promise, default=None)
+    if best is None:
+        return []
+    near = effect.equivalents(best.start.tolist(), tuple(groups[index].conditions for index in sorted(few)))
+    finalists = [*trials, *_trials(fit, model, effect, few, near)]
     for _ in range(_FOLLOWED):
-        ends = [
-            np.clip(one.vector[one.model.layout.effect(effect.name)], *bounds(effect)).tolist() for one in finalists
-        ]
-        finalists = _trials(fit, model, effect, shapes, ends) or finalists
-    return max(finalists, key=_promise)
+        finalists = sorted(finalists, key=_promise, reverse=True)[:_FINALISTS]
+        ends = [np.clip(one.vector[model.layout.effect(effect.name)], *bounds(effect)).tolist() for one in finalists]
+        finalists = _trials(fit, model, effect, few, ends) or finalists
+    return [max(finalists, key=_promise).start.tolist()]
 
 
 def _promise(trial: Trial) -> float:
