@@ -45,13 +45,14 @@ def test_blocks_mass_and_losses_are_found(speeds: tuple[float, ...]) -> None:
     assert std[3] < 0.05 * TRUTH[3]
 
 
-def test_equivalents_keep_the_order_of_the_wave_ahead() -> None:
+def test_numbers_of_blocks_are_tried_with_the_mass_of_the_same_wave() -> None:
     start = (0.03, 0.03, 64.0, 6.8, 1e-4, 0.0)
-    found = effect().equivalents(start, (CONDITIONS,))
-    assert {one[2] for one in found} >= {60.0, 64.0, 67.0, 70.0}
-    masses = [one[3] for one in found]
-    assert min(masses) < 3.5 < max(masses)
-    assert all(one[:2] == start[:2] and one[4:] == start[4:] for one in found)
+    masses = [one[3] for one in effect().nearer(0, start, (CONDITIONS,))]
+    assert min(masses) < 0.7 * 6.8 < 1.4 * 6.8 < max(masses)
+    found = {one[2]: one[3] for one in effect().nearer(1, start, (CONDITIONS,))}
+    assert set(found) >= {60.0, 64.0, 67.0, 70.0}
+    assert found[60.0] > 1.5 * found[64.0] > 1.5 * found[67.0]
+    assert found[67.0] == pytest.approx(3.7, rel=0.15)
 
 
 def test_mass_of_a_wave_is_that_of_its_belt() -> None:

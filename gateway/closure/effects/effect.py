@@ -221,7 +221,7 @@ class Effect(ABC):
         already_in: baseline models that contain it; it is no candidate there.
         needs_exact: True where it acts on the exact ring only; a series has no belt that it could act on.
         form_of: name of a phenomenon of which only one form can be present; empty for most effects.
-        has_equivalents: True where parameters trade off, so that good starts lie on a ridge.
+        stages: number of times that starts around the best one are tried, where good starts are narrow.
         scan: (index of a parameter, values to try), one after the other from the best start so far, for effects whose
             misfit has many minima.
     """
@@ -240,17 +240,21 @@ class Effect(ABC):
     already_in: frozenset[BaselineModel] = frozenset()
     needs_exact: bool = False
     form_of: str = ""
-    has_equivalents: bool = False
+    stages: int = 0
     scan: tuple[tuple[int, tuple[float, ...]], ...] = ()
 
     def starts(self, conditions: Sequence[GroupConditions]) -> tuple[tuple[float, ...], ...]:
         """Return parameter vectors, not zero, from which a fit may begin under these conditions."""
         return self.start_values
 
-    def equivalents(
-        self, start: Sequence[float], conditions: Sequence[GroupConditions]
+    def reach(self, start: Sequence[float]) -> tuple[float, ...] | None:
+        """Return the changes from a start, (p,), within which a linear step holds; None where it always does."""
+        return None
+
+    def nearer(
+        self, stage: int, start: Sequence[float], conditions: Sequence[GroupConditions]
     ) -> tuple[tuple[float, ...], ...]:
-        """Return starts that differ from one, yet predict nearly the same, where `has_equivalents`."""
+        """Return starts around the best one so far, from stage 0 on, for effects with `stages`."""
         return ()
 
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Final
@@ -25,15 +26,19 @@ from gateway.physics.reference_tire import TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import BlockResponse, LoadedBelt, TreadBlocks, block_response
 from gateway.types import ComplexArray, FloatArray
 
-# Numbers of blocks and masses that are tried, with a loss that makes each answer its neighbours as well.
-_START_COUNTS: Final = tuple(float(count) for count in range(40, 112, 4))
+# Numbers of blocks and masses that are tried, with so much loss that each answers its neighbours as well. Less loss
+# makes the answer narrower: first in the mass, then along the numbers of blocks and masses whose waves are alike.
+_START_COUNTS: Final = tuple(float(count) for count in range(40, 112, 3))
 _START_MASSES_KGPM: Final = (3.5, 7.0)
 _START_SHARE: Final = 0.03
-_START_BENDING_S: Final = 3e-4
-# Numbers of blocks around a promising one that are tried with the mass that suits them.
-_EQUIVALENT_STEPS: Final = tuple(range(-8, 9))
-_SCAN_BENDING_S: Final = (1e-5, 3e-5)
-_SCAN_TREAD_S: Final = (3e-5, 1e-4)
+_START_BENDING_S: Final = 1.5e-4
+_MASSES: Final = (0.6, 0.66, 0.73, 0.8, 0.88, 0.94, 1.0, 1.06, 1.13, 1.25, 1.37, 1.5, 1.65)
+_COUNTS: Final = tuple(range(-8, 9))
+_MASSES_NEAR: Final = (0.92, 1.0, 1.09)
+_LOSSES_S: Final = (1e-4, 3e-5)
+_SCAN_BENDING_S: Final = (1e-5, 1e-4)
+_SCAN_TREAD_S: Final = (0.0, 1e-4)
+_LEAST_REACH_S: Final = 5e-6
 # A fit may pass through values that have no vibration.
 _LEAST_COUNT: Final = 5.0
 _LEAST_MASS_KGPM: Final = 0.5
@@ -55,7 +60,7 @@ class TreadExcitation(SignalEffect):
         "kt (1 + c cos(N phi) + s sin(N phi)), phi = angle from the sensor; linear vibration of the ring in its "
         "contact at N times the speed: its mass, bending, tension, sidewall and tread, and their losses"
     )
-    source = "linearised exact ring (gateway.physics.rolling_ring.tread_excitation)"
+    source = "linearised exact ring (gateway.physics.rolling_ring.block_vibration)"
     parameters = (
         _share("share_cosine"),
         _share("share_sine"),
@@ -87,31 +92,38 @@ class TreadExcitation(SignalEffect):
     )
     needs_exact = True
     form_of = "edge waves"
-    has_equivalents = True
+    stages = 2
     scan = ((4, _SCAN_BENDING_S), (5, _SCAN_TREAD_S))
     stage = Stage.BELT
 
-    def equivalents(
-        self, start: Sequence[float], conditions: Sequence[GroupConditions]
-    ) -> tuple[tuple[float, ...], ...]:
-        """Return other numbers of blocks with the mass that gives the wave ahead of the contact the same order.
+    def reach(self, start: Sequence[float]) -> tuple[float, ...]:
+        """Return changes of a block, a tenth of the mass and half of the losses; the answer is linear in the shares."""
+        _, _, _, mass, *losses = start
+        return (math.inf, math.inf, 1.0, 0.1 * mass, *(0.5 * loss + _LEAST_REACH_S for loss in losses))
 
-        At one speed that wave has most of the signal. Its order needs the belt's stiffness, for which a tire of common
-        proportions is near enough.
+    def nearer(
+        self, stage: int, start: Sequence[float], conditions: Sequence[GroupConditions]
+    ) -> tuple[tuple[float, ...], ...]:
+        """Return starts with other masses, then with other numbers of blocks and the mass that suits them.
+
+        At one speed the wave ahead of the contact has most of the signal, and its order depends on both. It needs the
+        belt's stiffness too, for which a tire of common proportions is near enough.
         """
-        here, (count, mass) = conditions[0], start[2:4]
-        radius, omega = here.radius_m, here.omega_radps
-        numbers = np.array(TABLE_3_NUMBERS[:3]) * here.load_n / TABLE_3_LOAD_NUMBER
-        bending, tension, sidewall = (numbers * [radius**2, 1.0, radius**-2]).tolist()
-        wave = belt_wave(BlockTread(count, bending / mass, tension / mass, 0.0, 0.0), 0, omega, radius)
-        counts, masses = ((one.low, one.high) for one in self.parameters[2:4])
-        found = []
-        for step in _EQUIVALENT_STEPS:
-            other = round(count) + step
-            suits = mass_of_wave(wave.order, other, bending, tension, sidewall, omega, radius)
-            if counts[0] <= other <= counts[1] and masses[0] <= suits <= masses[1]:
-                found.append((*start[:2], float(other), suits, *start[4:]))
-        return tuple(found)
+        count, mass = start[2:4]
+        if stage == 0:
+            pairs = [(count, factor * mass) for factor in _MASSES]
+        else:
+            here = conditions[0]
+            radius, omega = here.radius_m, here.omega_radps
+            numbers = np.array(TABLE_3_NUMBERS[:3]) * here.load_n / TABLE_3_LOAD_NUMBER
+            belt: tuple[float, float, float] = tuple((numbers * [radius**2, 1.0, radius**-2]).tolist())
+            wave = belt_wave(BlockTread(count, belt[0] / mass, belt[1] / mass, 0.0, 0.0), 0, omega, radius)
+            others = [float(round(count) + step) for step in _COUNTS]
+            suits = [(other, mass_of_wave(wave.order, other, *belt, omega, radius)) for other in others]
+            pairs = [(other, factor * its_mass) for other, its_mass in suits for factor in _MASSES_NEAR]
+        lowest, highest = np.array([(one.low, one.high) for one in self.parameters[2:4]]).T
+        loss = _LOSSES_S[stage], 0.5 * _LOSSES_S[stage]
+        return tuple((*start[:2], *pair, *loss) for pair in pairs if (lowest <= pair).all() and (pair <= highest).all())
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return what the sensor reads of the vibration; nothing without amplitude, whatever the blocks."""

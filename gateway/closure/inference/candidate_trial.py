@@ -22,8 +22,8 @@ _TRIAL_STEPS: Final = 25
 _ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far from its nominal shape.
 _BENT: Final = 1.5
-# Starts of an effect with many minima that are followed, and the steps.
-_FINALISTS: Final = 10
+# Starts of an effect with stages from which some linear steps are made, and their number.
+_FINALISTS: Final = 8
 _FOLLOWED: Final = 3
 # Fraction of a ring effect's starts that is tried in addition.
 _SMALL: Final = 0.03
@@ -70,13 +70,13 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
         shapes: of the fit's belt in the groups in which it is tried; the promise of the others is left out.
     """
     conditions = tuple(group.conditions for group in fit.model.campaign.groups)
-    starts = tuple(effect.starts(conditions))
+    starts: Sequence[Sequence[float]] = effect.starts(conditions)
     if not isinstance(effect, SignalEffect):
         # The ring responds differently to large and to small changes of its own parameters.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
-    if effect.has_equivalents:
-        starts = _on_ridge(fit, model, effect, shapes, starts)
+    if effect.stages:
+        starts = _nearest(fit, model, effect, shapes, starts)
     best = max(_trials(fit, model, effect, shapes, starts), key=_promise, default=None)
     if best is None:
         return None
@@ -92,32 +92,31 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
     return best
 
 
-def _on_ridge(
+def _nearest(
     fit: Fit,
     model: ClosureModel,
     effect: AngleEffect,
     shapes: Mapping[int, Shape],
     starts: Sequence[Sequence[float]],
 ) -> list[list[float]]:
-    """Return the best start of an effect whose parameters trade off, on the ridge on which its best starts lie.
+    """Return the best start of an effect with stages, by the slowest and the fastest group alone.
 
-    The best of some are followed for a few linear steps: far from the solution a promise may be an illusion. The
-    slowest and the fastest group must do.
+    The best ones are followed for a few steps, as the promise of a start is that of a linear step from it.
     """
     groups = fit.model.campaign.groups
     by_speed = sorted(shapes, key=lambda index: (groups[index].conditions.omega_radps, index))
-    few = {index: shapes[index] for index in {by_speed[0], by_speed[-1]}}
+    few = {index: shapes[index] for index in sorted({by_speed[0], by_speed[-1]})}
+    conditions = tuple(groups[index].conditions for index in few)
     trials = _trials(fit, model, effect, few, starts)
-    best = max(trials, key=_promise, default=None)
-    if best is None:
-        return []
-    near = effect.equivalents(best.start.tolist(), tuple(groups[index].conditions for index in sorted(few)))
-    finalists = [*trials, *_trials(fit, model, effect, few, near)]
+    for stage in range(effect.stages if trials else 0):
+        best = max(trials, key=_promise)
+        trials += _trials(fit, model, effect, few, effect.nearer(stage, best.start.tolist(), conditions))
+    own = model.layout.effect(effect.name)
     for _ in range(_FOLLOWED):
-        finalists = sorted(finalists, key=_promise, reverse=True)[:_FINALISTS]
-        ends = [np.clip(one.vector[model.layout.effect(effect.name)], *bounds(effect)).tolist() for one in finalists]
-        finalists = _trials(fit, model, effect, few, ends) or finalists
-    return [max(finalists, key=_promise).start.tolist()]
+        trials = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
+        ends = [np.clip(one.vector[own], *bounds(effect)).tolist() for one in trials]
+        trials += _trials(fit, model, effect, few, ends)
+    return [max(trials, key=_promise).start.tolist()] if trials else []
 
 
 def _promise(trial: Trial) -> float:
@@ -231,9 +230,14 @@ def _trial(
     slope = np.concatenate([fit.slope - cross[:-1, -1], cross[-1, :-1] - inner[:-1, -1]])
     mean, _ = model.priors(there)
     prior = model.prior_precision(there)
+    reach = effect.reach(start.tolist())
+    near = np.zeros_like(prior)
+    if reach is not None:
+        np.fill_diagonal(near[own, own], np.square(np.reciprocal(reach)))
     old = _places(fit, model)
     new_places = np.arange(own.start, own.stop)
-    matrix = prior.copy()
+    # A step beyond its reach would promise what the effect does not keep.
+    matrix = prior + near
     # A fit that misses an effect has widened errors, and the effect may be what is missing: its prior stays as it is.
     matrix[np.ix_(old, old)] += fit.information
     matrix[np.ix_(old, new_places)] += cross[:-1, :-1]
@@ -244,7 +248,7 @@ def _trial(
     gradient[np.concatenate([old, new_places])] += slope
     try:
         change = np.linalg.solve(matrix, gradient)
-        occam = float(np.linalg.slogdet(matrix)[1] - np.linalg.slogdet(prior)[1]) - fit.log_occam
+        occam = float(np.linalg.slogdet(matrix)[1] - np.linalg.slogdet(prior + near)[1]) - fit.log_occam
     except np.linalg.LinAlgError:
         return None
     cost = misfit + float(away @ prior @ away - change @ gradient)

@@ -5,6 +5,10 @@ the road, and the load is imposed. The simulator, the forward estimator and the 
 other estimators invert (`ring_series`) has equations of its own. Derived in docs/explanation/simulator.md.
 """
 
+from gateway.physics.rolling_ring.block_vibration import BlockResponse as BlockResponse
+from gateway.physics.rolling_ring.block_vibration import LoadedBelt as LoadedBelt
+from gateway.physics.rolling_ring.block_vibration import TreadBlocks as TreadBlocks
+from gateway.physics.rolling_ring.block_vibration import block_response as block_response
 from gateway.physics.rolling_ring.equilibrium import MIN_NODES as MIN_NODES
 from gateway.physics.rolling_ring.equilibrium import RingNumbers as RingNumbers
 from gateway.physics.rolling_ring.equilibrium import RingParameters as RingParameters
@@ -13,7 +17,3 @@ from gateway.physics.rolling_ring.equilibrium import loaded_belt as loaded_belt
 from gateway.physics.rolling_ring.equilibrium import nearby_solutions as nearby_solutions
 from gateway.physics.rolling_ring.equilibrium import solve_rolling_ring as solve_rolling_ring
 from gateway.physics.rolling_ring.newton_solver import RingNotConvergedError as RingNotConvergedError
-from gateway.physics.rolling_ring.tread_excitation import BlockResponse as BlockResponse
-from gateway.physics.rolling_ring.tread_excitation import LoadedBelt as LoadedBelt
-from gateway.physics.rolling_ring.tread_excitation import TreadBlocks as TreadBlocks
-from gateway.physics.rolling_ring.tread_excitation import block_response as block_response

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple, Self
 
 import numpy as np
 
+from gateway.physics.rolling_ring.block_vibration import LoadedBelt
 from gateway.physics.rolling_ring.force_balance import BeltLaw, Grid, ring_grid, road_push, segment_turn
 from gateway.physics.rolling_ring.newton_solver import (
     NewtonState,
@@ -18,7 +19,6 @@ from gateway.physics.rolling_ring.newton_solver import (
     resting_state,
 )
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, angle_derivatives, sensor_waveform
-from gateway.physics.rolling_ring.tread_excitation import LoadedBelt
 from gateway.types import BoolArray, FloatArray
 
 MIN_NODES: Final = 120
