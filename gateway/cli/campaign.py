@@ -187,6 +187,10 @@ def campaign(
     _report(progress, failures, root)
     if diagnose:
         click.echo(f"tires: {counts.made} diagnosed, {counts.known} done before, {counts.failed} without a diagnosis")
+        for tire, why in counts.reasons[:_LISTED_FAILURES]:
+            click.echo(f"  {clean(' '.join(filter(None, tire)))}: {clean(why)}")
+        if counts.failed > _LISTED_FAILURES:
+            click.echo(f"  and {counts.failed - _LISTED_FAILURES} more, in the table diagnoses")
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
@@ -269,7 +273,7 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
     click.echo(f"{progress.estimated} recordings estimated{took}, {progress.revolutions} revolutions")
     for count, words in (
         (progress.known, "done before"),
-        (progress.copies, "copies of others"),
+        (progress.copies, "with the content of another"),
         (progress.damaged, "damaged: their readable part was estimated"),
         (progress.failed_before, "failed before and have not changed (--retry tries them again)"),
         (progress.failed, "failed"),

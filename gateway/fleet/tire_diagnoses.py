@@ -6,7 +6,7 @@ import json
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote
@@ -57,11 +57,22 @@ class DiagnosisOrder:
 
 @dataclass(slots=True)
 class DiagnosisCounts:
-    """Counts of a run: tires diagnosed now, known before, and without a diagnosis."""
+    """Counts of a run: tires diagnosed now, known before, and without a diagnosis, now or before.
+
+    Attributes:
+        made: diagnosed now.
+        known: diagnosed before.
+        reasons: tires without a diagnosis, as (vehicle, position, sensor), and why.
+    """
 
     made: int = 0
     known: int = 0
-    failed: int = 0
+    reasons: list[tuple[tuple[str, str, str], str]] = field(default_factory=list)
+
+    @property
+    def failed(self) -> int:
+        """Number of tires without a diagnosis."""
+        return len(self.reasons)
 
 
 def diagnose_tires(
@@ -102,8 +113,12 @@ def diagnose_tires(
         )
         name = f"{tire_key}-{key}"
         old = list((dataset.root / DIAGNOSES).glob(f"*/*/{tire_key}-*.parquet"))
-        if any(path.name == f"{name}.parquet" for path in old):
-            counts.known += 1
+        if done := [path for path in old if path.name == f"{name}.parquet"]:
+            why = _failure_in(done[0])
+            if why:
+                counts.reasons.append((tire, why))
+            else:
+                counts.known += 1
             continue
         paths = tuple(Path(str(row["path"])) for row in chosen)
         start_ns = min(int(row["start_utc"]) for row in chosen)
@@ -122,19 +137,23 @@ def diagnose_tires(
             continue
         running.discard(event.token)
         order, old = orders[event.token]
+        why = text(event.outcome) if isinstance(event.outcome, Reason) else ""
         if event.outcome is None:
-            _write_failure(order, event.ended or Reason(Code.WORKER_ENDED))
+            ended = event.ended or Reason(Code.WORKER_ENDED)
+            _write_failure(order, ended)
+            why = text(ended)
         dataset.replace_files(DIAGNOSES, [(order.part, order.vehicle, order.start_ns, f"{event.token}.parquet")], old)
-        counts.made += event.outcome is True
-        counts.failed += event.outcome is not True
+        if why:
+            counts.reasons.append(((order.vehicle, order.position, order.sensor_id), why))
+        counts.made += not why
         on_tire(counts.made + counts.failed, len(orders))
     if running:
         tasks().cancel()
     return counts
 
 
-def diagnose_tire(order: DiagnosisOrder) -> bool:
-    """Diagnose one tire in a worker and write its part; return False where the recordings give no diagnosis.
+def diagnose_tire(order: DiagnosisOrder) -> Reason | bool:
+    """Diagnose one tire in a worker and write its part; return True, or why the recordings give no diagnosis.
 
     Raises:
         OutputError: the dataset cannot be written.
@@ -149,11 +168,10 @@ def diagnose_tire(order: DiagnosisOrder) -> bool:
     except OutputError:
         raise
     except TreadlinkError as error:
-        _write_failure(order, Reason(Code.RECORDING_NOT_USED, message=str(error)))
-        return False
+        return _write_failure(order, Reason(Code.RECORDING_NOT_USED, message=str(error)))
     except Exception as error:  # a fault of treadlink at one tire must not stop the others
-        _write_failure(order, Reason(Code.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500]))
-        return False
+        failed = Reason(Code.ESTIMATION_FAILED, kind=type(error).__name__, message=str(error)[:500])
+        return _write_failure(order, failed)
     whole = json.dumps(diagnosis_json(diagnosis), ensure_ascii=False, allow_nan=False)
     common = {
         **_head(order),
@@ -195,9 +213,19 @@ def _head(order: DiagnosisOrder) -> dict[str, Any]:
     }
 
 
-def _write_failure(order: DiagnosisOrder, reason: Reason) -> None:
+def _failure_in(path: Path) -> str:
+    """Return why a file holds no diagnosis; empty where it holds one."""
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path) as file:
+        rows: list[dict[str, Any]] = file.read(["code", "text"]).to_pylist()
+    return next((str(row["text"]) for row in rows if row["code"]), "")
+
+
+def _write_failure(order: DiagnosisOrder, reason: Reason) -> Reason:
     with PartFile(order.part, DIAGNOSIS_COLUMNS, DIAGNOSES) as part:
         part.row({**_head(order), "code": str(reason.code), "text": text(reason)})
+    return reason
 
 
 def _tires(root: Path, given: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:

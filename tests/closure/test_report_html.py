@@ -143,6 +143,11 @@ def test_undecided_effects_are_in_summary_and_omissions():
     assert "Do not rely on the effects" in answer
     answer = Page(diagnosis_html(replace(empty(), complete=False))).text
     assert "No effect is identified: the search ended at its time limit." in answer
+    note = Reason(Code.CONTACTS_CONTRADICT, short="a.mcap", short_rad=0.22, long="b.mcap", long_rad=0.27)
+    answer = Page(diagnosis_html(replace(empty(), notes=(note,)))).text
+    assert (
+        "Contact half angle 12.6 deg in a.mcap, 15.5 deg in b.mcap: load, pressure or tire is not as stated." in answer
+    )
     lasting = replace(first, lock="time")
     answer = Page(diagnosis_html(replace(empty(), findings=(lasting,), held_out=HeldOut(4.0, 2.0, 40, 4)))).text
     assert "The held-out error is 2.00 m/s² rms" in answer

@@ -17,7 +17,9 @@ from gateway.cli import treadlink
 from gateway.errors import OutputError
 from gateway.estimators.estimator import Status
 from gateway.fleet.recording_estimation import estimate_names
-from gateway.fleet.tire_diagnoses import MOST_RECORDINGS, _chosen
+from gateway.fleet.tire_diagnoses import MOST_RECORDINGS, DiagnosisOrder, _chosen, _failure_in, diagnose_tire
+from gateway.reasons import Reason
+from gateway.views.wording import text
 from tests.fleet.test_campaign_run import is_whole, names, rows
 
 ROOT = Path(__file__).parents[2]
@@ -118,6 +120,15 @@ def test_campaign_diagnoses_tires(recordings, tmp_path):
     assert len(whole) == 2
     assert {len(one["recordings"]) for one in whole} == {1, 2}
     assert "0 diagnosed, 2 done before" in runner.invoke(treadlink, arguments).output
+
+
+def test_tires_without_a_diagnosis_are_named_with_the_reason(tmp_path):
+    part = tmp_path / "part.parquet"
+    order = DiagnosisOrder("van 7", "FL", "0000a000", (tmp_path / "gone.mcap",), 0, None, None, part)
+    why = diagnose_tire(order)
+    assert isinstance(why, Reason)
+    assert "gone.mcap" in text(why)
+    assert _failure_in(part) == text(why)
 
 
 def test_diagnosis_takes_recordings_of_all_speeds():

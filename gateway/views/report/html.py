@@ -15,6 +15,7 @@ import numpy as np
 from gateway import __version__
 from gateway.closure.result import Curves, Diagnosis, Spectra, Trend
 from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Reason
 from gateway.views.numbers import fixed, split_name
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import (
@@ -41,6 +42,7 @@ from gateway.views.report.phrases import (
     no_residual,
     place_text,
     remark,
+    sentence,
     undecided_sets,
 )
 from gateway.views.report.quantities import (
@@ -233,6 +235,9 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
             yield f"{subject} lacks {names}; these data do not distinguish them."
         else:
             yield f"{subject} may lack {effect_title(finding.name)}; these data do not decide."
+    for note in diagnosis.notes:
+        if isinstance(note, Reason) and note.code in (Code.CONTACTS_CONTRADICT, Code.LOADS_CONTRADICT):
+            yield sentence(remark(note))
     share = ratio(held_out.rms_after_mps2, floor)
     times = f"{fixed(share, 2)} times the" if math.isfinite(share) else "with a"
     over = f", {times} noise floor of {significant(floor)} m/s²."
