@@ -129,11 +129,11 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
     names = ("blocks", "bending_over_mass_m4ps2", "tension_over_mass_m2ps2", "sidewall_loss_ps", "bending_loss_m4ps")
     tread = BlockTread(*(found[name] for name in names))
     before, after = (belt_wave(tread, side, conditions.omega_radps, conditions.radius_m) for side in (0, 1))
-    assert (before.order, after.order) == pytest.approx((91.3, 52.0), abs=1.0)
+    assert (before.order, after.order) == pytest.approx((94.9, 52.4), abs=1.0)
     # The free orders, decays and pitch of before are here those of a whole number of blocks on a car tire's belt.
-    assert tread.blocks == pytest.approx(68.4, abs=0.75)
-    assert tread.bending_m4ps2 == pytest.approx(0.14, abs=0.2)
-    assert tread.tension_m2ps2 == pytest.approx(3460.0, abs=900.0)
+    assert tread.blocks == pytest.approx(70.3, abs=0.75)
+    assert tread.bending_m4ps2 == pytest.approx(0.51, abs=0.2)
+    assert tread.tension_m2ps2 == pytest.approx(1400.0, abs=900.0)
     # Bending damping makes the shorter wave ahead decay faster than the one behind; the sidewall's damping would not.
     assert before.decay_per_rad / after.decay_per_rad == pytest.approx(3.9, abs=0.5)
     undamped = belt_wave(replace(tread, bending_loss_m4ps=0.0, sidewall_loss_ps=100.0), 0, 70.8, 0.3)
@@ -142,17 +142,17 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
 
 
 def test_waves_reduce_the_misfit(fitted: Fitted) -> None:
-    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(1450.0, abs=60.0)
+    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(1930.0, abs=60.0)
     found = parameters(fitted.after)
-    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((31.6, 0.215), rel=0.06)
+    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((30.2, 0.215), rel=0.06)
 
 
 @pytest.mark.parametrize(
     ("window", "share_before", "share_after"),
     [
-        ((-60.0, -33.0), 0.29, 0.38),
-        ((-33.0, -20.0), 0.77, 0.02),
-        ((-20.0, -11.5), 0.42, 0.0),
+        ((-60.0, -33.0), 0.26, 0.36),
+        ((-33.0, -20.0), 0.78, 0.20),
+        ((-20.0, -11.5), 0.43, 0.08),
         ((12.0, 60.0), 0.85, 0.52),
     ],
 )
@@ -180,4 +180,4 @@ def test_diagnosis_names_the_waves(recording: Path) -> None:
     assert (offset.value, offset.std) == pytest.approx((6.21e-3, 0.40e-3), abs=2e-4)
     assert not any(diagnosis.determined.get(number, True) for number in ("Bs", "Cw", "Rs", "Ts"))
     assert diagnosis.determined["Bs/Cw"]
-    assert diagnosis.estimates_after["Bs/Cw"].value == pytest.approx(3.0e-4, abs=0.9e-4)
+    assert diagnosis.estimates_after["Bs/Cw"].value == pytest.approx(1.8e-4, abs=0.5e-4)
