@@ -451,6 +451,7 @@ class Code(StrEnum):
     LEAVES_RESIDUAL_AT_EDGES = "leaves_residual_at_edges"
     NOTHING_REMAINS = "nothing_remains"
     ORDER_OR_FREQUENCY = "order_or_frequency"
+    BESIDE_SOMETHING_LARGER = "beside_something_larger"
 
     # Diagnosis: deciding recordings
     RECORD_AT_SPEED = "record_at_speed"

@@ -770,6 +770,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the residual is {noise_floors:.1f} times the noise floor, and one speed does not distinguish an "
         "order from a fixed frequency"
     ),
+    Code.BESIDE_SOMETHING_LARGER: (
+        "at one speed, {own_mps2:.2f m/s^2} may be the flank of something unknown of {larger_mps2:.2f m/s^2}"
+    ),
     # Diagnosis: deciding recordings
     Code.RECORD_AT_SPEED: "record again at {speed_ratio:g} times the speed",
     Code.RECORD_REVERSED: "record again rolling in the opposite direction",

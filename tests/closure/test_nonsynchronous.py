@@ -14,10 +14,10 @@ from gateway.closure.effects.effect import GroupConditions, SpectrumEffect
 from gateway.closure.inference import criteria
 from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.nonsynchronous_density import Site
-from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
+from gateway.closure.inference.nonsynchronous_diagnosis import UNKNOWN, TimeLocked, beside_larger, diagnose_time_locked
 from gateway.closure.inference.nonsynchronous_spectra import group_spectra
 from gateway.closure.inference.unexplained_spectrum import parts_left
-from gateway.closure.result import Scaling, ScalingStatus, Verdict
+from gateway.closure.result import Finding, Scaling, ScalingStatus, Unexplained, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason
 from tests.closure.nonsynchronous_data import simulated_groups
@@ -311,3 +311,15 @@ def test_wide_band_keeps_its_width() -> None:
     assert part.rms_mps2 > 3.0 * part.std_mps2
     assert part.low_hz <= 505.0
     assert part.high_hz >= 515.0
+
+
+def test_effect_at_one_speed_beside_something_larger_is_undecided() -> None:
+    cavity = Finding("cavity resonance", Verdict.NAMED, {}, 1e3, 0.3)
+    road = Finding("road vibration", Verdict.NAMED, {}, 1e3, 3.0)
+    line = Unexplained("radial", "time", None, (190.0, 230.0), None, Scaling(ScalingStatus.KNOWN, 0.0), 2.2, 0.1)
+    doubted, kept = beside_larger((cavity, road), (line,))
+    assert doubted.verdict is Verdict.INDISTINGUISHABLE
+    assert doubted.rivals == (UNKNOWN,)
+    assert doubted.reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
+    assert kept == road
+    assert beside_larger((cavity, road), ()) == [cavity, road]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -32,6 +32,8 @@ from gateway.types import FloatArray
 
 FOLDS: Final = 5
 ANTI_ALIAS: Final = "anti-alias filter"
+UNKNOWN: Final = "what is unexplained beside it"
+"""The confounder of an effect at one speed that is smaller than something unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,31 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
         parts += parts_left(site, density, noise, np.exp(level))
         drawn.append(_drawn(site, density, noise))
     notes += _notes(posterior)
-    return TimeLocked(tuple(findings), tuple(unexplained(sites, parts)), tuple(drawn), tuple(notes))
+    left = tuple(unexplained(sites, parts))
+    doubted = findings if several_speeds(sites) else beside_larger(findings, left)
+    return TimeLocked(tuple(doubted), left, tuple(drawn), tuple(notes))
+
+
+def beside_larger(findings: Sequence[Finding], left: Sequence[Unexplained]) -> list[Finding]:
+    """Make effects undecided at one speed that are smaller than something unknown: they may be the flanks of it.
+
+    Args:
+        findings: of the spectra.
+        left: lines and bands that no effect explains.
+    """
+    largest = max((entry.rms_mps2 for entry in left), default=0.0)
+    return [
+        replace(
+            finding,
+            verdict=Verdict.INDISTINGUISHABLE,
+            rivals=(*finding.rivals, UNKNOWN),
+            decide_with=finding.decide_with or Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED),
+            reason=Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=largest),
+        )
+        if finding.verdict is Verdict.NAMED and finding.rms_mps2 < largest
+        else finding
+        for finding in findings
+    ]
 
 
 def _findings(
@@ -143,8 +169,6 @@ def _finding(
         verdict,
         _parameters(effect, one.fit),
         without.fit.deviance - one.fit.deviance,
-        math.nan,
-        math.nan,
         _rms(sites, one.fit, effect),
         rivals=rivals,
         decide_with=decide_with,
