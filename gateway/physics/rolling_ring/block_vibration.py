@@ -165,7 +165,8 @@ def block_response(
     return BlockResponse(read[0], read[1:])
 
 
-@lru_cache(maxsize=64)
+# Two megabytes each.
+@lru_cache(maxsize=16)
 def _parts(belt: LoadedBelt) -> _Parts:
     """Return the parts of a belt; its tangent stiffness is linear in each stiffness, and in the mass."""
     damped, grid = replace(belt.law, mass_kgpm=0.0, omega_radps=1.0), ring_grid(len(belt.state))
