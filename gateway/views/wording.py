@@ -771,7 +771,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "order from a fixed frequency"
     ),
     Code.BESIDE_SOMETHING_LARGER: (
-        "at one speed, {own_mps2:.2f m/s^2} may be the flank of something unknown of {larger_mps2:.2f m/s^2}"
+        "at one speed, {own_mps2:.2f m/s²} may be the flank of something unknown of {larger_mps2:.2f m/s²}"
     ),
     # Diagnosis: deciding recordings
     Code.RECORD_AT_SPEED: "record again at {speed_ratio:g} times the speed",

@@ -235,7 +235,8 @@ def test_measured_tire_leaves_numbers_undetermined() -> None:
     for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
         assert found[name].status is not Status.VALID
         assert {Code.NOT_DETERMINED, Code.FIT_AT_ZERO} & {*codes_of(found[name].reasons)}, name
-    # Only the order of magnitude is checked: this tire's numbers are not known.
-    assert found["Rs/Cw"].value == pytest.approx(9.0, rel=0.4)
+    # Only the order of magnitude is checked: this tire's numbers are not known, and the fit has two minima, at about 7
+    # and 13, of which the edges that it starts from decide.
+    assert found["Rs/Cw"].value == pytest.approx(10.0, rel=0.5)
     assert found["half_angle_rad"].value == pytest.approx(0.205, abs=0.005)
     assert found["edge_wave_after"].value > 3.0 * found["edge_wave_after"].std
