@@ -107,6 +107,20 @@ def test_waveform_is_smooth_from_zero(name: str) -> None:
             assert np.linalg.norm(slopes[2][axis] - slopes[1][axis]) < 0.08 * size
 
 
+@pytest.mark.parametrize("name", EXACT)
+def test_change_for_a_trial_is_that_of_the_shape(name: str) -> None:
+    """Shear flexibility has one more unknown than the ring without it."""
+    effect, core = ring_effect(name), ExactCore()
+    after = effect.options(RingOptions(), np.array(effect.start_values[0]), HERE)
+    change = core.change(np.zeros(5), HERE, RingOptions(), after, 0.24)
+    plain, there = (core.shape(np.zeros(5), HERE, options, 0.24) for options in (RingOptions(), after))
+    found, true = (
+        waveform_orders(one, 60)
+        for one in (change.waveform.radial_m, there.waveform.radial_m - plain.waveform.radial_m)
+    )
+    assert np.abs(found - true).max() < 0.15 * np.abs(true).max()
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [

@@ -142,9 +142,9 @@ class ExactCore:
     ) -> Shape:
         """Return the approximate change of the shape by another option: on a coarse grid, at a nearby state."""
         near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
-        change = moved(_coarse_shape(near, conditions, after), _coarse_shape(near, conditions, before), -1.0)
-        # The belt of the coarse grid is not that of the shape which is to change.
-        return replace(change, belt=None)
+        # The belts of the coarse grid are not that of the shape which is to change, and may differ in their unknowns.
+        there, here = (replace(_coarse_shape(near, conditions, one), belt=None) for one in (after, before))
+        return moved(there, here, -1.0)
 
     def _slopes(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> tuple[Shape, ...]:
         """Return the derivatives of a round tire's shape by the state's parameters."""
