@@ -32,7 +32,7 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 
 _NUMBERS = ("Bs", "Cw", "Rs", "Ts")
-_MOST_VALUES = 4
+_MOST_VALUES = 6
 _BLOCKS, _REVOLUTIONS = 5, 20
 # Distance from the contact's edges within which the belt is not free.
 _FROM_EDGE_RAD = 0.2

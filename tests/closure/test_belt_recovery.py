@@ -45,6 +45,21 @@ def campaign(effect: AngleEffect, values: FloatArray, seed: int, speeds: tuple[f
     return replace(plain, groups=tuple(made))
 
 
+def std_of_recovered(effect: AngleEffect, truth: FloatArray, seed: int, speeds_kmh: tuple[float, ...]) -> FloatArray:
+    """Recover an effect from the data of a campaign that has it, hold it against the truth, return its errors (p,)."""
+    made = campaign(effect, truth, seed, speeds_kmh)
+    data = whiten(made, ExactCore())
+    without = fit_model(ClosureModel(made, ExactCore()), data)
+    trial = try_effect(without, effect, shapes_of(without, range(len(data.orders))))
+    assert trial is not None
+    fit = refit(trial, data)
+    assert fit.misfit < 1.15 * data.size
+    where = fit.model.layout.effect(effect.name)
+    std: FloatArray = np.sqrt(np.diagonal(fit.covariance))[where]
+    assert (np.abs(fit.vector[where] - truth) < 4.5 * std).all()
+    return std
+
+
 @pytest.mark.parametrize(
     ("name", "values", "seed"),
     [

@@ -10,13 +10,8 @@ import pytest
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave, mass_of_wave
 from gateway.closure.effects.catalogue import candidates, catalogue
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, SignalEffect
-from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
-from gateway.closure.inference.fit import fit_model
-from gateway.closure.inference.likelihood import whiten
-from gateway.closure.model.closure_model import ClosureModel
-from gateway.closure.model.exact_baseline import ExactCore
 from tests.closure.belt_data import CONDITIONS, block_of
-from tests.closure.test_belt_recovery import campaign
+from tests.closure.test_belt_recovery import std_of_recovered
 
 NAME = "tread block excitation"
 # Shares, blocks, mass, losses of belt and tread.
@@ -31,16 +26,7 @@ def effect() -> SignalEffect:
 
 @pytest.mark.parametrize("speeds", [(65.0,), (45.0, 75.0)])
 def test_blocks_mass_and_losses_are_found(speeds: tuple[float, ...]) -> None:
-    made = campaign(effect(), TRUTH, 5, speeds)
-    data = whiten(made, ExactCore())
-    without = fit_model(ClosureModel(made, ExactCore()), data)
-    trial = try_effect(without, effect(), shapes_of(without, range(len(data.orders))))
-    assert trial is not None
-    fit = refit(trial, data)
-    assert fit.misfit < 1.15 * data.size
-    where = fit.model.layout.effect(NAME)
-    std = np.sqrt(np.diagonal(fit.covariance))[where]
-    assert (np.abs(fit.vector[where] - TRUTH) < 4.5 * std).all()
+    std = std_of_recovered(effect(), TRUTH, 5, speeds)
     assert std[2] < 0.3
     assert std[3] < 0.05 * TRUTH[3]
 

@@ -104,8 +104,9 @@ def unlike_contacts(state: IntArray, omega_radps: FloatArray, half_angle_rad: Fl
     pairs = []
     for each in np.unique(state).tolist():
         here = np.flatnonzero(state == each)
-        for label in np.unique(modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH)).tolist():
-            alike_speed = here[modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH) == label]
+        labels = modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH)
+        for label in np.unique(labels).tolist():
+            alike_speed = here[labels == label]
             angles = np.log(half_angle_rad[alike_speed])
             if not np.isfinite(angles).any() or not np.nanmax(angles) - np.nanmin(angles) > _ANGLE_WIDTH:
                 continue

@@ -221,7 +221,7 @@ class Effect(ABC):
         already_in: baseline models that contain it; it is no candidate there.
         needs_exact: True where it acts on the exact ring only; a series has no belt that it could act on.
         form_of: name of a phenomenon of which only one form can be present; empty for most effects.
-        stages: number of times that starts around the best one are tried, where good starts are narrow.
+        refinements: number of times that starts around the best one are tried, where good starts are narrow.
         scan: (index of a parameter, values to try), one after the other from the best start so far, for effects whose
             misfit has many minima.
     """
@@ -240,7 +240,7 @@ class Effect(ABC):
     already_in: frozenset[BaselineModel] = frozenset()
     needs_exact: bool = False
     form_of: str = ""
-    stages: int = 0
+    refinements: int = 0
     scan: tuple[tuple[int, tuple[float, ...]], ...] = ()
 
     def starts(self, conditions: Sequence[GroupConditions]) -> tuple[tuple[float, ...], ...]:
@@ -254,7 +254,7 @@ class Effect(ABC):
     def nearer(
         self, stage: int, start: Sequence[float], conditions: Sequence[GroupConditions]
     ) -> tuple[tuple[float, ...], ...]:
-        """Return starts around the best one so far, from stage 0 on, for effects with `stages`."""
+        """Return starts around the best one so far, from stage 0 on, for effects with `refinements`."""
         return ()
 
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:

@@ -92,7 +92,7 @@ class TreadExcitation(SignalEffect):
     )
     needs_exact = True
     form_of = "edge waves"
-    stages = 2
+    refinements = 2
     scan = ((4, _SCAN_BENDING_S), (5, _SCAN_TREAD_S))
     stage = Stage.BELT
 

@@ -22,7 +22,7 @@ _TRIAL_STEPS: Final = 25
 _ROUGH: Final = 3e-3
 # Logarithm of a state's parameters from which the ring is far from its nominal shape.
 _BENT: Final = 1.5
-# Starts of an effect with stages from which some linear steps are made, and their number.
+# Starts of an effect with refinements from which some linear steps are made, and their number.
 _FINALISTS: Final = 8
 _FOLLOWED: Final = 3
 # Fraction of a ring effect's starts that is tried in addition.
@@ -75,7 +75,7 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
         # The ring responds differently to large and to small changes of its own parameters.
         starts = (*starts, *(tuple(_SMALL * value for value in start) for start in starts))
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
-    if effect.stages:
+    if effect.refinements:
         starts = _nearest(fit, model, effect, shapes, starts)
     best = max(_trials(fit, model, effect, shapes, starts), key=_promise, default=None)
     if best is None:
@@ -99,7 +99,7 @@ def _nearest(
     shapes: Mapping[int, Shape],
     starts: Sequence[Sequence[float]],
 ) -> list[list[float]]:
-    """Return the best start of an effect with stages, by the slowest and the fastest group alone.
+    """Return the best start of an effect with refinements, by the slowest and the fastest group alone.
 
     The best ones are followed for a few steps, as the promise of a start is that of a linear step from it.
     """
@@ -108,7 +108,7 @@ def _nearest(
     few = {index: shapes[index] for index in sorted({by_speed[0], by_speed[-1]})}
     conditions = tuple(groups[index].conditions for index in few)
     trials = _trials(fit, model, effect, few, starts)
-    for stage in range(effect.stages if trials else 0):
+    for stage in range(effect.refinements if trials else 0):
         best = max(trials, key=_promise)
         trials += _trials(fit, model, effect, few, effect.nearer(stage, best.start.tolist(), conditions))
     own = model.layout.effect(effect.name)
