@@ -9,7 +9,7 @@ from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lat
 from gateway.physics.rolling_ring import RingNumbers, RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.tread_pattern import EdgeWaves, TreadPitch
 
-RING_NODES = 1440
+RING_NODES = 2880
 
 
 @dataclass(frozen=True, slots=True)

@@ -316,7 +316,7 @@ def _parameter_pulls(versions: Versions) -> list[str]:
 
 
 def _pulls(entries: Iterable[tuple[float | None, float | None, float, bool]]) -> str:
-    """Return rms, share beyond three errors and share determined of (value, std, true, determined)."""
+    """Return rms, mean, share beyond three errors and share determined of (value, std, true, determined)."""
     total, pulls = 0, []
     for value, std, true, determined in entries:
         total += 1
@@ -332,7 +332,8 @@ def _pulls(entries: Iterable[tuple[float | None, float | None, float, bool]]) ->
     # A few that are far off hide how the others are.
     typical = float(np.median(np.abs(values))) / 0.6745
     return (
-        f"rms {rms:.2f}, by the median {typical:.2f}, beyond 3: {far.text()}, most {np.abs(values).max():.1f}, "
+        f"rms {rms:.2f}, by the median {typical:.2f}, mean {values.mean():+.2f}, "
+        f"beyond 3: {far.text()}, most {np.abs(values).max():.1f}, "
         f"determined {100 * len(values) / total:.0f} % of {total}"
     )
 
