@@ -112,6 +112,7 @@ class _Parts(NamedTuple):
         losses: (3, ...) of sidewall, belt and tread, for a damping time of 1 s and a rate of 1; of the sidewall's own
             damper.
         passing: (3, ...) likewise, for the rate d/dtheta at which the belt passes what stands still.
+        acting: (N, 7 d, 7 d) inertia, losses and passing by node, as they act on the 7 nodes around it.
         push_n: (N, 2).
     """
 
@@ -119,6 +120,7 @@ class _Parts(NamedTuple):
     inertia: FloatArray
     losses: FloatArray
     passing: FloatArray
+    acting: FloatArray
     push_n: FloatArray
 
 
@@ -151,10 +153,8 @@ def block_response(
     solve = _Solver(dynamic)
     vibration = solve(pushed[None])[0]
     around = vibration[_window(len(vibration))]
-    held, passed = (
-        omega_radps * np.stack([_times(one, around) for one in both]) for both in (parts.losses, parts.passing)
-    )
-    accelerated = _times(parts.inertia, around)
+    accelerated, *acted = _acting(parts.acting, around)
+    held, passed = omega_radps * np.reshape(acted, (2, 3, *vibration.shape))
     accelerated[:, :2] += np.tensordot(moving, around[:, :, :2], axes=(0, 1))
     by_blocks = -1j * np.tensordot(times_s, held, 1)
     by_blocks[:, :2] += inertia * np.tensordot(by_count, around[:, :, :2], axes=(0, 1))
@@ -165,7 +165,7 @@ def block_response(
     return BlockResponse(read[0], read[1:])
 
 
-# Two megabytes each.
+# Four megabytes each.
 @lru_cache(maxsize=16)
 def _parts(belt: LoadedBelt) -> _Parts:
     """Return the parts of a belt; its tangent stiffness is linear in each stiffness, and in the mass."""
@@ -195,7 +195,10 @@ def _parts(belt: LoadedBelt) -> _Parts:
     for offset, weight in zip(range(-_STENCIL, _STENCIL + 1), _FIRST, strict=True):
         passing[2, _REACH + offset] += weight / grid.step_rad * tread[_STENCIL]
     wide = [_widened(one) for one in (rest.blocks, inertia, sidewall, bending, tread)]
-    return _Parts(wide[0], wide[1], np.stack(wide[2:]), passing, length * rest.road.force_npm)
+    losses = np.stack(wide[2:])
+    by_node = np.stack([wide[1], *losses, *passing]).transpose(2, 0, 3, 1, 4)
+    acting = by_node.reshape(nodes, by_node.shape[1] * dof, -1)
+    return _Parts(wide[0], wide[1], losses, passing, acting, length * rest.road.force_npm)
 
 
 def _turned(angle_rad: float) -> FloatArray:
@@ -211,10 +214,13 @@ def _widened(blocks: FloatArray) -> FloatArray:
     return result
 
 
-def _times(blocks: FloatArray, around: ComplexArray) -> ComplexArray:
-    """Return a cyclic block band (7, N, d, d) times a vector by its values around each node, (N, 7, d)."""
-    result: ComplexArray = np.einsum("onab,nob->na", blocks, around)
-    return result
+def _acting(acting: FloatArray, around: ComplexArray) -> ComplexArray:
+    """Return (k, N, d) what k parts of a belt do to a vector by its values around each node, (N, 7, d)."""
+    nodes, _, dof = around.shape
+    # Real and imaginary parts as two columns: the parts are real.
+    columns = around.reshape(nodes, -1, 1).view(np.float64)
+    result: ComplexArray = np.ascontiguousarray(acting @ columns).view(np.complex128)
+    return result.reshape(nodes, -1, dof).transpose(1, 0, 2)
 
 
 @lru_cache(maxsize=16)
