@@ -67,6 +67,24 @@ def test_probabilities_add_up() -> None:
     assert math.isfinite(odds)
 
 
+def test_errors_of_an_effects_parameters_contain_the_choice_of_the_set() -> None:
+    """With its twin in the set as well, an effect takes any share of what both explain."""
+    found, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
+    finding = next(finding for finding in findings_of(found, TWINS, {}) if finding.name == "one")
+    (parameter,) = finding.parameters.values()
+
+    def alone(one: Evaluated) -> tuple[float, float]:
+        place = one.fit.model.layout.effect("one").start
+        return float(one.fit.vector[place]), float(one.fit.covariance[place, place])
+
+    value, variance = alone(found.every[frozenset({"one"})])
+    both, wide = alone(found.every[frozenset(TWINS)])
+    share = found.masses[frozenset(TWINS)] / (found.masses[frozenset(TWINS)] + found.masses[frozenset({"one"})])
+    assert parameter.value == value
+    assert parameter.std**2 == pytest.approx((1.0 - share) * variance + share * (wide + (both - value) ** 2))
+    assert parameter.std > 2.0 * math.sqrt(variance)
+
+
 def test_indistinguishable_effects_are_reported_together() -> None:
     found, _ = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), TWINS)
     assert found.identified() == ()

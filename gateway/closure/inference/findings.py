@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.reasons import Code, Reason
+from gateway.types import FloatArray
 
 # Impossible effects listed.
 _MOST_LISTED: Final = 4
@@ -98,6 +99,7 @@ def _finding(
         reason=reason,
         probability=posterior.probability([name]),
         log_odds=posterior.log_odds(name),
+        others=[(other, weight) for other, weight in posterior.considered if name in other.names],
     )
 
 
@@ -106,6 +108,7 @@ def _of_set(
     name: str,
     verdict: Verdict,
     *,
+    others: Sequence[tuple[Evaluated, float]] = (),
     chi2: float = math.nan,
     rms_before: float = math.nan,
     rms_after: float = math.nan,
@@ -120,7 +123,7 @@ def _of_set(
     return Finding(
         name=name,
         verdict=verdict,
-        parameters=_parameters(one, effect),
+        parameters=_parameters(one, effect, others),
         chi2=chi2,
         rms_mps2=_size(one, effect),
         rms_before_mps2=rms_before,
@@ -150,13 +153,40 @@ def _decide(
     return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
 
 
-def _parameters(one: Evaluated, effect: AngleEffect) -> dict[str, Fitted]:
-    where = one.fit.model.layout.effect(effect.name)
-    std = np.sqrt(np.diagonal(one.fit.covariance))[where]
+def _parameters(one: Evaluated, effect: AngleEffect, others: Sequence[tuple[Evaluated, float]]) -> dict[str, Fitted]:
+    """Return the parameters of an effect in one set, their errors over all sets that matter."""
+    here = _of_effect(one, effect.name)
+    variances = over_sets(here, [(_of_effect(other, effect.name), weight) for other, weight in others])
     return {
-        parameter.name: fitted_parameter(parameter, float(value), float(error))
-        for parameter, value, error in zip(effect.parameters, one.fit.vector[where], std, strict=True)
+        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)))
+        for parameter, value, variance in zip(effect.parameters, here[0], variances, strict=True)
     }
+
+
+def _of_effect(one: Evaluated, name: str) -> tuple[FloatArray, FloatArray]:
+    where = one.fit.model.layout.effect(name)
+    return one.fit.vector[where], np.diagonal(one.fit.covariance)[where]
+
+
+def over_sets(
+    here: tuple[FloatArray, FloatArray], sets: Sequence[tuple[tuple[FloatArray, FloatArray], float]]
+) -> FloatArray:
+    """Return the mean square distance of an effect's parameters to those of one set, (P,).
+
+    The value shown is that of the most probable set, with which the other effects' values go together. What the choice
+    of the set leaves open is part of its error.
+
+    Args:
+        here: the parameters of that set and their variances, (P,) each.
+        sets: the same of every set with the effect that matters, and its weight; none if the effect is in none.
+    """
+    values, own = here
+    total = sum(weight for _, weight in sets)
+    if not total > 0.0:
+        return own
+    far = [weight / total * (variance + np.square(there - values)) for (there, variance), weight in sets]
+    result: FloatArray = np.sum(far, axis=0)
+    return result
 
 
 def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:

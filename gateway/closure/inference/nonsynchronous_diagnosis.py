@@ -13,7 +13,7 @@ from gateway.closure.data.campaign_data import Group
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import SpectrumEffect
 from gateway.closure.inference import criteria
-from gateway.closure.inference.findings import fitted_parameter
+from gateway.closure.inference.findings import fitted_parameter, over_sets
 from gateway.closure.inference.nonsynchronous_density import (
     FILTER_TERMS,
     LOW_PASS,
@@ -164,10 +164,11 @@ def _finding(
     if not isinstance(effect, SpectrumEffect):
         raise TypeError(name)
     probability = 0.0 if inside is not None else posterior.probability([name])
+    matter = () if inside is not None else tuple(pair for pair in posterior.considered if name in pair[0].names)
     return Finding(
         name,
         verdict,
-        _parameters(effect, one.fit),
+        _parameters(effect, one.fit, [(other.fit, weight) for other, weight in matter]),
         without.fit.deviance - one.fit.deviance,
         _rms(sites, one.fit, effect),
         rivals=rivals,
@@ -181,13 +182,20 @@ def _finding(
     )
 
 
-def _parameters(effect: SpectrumEffect, fit: SpectrumFit) -> dict[str, Fitted]:
-    place = fit.parts.place(effect.name)
-    std = np.sqrt(np.maximum(np.diag(fit.covariance)[place], 0.0))
+def _parameters(
+    effect: SpectrumEffect, fit: SpectrumFit, others: Sequence[tuple[SpectrumFit, float]]
+) -> dict[str, Fitted]:
+    here = _of_effect(fit, effect.name)
+    variances = over_sets(here, [(_of_effect(other, effect.name), weight) for other, weight in others])
     return {
-        one.name: fitted_parameter(one, float(value), float(error))
-        for one, value, error in zip(effect.parameters, fit.shared[place], std, strict=True)
+        one.name: fitted_parameter(one, float(value), math.sqrt(max(float(variance), 0.0)))
+        for one, value, variance in zip(effect.parameters, here[0], variances, strict=True)
     }
+
+
+def _of_effect(fit: SpectrumFit, name: str) -> tuple[FloatArray, FloatArray]:
+    place = fit.parts.place(name)
+    return fit.shared[place], np.diag(fit.covariance)[place]
 
 
 def _rms(sites: Sequence[Site], fit: SpectrumFit, effect: SpectrumEffect) -> float:
