@@ -1,4 +1,4 @@
-"""Rolls the kept tires and writes their signals: python -m independent_tire --cache DIR [--tire NAME].
+"""Rolls the kept tires and writes their signals: python -m independent_tire --cache DIR [--tire NAME] [--drawn SEED].
 
 One .npz for each tire. `description` is JSON: the parameters, the numbers Bs, Cw, Rs, Ts, the measured load, contact
 edges, rolling resistance and scatter. For each offset of the sensor e in mm: `shape_<e>`, (6, revolutions, angles),
@@ -20,7 +20,7 @@ import numpy as np
 
 from independent_tire.rolling import Belt, History, roll
 from independent_tire.sensor import sampled, signals
-from independent_tire.tires import PULLED, TIRES
+from independent_tire.tires import PULLED, TIRES, drawn
 
 RATE_HZ = 9600.0
 OFFSETS_MM = (0.0, 2.0, 4.0, 6.0, 8.0, 12.0)
@@ -34,12 +34,13 @@ def main() -> None:
         "--tire", action="append", choices=[belt.name for belt in (*TIRES, *PULLED)], help="instead of all"
     )
     parser.add_argument("--pulled", action="store_true", help="the driven and braked tires in place of the others")
+    parser.add_argument("--drawn", type=int, metavar="SEED", help="three tires drawn at random in place of the others")
     parser.add_argument("--elements", type=int, help="of the belt, instead of each tire's own number")
     parser.add_argument("--force", action="store_true", help="roll tires again that are there already")
     options = parser.parse_args()
     options.cache.mkdir(parents=True, exist_ok=True)
     # The driven and braked tires are of other benchmarks, so they are made only by name or on request.
-    usual = PULLED if options.pulled else TIRES
+    usual = drawn(options.drawn) if options.drawn is not None else PULLED if options.pulled else TIRES
     for belt in [belt for belt in (*TIRES, *PULLED) if belt.name in options.tire] if options.tire else usual:
         path = options.cache / f"{belt.name}.npz"
         if path.is_file() and not options.force:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
+
+import numpy as np
 
 from independent_tire.rolling import Belt
 
@@ -80,3 +83,32 @@ PULLED: Final[tuple[Belt, ...]] = (
     _belt("pulling-65", *_CAR, speed_mps=65 / 3.6, sinking_m=0.024, sidewall_damping_nspm2=60.0, friction=1.0,
           traction=0.3, slip_scale=_SLIP_SCALE),
 )  # fmt: skip
+
+
+def drawn(seed: int, count: int = 3) -> tuple[Belt, ...]:
+    """Return tires of random size, numbers, losses, tread and road, each at a low and a high speed."""
+    rng = np.random.default_rng(seed)
+    tires = []
+    for index in range(count):
+        radius_m = float(rng.uniform(0.28, 0.45))
+        pressure_pa = float(rng.uniform(1.8e5, 6e5)) * (1.0 if radius_m < 0.36 else 1.4)
+        bs, cw, rs, ts = np.exp(rng.normal(0.0, 0.25, 4)).tolist()
+        size = pressure_pa / 2.1e5
+        more: dict[str, Any] = {
+            "sinking_m": radius_m * float(rng.uniform(0.05, 0.075)),
+            "sidewall_damping_nspm2": 60.0 * size * float(np.exp(rng.normal(0.0, 0.5))),
+        }
+        if rng.random() < 0.6:
+            more |= {"blocks": int(rng.integers(52, 80)), "block_share": float(rng.uniform(0.01, 0.05)), "steps": 4096}
+            more["bending_damping_nm2s"] = 10.0 ** float(rng.uniform(-4.0, -3.0)) * size * (radius_m / 0.32) ** 4
+        else:
+            more["bending_damping_nm2s"] = 10.0 ** float(rng.uniform(-3.5, -2.5))
+        if rng.random() < 0.4:
+            more["friction"] = float(rng.uniform(0.3, 0.8))
+        if rng.random() < 0.3:
+            more["drum_radius_m"] = float(rng.uniform(0.7, 1.5))
+        for name, speed_kmh in (("slow", rng.uniform(40.0, 60.0)), ("fast", rng.uniform(70.0, 100.0))):
+            belt = _belt(f"drawn-{seed}-{index}-{name}", radius_m, pressure_pa, (bs, cw, rs, ts),
+                         speed_mps=float(speed_kmh) / 3.6, **more)  # fmt: skip
+            tires.append(replace(belt, elements=120))
+    return tuple(tires)
