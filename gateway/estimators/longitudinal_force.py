@@ -23,7 +23,7 @@ from gateway.estimators.asymmetric_solve import (
 )
 from gateway.estimators.determination import DETERMINED, doubt_about, positive, unusable
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
-from gateway.estimators.order_errors import relative_std
+from gateway.estimators.order_errors import relative_std, wave_std
 from gateway.estimators.pace import LONGEST, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.physics.asymmetric_belt import curvature_from_signal
@@ -73,6 +73,7 @@ class _Track:
         self._solved_at = 0
         self._solved_orders: FloatArray = np.zeros(0)
         self._std: FloatArray = np.zeros(0)
+        self._waves: FloatArray = np.zeros(0)
         self.solution: AsymmetricSolution | None = None
 
     @property
@@ -98,19 +99,19 @@ class _Track:
         moved = np.square(self.solution.response @ (corrected_orders(self._mean) - self._solved_orders))
         return bool((moved > _MOVED**2 * np.diagonal(self.covariance))[Force.LONGITUDINAL :].any())
 
-    def solve(self, own_std: FloatArray, half_angle_rad: float, prior: TirePrior | None) -> None:
-        """Solve the balance of the mean; `own_std` are errors of one revolution's orders.
+    def solve(self, own_std: FloatArray, waves: FloatArray, half_angle_rad: float, prior: TirePrior | None) -> None:
+        """Solve the balance of the mean; `own_std` are errors of one revolution's orders, `waves` those of every one.
 
         Raises:
             numpy.linalg.LinAlgError: the mean describes no belt.
         """
         start = None if self.solution is None else self.solution.unknowns
         self.solution, self._solved_at = None, self._count
-        mean_std = own_std * math.sqrt(self._weight_square)
-        found = solve_asymmetric(self._mean, mean_std, half_angle_rad, start, prior)
+        self._std, self._waves = own_std, waves
+        found = solve_asymmetric(self._mean, self._mean_std, half_angle_rad, start, prior)
         if not (np.isfinite(found.forces).all() and (found.unknowns[:4] > 0.0).all()):
             raise np.linalg.LinAlgError("the balance describes no belt")
-        self.solution, self._std = found, own_std
+        self.solution = found
         self._solved_orders = corrected_orders(self._mean)
 
     @property
@@ -126,12 +127,18 @@ class _Track:
     def covariance(self) -> FloatArray:
         """Covariance of the forces, (4, 4)."""
         assert self.solution is not None
-        return self.solution.noise(self._std * math.sqrt(self._weight_square)) + self.solution.common()
+        return self.solution.noise(self._mean_std) + self.solution.common()
 
     def tire(self) -> TirePrior:
         """Return the tire's own unknowns."""
         assert self.solution is not None
-        return self.solution.tire(self._std * math.sqrt(self._weight_square))
+        return self.solution.tire(self._mean_std)
+
+    @property
+    def _mean_std(self) -> FloatArray:
+        """Errors of the mean's orders: waves of the tread repeat every revolution."""
+        std: FloatArray = np.hypot(self._std * math.sqrt(self._weight_square), self._waves)
+        return std
 
 
 class LongitudinalForceEstimator:
@@ -177,7 +184,7 @@ class LongitudinalForceEstimator:
         if reason:
             return _all_invalid(reason)
         edges = average.leading_edge_rad, average.trailing_edge_rad
-        half_angle, max_order = 0.5 * (edges[1] - edges[0]), min(MAX_ORDER, revolution.order_max)
+        max_order = min(MAX_ORDER, revolution.order_max)
         signal = orders_about(revolution.radial_mps2, 0.5 * (edges[0] + edges[1]), max_order)
         if not (np.isfinite(signal).all() and signal[0].real > 0.0):
             return _all_invalid(Reason(Code.NO_STEADY_VALUE))
@@ -187,7 +194,7 @@ class LongitudinalForceEstimator:
         weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
         self._omega_radps += weight * (revolution.omega_radps - self._omega_radps)
         try:
-            self._solve(average, revolution, float(signal[0].real), half_angle, max_order)
+            self._solve(average, revolution, float(signal[0].real), edges, max_order)
         except np.linalg.LinAlgError:
             return _all_invalid(Reason(Code.NO_BELT_SHAPE))
         if self._now.solution is None or self._tire.solution is None:
@@ -195,7 +202,12 @@ class LongitudinalForceEstimator:
         return self._found(revolution, conditions)
 
     def _solve(
-        self, average: AngleAverage, revolution: Revolution, mean_mps2: float, half_angle_rad: float, max_order: int
+        self,
+        average: AngleAverage,
+        revolution: Revolution,
+        mean_mps2: float,
+        edges_rad: tuple[float, float],
+        max_order: int,
     ) -> None:
         """Solve the balances that are outdated."""
         outdated = self._tire.is_outdated
@@ -205,9 +217,12 @@ class LongitudinalForceEstimator:
         # The average knows the errors of its orders from its scatter; those of one revolution are larger.
         own_std = average.orders_std_mps2 * math.sqrt(average.effective_count)
         std = relative_std(own_std, mean_mps2, np.nan_to_num(relative), max_order)
+        half_angle_rad = 0.5 * (edges_rad[1] - edges_rad[0])
+        signal = orders_about(average.radial_mps2, 0.5 * (edges_rad[0] + edges_rad[1]), max_order)
+        waves = wave_std(signal, std / math.sqrt(average.effective_count), max_order)
         if outdated:
-            self._tire.solve(std, half_angle_rad, None)
-        self._now.solve(std, half_angle_rad, self._prior(revolution.omega_radps))
+            self._tire.solve(std, waves, half_angle_rad, None)
+        self._now.solve(std, waves, half_angle_rad, self._prior(revolution.omega_radps))
 
     def _prior(self, omega_radps: float) -> TirePrior | None:
         """Return the tire from the long mean; None while it hardly is longer than the short one."""

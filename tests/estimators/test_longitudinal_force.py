@@ -15,7 +15,14 @@ from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.longitudinal_force import LongitudinalForceEstimator
 from gateway.physics.asymmetric_belt import asymmetric_shape, curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
-from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.physics.rolling_ring import (
+    RingParameters,
+    RingSolution,
+    TreadBlocks,
+    block_response,
+    loaded_belt,
+    solve_rolling_ring,
+)
 from gateway.reasons import Code, codes_of
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
@@ -38,13 +45,18 @@ def orders(found: RingSolution, offset_m: float = 0.0) -> np.ndarray:
 
 
 def estimates(
-    found: RingSolution, *, noise_mps2: float = 0.5, revolutions: int = 16, conditions: TireConditions = CONDITIONS
+    found: RingSolution,
+    *,
+    noise_mps2: float = 0.5,
+    revolutions: int = 16,
+    conditions: TireConditions = CONDITIONS,
+    waves_m: np.ndarray | float = 0.0,
 ) -> dict[str, Estimate]:
     rng = np.random.default_rng(3)
     average, estimator = RunningAverage(), LongitudinalForceEstimator()
     last: tuple[Estimate, ...] = ()
     for _ in range(revolutions):
-        wave = OMEGA**2 * on_grid(found.sensor.radial_m) + rng.normal(0.0, noise_mps2, 1024)
+        wave = OMEGA**2 * on_grid(found.sensor.radial_m + waves_m) + rng.normal(0.0, noise_mps2, 1024)
         revolution = make_revolution(wave)
         last = estimator.update(revolution, take(average, revolution), conditions)
     return {estimate.name: estimate for estimate in last}
@@ -122,6 +134,18 @@ def test_noisy_revolutions_give_force_within_errors(torque_nm: float) -> None:
     assert force.status is Status.VALID
     assert force.std < 0.01 * LOAD_N + 0.03 * abs(force.value)
     assert math.copysign(1.0, force.value) == math.copysign(1.0, torque_nm)
+
+
+def test_waves_of_tread_blocks_are_in_the_errors() -> None:
+    """A free tire with 67 blocks of 10 %: no force, but waves that repeat each revolution."""
+    found = ring(None)
+    blocks = TreadBlocks(67.0, BASE_RING.mass_kgpm, 1e-6, 0.0)
+    response = block_response(loaded_belt(found), blocks, found.omega_radps).signal[0]
+    waves_m = 0.1 * (response * np.exp(-1j * blocks.count * found.theta_rad)).real
+    calm, waving = estimates(found), estimates(found, waves_m=waves_m)
+    for name, true in (("longitudinal_force_n", 0.0), ("axle_torque_nm", found.axle_torque_nm)):
+        assert abs(waving[name].value - true) < 2.0 * waving[name].std
+        assert waving[name].std > 1.2 * calm[name].std
 
 
 def test_without_load_only_the_ratio_is_given() -> None:
