@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from gateway.clock import Clock, SystemClock
-from gateway.closure.closed_loop import diagnose
+from gateway.closure.closed_loop import BaselineUnfittedError, baseline_fits, diagnose
 from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError, unlike_signals
 from gateway.closure.result import Diagnosis
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
-from gateway.session.campaign import read_campaign
+from gateway.reasons import Code, Reason
+from gateway.session.campaign import read_campaign, read_usable
 from gateway.signal.effect_correction import CorrectionTable
 
 # Share of reading in the total time.
@@ -89,6 +91,62 @@ def diagnose_recordings(
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
     return replace(diagnosis, notes=notes, stated=campaign.stated)
+
+
+def diagnose_agreeing(
+    paths: Sequence[Path],
+    wheel: str,
+    *,
+    vehicle: VehicleConfig | None = None,
+    jobs: int = 1,
+    key_file: Path | None = None,
+) -> Diagnosis:
+    """Diagnose one wheel from those of many recordings that can be used and do not contradict most others.
+
+    One recording that cannot be read, or with a reversed axis, does not cost the others their diagnosis.
+
+    Args:
+        paths: recordings.
+        wheel: position.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        jobs: maximum number of processes.
+        key_file: keys of signed frames, where the configuration asks for them.
+
+    Returns:
+        the diagnosis; `left_out` lists the other recordings with their reasons.
+
+    Raises:
+        TreadlinkError: no recording can be used, or what is wrong holds for all.
+    """
+    used, refused = read_usable(paths, wheel, vehicle=vehicle, jobs=jobs, key_file=key_file)
+    left_out = {str(paths[number]): reason for number, reason in refused.items()}
+    while True:
+        campaign = used.campaign()
+        contradicted: Mapping[int, Reason] = unlike_signals(campaign)
+        diagnosis = None
+        if not contradicted:
+            try:
+                diagnosis = diagnose(campaign, jobs=jobs)
+                contradicted = diagnosis.outvoted
+            except RecordingsContradictedError as error:
+                if len(error.recordings) == len(used):
+                    raise
+                contradicted = error.recordings
+            except BaselineUnfittedError:
+                alone = [number for number in range(len(used)) if not baseline_fits(used.chosen([number]).campaign())]
+                if len(alone) in (0, len(used)):
+                    raise
+                contradicted = dict.fromkeys(alone, Reason(Code.BASELINE_UNFITTED))
+        if diagnosis is not None and not contradicted:
+            notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
+            reasons = tuple(
+                Reason(Code.RECORDING_LEFT_OUT, recording=str(path), reason=left_out[str(path)])
+                for path in paths
+                if str(path) in left_out
+            )
+            return replace(diagnosis, notes=notes, stated=campaign.stated, left_out=reasons)
+        left_out |= {str(used.orders[number].path): reason for number, reason in contradicted.items()}
+        used = used.chosen(range(len(used)) - contradicted.keys())
 
 
 def transfer_effects(

@@ -583,7 +583,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the recordings' times do not give their order: taken one after another, in the order given"
     ),
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
+    Code.RECORDING_WITHOUT_WHEEL: "contains no revolution of wheel {wheel}",
     Code.ABOUT_RECORDING: "{recording}: {reason}",
+    Code.RECORDING_LEFT_OUT: "{recording} left out: {reason}",
     Code.SEVERAL_SENSORS: "several",
     # - Recordings of a dataset
     Code.ESTIMATION_FAILED: "a fault of treadlink, {kind}: {message}",
@@ -803,13 +805,35 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TOO_FEW_ALIKE: "too few at the same speed, load, pressure and temperature",
     Code.OUTLIER_OF_GROUP: "an outlier at the same conditions, as after an impact",
     Code.CLIPPED_UNLIKE_GROUP: "the radial axis is clipped, unlike in others at the same conditions",
+    Code.CIRCUMFERENTIAL_REVERSED: (
+        "the sign of its circumferential axis is opposite to that of a rolling tire: the tire rolled backwards or was "
+        "reversed on its rim, or the axis is reversed"
+    ),
+    Code.BASELINE_UNFITTED: (
+        "the baseline model cannot be fitted to it: its belt radius, load or pressure is not as stated"
+    ),
+    Code.CONTACT_UNLIKE_OTHERS: (
+        "its contact half angle is {angle_rad:.1f deg}, that of {count} others with the same stated load and pressure "
+        "{other_rad:.1f deg}: its load, pressure or tire is not as stated"
+    ),
     Code.CONTACTS_CONTRADICT: (
         "contact half angle {short_rad:.1f deg} in {short}, {long_rad:.1f deg} in {long}: load, pressure or tire is "
         "not as stated"
     ),
+    Code.LATERAL_OPPOSITE_TO_OTHERS: (
+        "its lateral waveform is the opposite of that of {count} others: its lateral axis is reversed, or its sensor "
+        "or tire is turned round"
+    ),
     Code.LOADS_CONTRADICT: (
         "Cw, which no load changes, is {low:.4g} to {high:.4g}: a stated load or pressure is {share:.1%} off; all "
         "errors contain that"
+    ),
+    Code.RADIUS_UNLIKE_OTHERS: (
+        "its belt radius is stated as {radius_m:.1f mm}, that of {count} others as {other_m:.1f mm}"
+    ),
+    Code.WIDTH_UNLIKE_OTHERS: (
+        "Cw, which no load changes, is {value:.4g} in it and {other:.4g} in {count} others: its load or pressure is "
+        "not as stated"
     ),
     Code.FEW_REVOLUTIONS: "only {revolutions} revolutions: a pattern common to all of them may still be chance",
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
