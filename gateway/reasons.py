@@ -390,6 +390,7 @@ class Code(StrEnum):
     TREND_PRESSURE_CONSTANT = "trend_pressure_constant"
     TREND_PRESSURE_NOT_MEASURED = "trend_pressure_not_measured"
     TREND_RECORDED_DISTANCE = "trend_recorded_distance"
+    TREND_REFILLS_HIDE = "trend_refills_hide"
     TREND_SENSOR_CLIPS = "trend_sensor_clips"
     TREND_SENSOR_GAIN = "trend_sensor_gain"
     TREND_SENSOR_LOSSES = "trend_sensor_losses"

@@ -19,6 +19,7 @@ from gateway.estimators.estimator import Status
 from gateway.reasons import Code, Reason
 from gateway.trends.level_steps import find_steps
 from gateway.trends.outlier_detection import OutlierSearch, find_outliers
+from gateway.trends.refilled_pressure import LEAST_RECORDINGS, PressureLoss, pressure_loss
 from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
 from gateway.trends.tire_history import TireHistory
 from gateway.trends.trend_result import (
@@ -41,6 +42,7 @@ _LEAST_FOR_TEMPERATURE: Final = 12
 _LEAST_SPREAD_SPEED: Final = 0.03
 # A new tire has this much less wear at least.
 _LEAST_NEW_TIRE_MM: Final = 0.3
+# Smaller refills are no steps of the line; they are part of the loss's likelihood.
 _LEAST_REFILL_PA: Final = 3000.0
 # What is worth a finding, besides being significant.
 _NOTABLE_LOSS_PA: Final = 1000.0
@@ -211,16 +213,15 @@ def _pressure(tire: _Tire) -> None:
     else:
         why = _missing(history, "", cold)
     unknown = np.full(len(cold), math.nan)
-    line = _line(
-        tire,
-        "pressure_at_20_degc",
-        "kPa",
-        history.months,
-        cold * 1e-3,
-        unknown,
-        steps_from=_LEAST_REFILL_PA * 1e-3,
-    )
-    if line is None or line.search.fit is None:
+    steps_from = _LEAST_REFILL_PA * 1e-3
+    line = _line(tire, "pressure_at_20_degc", "kPa", history.months, cold * 1e-3, unknown, steps_from=steps_from)
+    found = None
+    if line is not None and line.search.fit is not None:
+        normal = ~line.search.is_outlier
+        found = pressure_loss(history.months[line.places[normal]], line.values[normal])
+        if found is None:
+            why = Reason(Code.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
+    if line is None or found is None:
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
         return
@@ -229,11 +230,28 @@ def _pressure(tire: _Tire) -> None:
     if _is_same(warm_known):
         stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(warm_known[0]), count=len(warm_known))
         status, notes = Status.PROVISIONAL, (stuck, *notes)
-    loss = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, status=status, reasons=notes)
+    plain = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, status=status, reasons=notes)
+    loss = _with_refills(plain, found)
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
-    if status is Status.VALID and _is_significant(loss, line) and loss.value > _NOTABLE_LOSS_PA * 1e-3:
+    is_certain = min(found.least, loss.value - _quantile(line) * plain.std) > 0.0
+    if status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
+
+
+def _with_refills(plain: TrendNumber, found: PressureLoss) -> TrendNumber:
+    """Return the pressure loss with refills that no step shows; its errors are those of the line at least.
+
+    The line knows of recordings that follow each other, the likelihood of refills does not.
+    """
+    half = 0.5 * (plain.high - plain.low)
+    low, high = min(found.low, found.value - half), max(found.high, found.value + half)
+    notes = plain.reasons
+    # Without refills the interval would be less than half as wide upwards: they are what limits it.
+    if high - found.value > 2.0 * (found.high_unrefilled - found.value) and high - found.value > half:
+        notes = (*notes, Reason(Code.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
+    std = max(found.std, plain.std)
+    return replace(plain, value=found.value, std=std, low=low, high=high, reasons=notes)
 
 
 def _load(tire: _Tire) -> None:
@@ -500,9 +518,15 @@ def _is_significant(number: TrendNumber, line: _Line) -> bool:
     fit = line.search.fit
     if fit is None or not number.std > 0.0:
         return fit is not None and number.value != 0.0
+    return abs(number.value) > _quantile(line) * number.std
+
+
+def _quantile(line: _Line) -> float:
+    """Return Student's t beyond which a number of a line is a finding."""
     from scipy import stats
 
-    return abs(number.value) > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, fit.freedom)) * number.std
+    assert line.search.fit is not None
+    return float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, line.search.fit.freedom))
 
 
 def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:

@@ -636,6 +636,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_RECORDED_DISTANCE: (
         "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
     ),
+    Code.TREND_REFILLS_HIDE: (
+        "refills that the scatter hides are not excluded: the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month"
+    ),
     Code.TREND_SENSOR_CLIPS: "sensor: {share:.1%} more of the samples at the end of its range",
     Code.TREND_SENSOR_GAIN: "sensor: its gain has changed by {share:.1%}",
     Code.TREND_SENSOR_LOSSES: "sensor: {share:.1%} more of the samples are lost",

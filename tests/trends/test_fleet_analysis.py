@@ -89,6 +89,18 @@ def test_a_leak_refilled_every_month_is_found():
     assert any(reason.code is Code.TREND_STEPS and reason["count"] == 15 for reason in loss.reasons)
 
 
+def test_small_refills_do_not_hide_a_leak():
+    # 2 kPa every month: less than a step of the line. Without its refills the tire seems tight.
+    tire = history(count=150, months=12.0)
+    lost = 2000.0 * (tire.months % 1.0)
+    (found,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
+    loss = number(found, Quantity.PRESSURE_LOSS)
+    assert loss.low < 2.0 < loss.high
+    assert loss.low > 0.8
+    assert Code.TREND_LOSES_PRESSURE in codes(found)
+    assert any(reason.code is Code.TREND_REFILLS_HIDE for reason in loss.reasons)
+
+
 def test_a_pressure_that_never_changes_shows_no_loss():
     tire = history()
     (found,) = trends_of(changed(tire, "pressure_pa", np.full(100, 220e3))).tires
