@@ -382,6 +382,7 @@ class Code(StrEnum):
     # Trends of a dataset
     TREND_CLOCK_WRONG = "trend_clock_wrong"
     TREND_DISTANCE_CONSTANT = "trend_distance_constant"
+    TREND_DISTANCE_SHORT = "trend_distance_short"
     TREND_LOAD_STATED = "trend_load_stated"
     TREND_LOAD_STEPS = "trend_load_steps"
     TREND_LOSES_PRESSURE = "trend_loses_pressure"
@@ -397,6 +398,7 @@ class Code(StrEnum):
     TREND_SENSOR_MOVES = "trend_sensor_moves"
     TREND_SENSOR_NOISE = "trend_sensor_noise"
     TREND_SENSOR_ZERO = "trend_sensor_zero"
+    TREND_SPAN_SHORT = "trend_span_short"
     TREND_STEPS = "trend_steps"
     TREND_STIFFNESS_DRIFTS = "trend_stiffness_drifts"
     TREND_TEMPERATURE_CONSTANT = "trend_temperature_constant"

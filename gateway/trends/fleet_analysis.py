@@ -21,7 +21,7 @@ from gateway.trends.level_steps import find_steps
 from gateway.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.trends.refilled_pressure import LEAST_RECORDINGS, PressureLoss, pressure_loss
 from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
-from gateway.trends.tire_history import TireHistory
+from gateway.trends.tire_history import MONTH_NS, TireHistory
 from gateway.trends.trend_result import (
     FleetTrends,
     PairTrend,
@@ -36,12 +36,20 @@ from gateway.types import FloatArray, IntArray
 REFERENCE_DEGC: Final = 20.0
 """Temperature at which pressures are compared."""
 
+_DAY_S: Final = 86_400.0
+_DAY_MONTHS: Final = 1e9 * _DAY_S / MONTH_NS
 # Spread of the temperature from which its influence is fitted, and recordings that this needs.
 _LEAST_SPREAD_K: Final = 2.0
 _LEAST_FOR_TEMPERATURE: Final = 12
 _LEAST_SPREAD_SPEED: Final = 0.03
 # A new tire has this much less wear at least.
 _LEAST_NEW_TIRE_MM: Final = 0.3
+# What changes within a day or a week (temperature, load, driver, road) is no ageing, and a rate per month from less
+# than a week, a quarter of its unit, would be mostly that. The same share of 1,000 km is more than a day's drive. A
+# pressure at one temperature changes by a leak only, which may be a fast one: a day is enough.
+_LEAST_MONTHS: Final = 7.0 * _DAY_MONTHS
+_LEAST_LEAK_MONTHS: Final = _DAY_MONTHS
+_LEAST_1000KM: Final = 0.25
 # Smaller refills are no steps of the line; they are part of the loss's likelihood.
 _LEAST_REFILL_PA: Final = 3000.0
 # What is worth a finding, besides being significant.
@@ -190,7 +198,9 @@ def _wear(tire: _Tire) -> None:
         tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(why,)))
         return
     status = Status.VALID if history.has_odometer else Status.PROVISIONAL
-    rate = _number(Quantity.WEAR_RATE, "mm/1000 km", line, 1, status=status, reasons=basis)
+    rate = _rate(
+        Quantity.WEAR_RATE, "mm/1000 km", line, against="km", least=_LEAST_1000KM, status=status, reasons=basis
+    )
     tire.numbers.append(rate)
     tire.numbers.append(_at_end(Quantity.WEAR_NOW, "mm", line))
 
@@ -230,10 +240,20 @@ def _pressure(tire: _Tire) -> None:
     if _is_same(warm_known):
         stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(warm_known[0]), count=len(warm_known))
         status, notes = Status.PROVISIONAL, (stuck, *notes)
-    plain = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, status=status, reasons=notes)
-    loss = _with_refills(plain, found)
+    plain = _rate(
+        Quantity.PRESSURE_LOSS,
+        "kPa/month",
+        line,
+        least=_LEAST_LEAK_MONTHS,
+        factor=-1.0,
+        status=status,
+        reasons=notes,
+    )
+    loss = _with_refills(plain, found) if plain.status is not Status.INVALID else plain
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
+    if loss.status is Status.INVALID:
+        return
     is_certain = min(found.least, loss.value - _quantile(line) * plain.std) > 0.0
     if status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
@@ -272,7 +292,7 @@ def _load(tire: _Tire) -> None:
         why = _missing(history, "contact_length_m", contact)
         tire.numbers.append(TrendNumber(Quantity.CONTACT_RATE, unit="mm/month", reasons=(why,)))
     else:
-        tire.numbers.append(_number(Quantity.CONTACT_RATE, "mm/month", length, 1))
+        tire.numbers.append(_rate(Quantity.CONTACT_RATE, "mm/month", length))
 
 
 def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
@@ -284,7 +304,7 @@ def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
     yield TrendNumber(
         Quantity.LOAD, mean, std, "N", Status.VALID, (), count, fit.freedom, mean - 2.0 * std, mean + 2.0 * std
     )
-    yield _number(Quantity.LOAD_RATE, "N/month", line, 1)
+    yield _rate(Quantity.LOAD_RATE, "N/month", line)
     scatter = float(np.std(fit.residuals[used], ddof=fit.coefficients.size))
     own = scatter / math.sqrt(2.0 * fit.freedom)
     yield TrendNumber(
@@ -328,7 +348,7 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
         return
     notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
-    rate = _number(quantity, "%/month", line, 1, reasons=notes)
+    rate = _rate(quantity, "%/month", line, reasons=notes)
     tire.numbers.append(rate)
     if line.has_covariate:
         tire.numbers.append(_number(temperature, "%/K", line, 2))
@@ -368,7 +388,7 @@ def _sensor(tire: _Tire) -> None:
             why = _missing(history, name if name in history.invalid else "", values)
             tire.numbers.append(TrendNumber(quantity, unit=f"{unit}/month", reasons=(why,)))
             continue
-        rate = _number(quantity, f"{unit}/month", line, 1)
+        rate = _rate(quantity, f"{unit}/month", line)
         tire.numbers.append(rate)
         over = abs(rate.value) * _span(history.months)
         worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
@@ -479,6 +499,40 @@ def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, 
     )
 
 
+def _rate(
+    quantity: Quantity,
+    unit: str,
+    line: _Line,
+    *,
+    against: str = "months",
+    least: float = _LEAST_MONTHS,
+    factor: float = 1.0,
+    status: Status = Status.VALID,
+    reasons: tuple[Reason, ...] = (),
+) -> TrendNumber:
+    """Return the trend of a line as a number; none from a span that is too short for its unit.
+
+    Args:
+        quantity: what it is.
+        unit: of the number.
+        line: fitted.
+        against: "months" or "km" (thousands), the abscissa of the line.
+        least: span that is needed.
+        factor: of the coefficient.
+        status: of the number where it has one.
+        reasons: notes.
+    """
+    span = float(np.ptp(line.design[~line.search.is_outlier, 1]))
+    if span >= least:
+        return _number(quantity, unit, line, 1, factor=factor, status=status, reasons=reasons)
+    if against == "km":
+        why = Reason(Code.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
+    else:
+        second = _DAY_S / _DAY_MONTHS
+        why = Reason(Code.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
+    return TrendNumber(quantity, unit=unit, reasons=(why,), count=int((~line.search.is_outlier).sum()))
+
+
 def _number(
     quantity: Quantity,
     unit: str,
@@ -515,9 +569,10 @@ def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
 
 
 def _is_significant(number: TrendNumber, line: _Line) -> bool:
-    fit = line.search.fit
-    if fit is None or not number.std > 0.0:
-        return fit is not None and number.value != 0.0
+    if line.search.fit is None or number.status is Status.INVALID:
+        return False
+    if not number.std > 0.0:
+        return number.value != 0.0
     return abs(number.value) > _quantile(line) * number.std
 
 

@@ -645,6 +645,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_SENSOR_MOVES: "sensor: its distance from the neutral layer has changed by {change_m:.1f mm}",
     Code.TREND_SENSOR_NOISE: "sensor: its noise has become {factor:.1f} times as large",
     Code.TREND_SENSOR_ZERO: "sensor: its zero has changed by {change_mps2:.1f m/s²}",
+    Code.TREND_SPAN_SHORT: (
+        "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
+        "to hour is no trend"
+    ),
+    Code.TREND_DISTANCE_SHORT: ("the recordings span {distance_m:.3g km}: a rate per 1,000 km needs {needed_m:.0f km}"),
     Code.TREND_STEPS: "steps that are fitted and left out of the trend: {count}",
     Code.TREND_STIFFNESS_DRIFTS: "{name} changes by {share:.2%} ± {std:.2%} a month",
     Code.TREND_TEMPERATURE_CONSTANT: "the temperature varies too little, or is not known",
@@ -849,6 +854,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
 # Printed unit: factor from SI.
 _UNITS: Final = {
     "%": 100.0,
+    "days": 1.0 / 86_400.0,
     "deg": math.degrees(1.0),
     "degC": 1.0,
     "K": 1.0,

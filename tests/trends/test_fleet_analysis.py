@@ -90,13 +90,13 @@ def test_a_leak_refilled_every_month_is_found():
 
 
 def test_small_refills_do_not_hide_a_leak():
-    # 2 kPa every month: less than a step of the line. Without its refills the tire seems tight.
+    # 2.8 kPa every month: less than a step of the line. Without its refills the tire seems tight.
     tire = history(count=150, months=12.0)
-    lost = 2000.0 * (tire.months % 1.0)
+    lost = 2800.0 * (tire.months % 1.0)
     (found,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
     loss = number(found, Quantity.PRESSURE_LOSS)
-    assert loss.low < 2.0 < loss.high
-    assert loss.low > 0.8
+    assert loss.low < 2.8 < loss.high
+    assert loss.low > 1.4
     assert Code.TREND_LOSES_PRESSURE in codes(found)
     assert any(reason.code is Code.TREND_REFILLS_HIDE for reason in loss.reasons)
 
@@ -203,6 +203,36 @@ def test_load_is_measured_or_as_stated():
     assert number(stated, Quantity.LOAD).status is Status.PROVISIONAL
     assert number(stated, Quantity.LOAD).reasons[0].code is Code.TREND_LOAD_STATED
     assert number(stated, Quantity.LOAD_RATE).status is Status.INVALID
+
+
+@pytest.mark.parametrize(("days", "known"), [(0.1, set()), (3.0, {Quantity.PRESSURE_LOSS}), (8.0, None)])
+def test_a_rate_per_month_needs_days(days, known):
+    tire = history(months=days * 12.0 / 365.25)
+    (found,) = trends_of(tire).tires
+    assert found.findings == ()
+    monthly = {one.quantity: one for one in found.numbers if one.unit.endswith("/month")}
+    rates = {quantity for quantity, one in monthly.items() if one.status is Status.VALID}
+    if known is None:
+        assert {Quantity.BS_RATE, Quantity.NOISE_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD_RATE} <= rates
+        return
+    assert rates == known
+    reason = monthly[Quantity.BS_RATE].reasons[0]
+    assert (reason.code, reason["needed_s"]) == (Code.TREND_SPAN_SHORT, pytest.approx(7.0 * 86_400.0))
+    assert reason["span_s"] == pytest.approx(86_400.0 * days)
+    assert number(found, Quantity.PRESSURE_NOW).status is Status.VALID
+    assert number(found, Quantity.BS_TEMPERATURE).status is Status.VALID
+
+
+def test_wear_per_1000_km_needs_a_distance():
+    tire = history()
+    near, far = (replace(tire, km=20_000.0 + reach_km * tire.months / 8.0) for reach_km in (2.0, 300.0))
+    short, long = (trends_of(one).tires[0] for one in (near, far))
+    rate = number(short, Quantity.WEAR_RATE)
+    assert rate.status is Status.INVALID
+    assert rate.reasons[0].code is Code.TREND_DISTANCE_SHORT
+    assert rate.reasons[0]["distance_m"] == pytest.approx(2000.0)
+    assert number(short, Quantity.WEAR_NOW).status is Status.VALID
+    assert number(long, Quantity.WEAR_RATE).status is Status.VALID
 
 
 def test_asymmetry_of_left_and_right():
