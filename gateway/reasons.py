@@ -356,6 +356,7 @@ class Code(StrEnum):
     # - Recordings of a dataset
     ESTIMATION_FAILED = "estimation_failed"
     RECORDING_CHANGED = "recording_changed"
+    TIRE_UNIDENTIFIED = "tire_unidentified"
     RECORDING_NOT_READ = "recording_not_read"
     RECORDING_NOT_USED = "recording_not_used"
     WORKER_ENDED = "worker_ended"
@@ -405,6 +406,8 @@ class Code(StrEnum):
     TREND_TEMPERATURE_STUCK = "trend_temperature_stuck"
     TREND_TEMPERATURE_UNKNOWN = "trend_temperature_unknown"
     TREND_TOO_FEW = "trend_too_few"
+    TREND_TIRE_UNIDENTIFIED = "trend_tire_unidentified"
+    TREND_TIRES_UNIDENTIFIED = "trend_tires_unidentified"
     TREND_UNDETERMINED = "trend_undetermined"
     TREND_UNREADABLE_FILE = "trend_unreadable_file"
     TREND_VEHICLE_WITHOUT_ODOMETER = "trend_vehicle_without_odometer"

@@ -15,7 +15,7 @@ from gateway import __version__
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import OutputError, TreadlinkError
 from gateway.fleet.content_keys import diagnosis_version, settings_key
-from gateway.fleet.dataset import DIAGNOSES, Dataset
+from gateway.fleet.dataset import DIAGNOSES, Dataset, is_identified
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
@@ -123,6 +123,10 @@ def diagnose_tires(
     counts = DiagnosisCounts()
     orders: dict[str, tuple[DiagnosisOrder, list[Path]]] = {}
     for tire, rows in _tires(dataset.root, given).items():
+        vehicle, _, sensor_id = tire
+        if len(rows) > 1 and not is_identified(vehicle, sensor_id):
+            counts.add(tire, TireOutcome(text(Reason(Code.TIRE_UNIDENTIFIED, recordings=len(rows)))))
+            continue
         chosen = _chosen(rows)
         tire_key = settings_key(list(tire))
         key = settings_key(

@@ -164,8 +164,18 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
         numbers=tuple(sorted(tire.numbers, key=lambda number: order.index(number.quantity))),
         findings=tuple(tire.findings),
         series=tuple(tire.series),
+        is_identified=history.is_identified,
     )
+    if not history.is_identified:
+        # What differs between tires would be taken for a change of one.
+        trend = replace(trend, numbers=tuple(map(_of_unknown_tire, trend.numbers)), findings=())
     return trend, tire
+
+
+def _of_unknown_tire(number: TrendNumber) -> TrendNumber:
+    if number.status is Status.INVALID:
+        return number
+    return replace(number, status=Status.PROVISIONAL, reasons=(Reason(Code.TREND_TIRE_UNIDENTIFIED), *number.reasons))
 
 
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
@@ -599,6 +609,8 @@ def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
                     ),
                     _difference(Quantity.SLIP_ASYMMETRY, "slip_angle_rad", wheels[left], wheels[right]),
                 )
+                if not all(one.is_identified for side in (left, right) for one in wheels[side]):
+                    numbers = (_of_unknown_tire(numbers[0]), _of_unknown_tire(numbers[1]))
                 yield PairTrend(vehicle, left, right, numbers)
 
 

@@ -590,6 +590,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # - Recordings of a dataset
     Code.ESTIMATION_FAILED: "a fault of treadlink, {kind}: {message}",
     Code.RECORDING_CHANGED: "the file changed while it was read",
+    Code.TIRE_UNIDENTIFIED: (
+        "{recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of several tires: set "
+        "name in [vehicle]"
+    ),
     Code.RECORDING_NOT_READ: "{message}",
     Code.RECORDING_NOT_USED: "{message}",
     Code.WORKER_ENDED: "its worker process ended each time that it was tried: killed or crashed",
@@ -659,6 +663,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.TREND_TEMPERATURE_UNKNOWN: "no sensor has sent a temperature, which the comparison of pressures needs",
     Code.TREND_TOO_FEW: "{count} recordings with a value, {needed} are needed",
+    Code.TREND_TIRE_UNIDENTIFIED: (
+        "no vehicle's name and no sensor says that all recordings are of one tire: differences between tires would be "
+        "in it"
+    ),
+    Code.TREND_TIRES_UNIDENTIFIED: (
+        "NOT IDENTIFIED: {recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of "
+        "several vehicles. Their numbers are marked ~ and make no finding. Set name in [vehicle], and estimate again"
+    ),
     Code.TREND_UNDETERMINED: "the recordings do not determine it",
     Code.TREND_UNREADABLE_FILE: "left out, because it cannot be read: {path}",
     Code.TREND_VEHICLE_WITHOUT_ODOMETER: (

@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -18,8 +19,16 @@ from click.testing import CliRunner
 from gateway.cli import treadlink
 from gateway.errors import OutputError
 from gateway.estimators.estimator import Status
+from gateway.fleet.dataset import Description, opened
 from gateway.fleet.recording_estimation import estimate_names
-from gateway.fleet.tire_diagnoses import MOST_RECORDINGS, DiagnosisOrder, _chosen, diagnose_tire, outcome_in
+from gateway.fleet.tire_diagnoses import (
+    MOST_RECORDINGS,
+    DiagnosisOrder,
+    _chosen,
+    diagnose_tire,
+    diagnose_tires,
+    outcome_in,
+)
 from gateway.reasons import Code, Reason
 from tests.fleet.test_campaign_run import is_whole, names, rows
 from tests.testkit.diagnosis_data import undrawn
@@ -130,6 +139,15 @@ def test_tires_without_a_diagnosis_are_named_with_the_reason(tmp_path):
     outcome = diagnose_tire(order)
     assert "gone.mcap" in outcome.failure
     assert outcome_in(part) == outcome
+
+
+def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):
+    rows_of = {("unknown", "FL", ""): [{}, {}]}
+    monkeypatch.setattr("gateway.fleet.tire_diagnoses._tires", lambda *_: rows_of)
+    with opened(tmp_path / "dataset", Description((), (), "none"), lambda _: False) as dataset:
+        counts = diagnose_tires(dataset, no_workers, (), config=None, key_file=None, stop=threading.Event())
+    assert counts.failed == 1
+    assert "2 recordings have neither a vehicle's name nor a sensor's number" in counts.reasons[0][1]
 
 
 def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ from gateway.reasons import Code
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.tire_history import TireHistory
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
+from gateway.views.trend_report.trend_tables import trend_lines
 from tests.testkit.tire_histories import history
 
 
@@ -233,6 +234,20 @@ def test_wear_per_1000_km_needs_a_distance():
     assert rate.reasons[0]["distance_m"] == pytest.approx(2000.0)
     assert number(short, Quantity.WEAR_NOW).status is Status.VALID
     assert number(long, Quantity.WEAR_RATE).status is Status.VALID
+
+
+def test_recordings_of_unknown_tires_give_no_valid_number():
+    tire = replace(history(leak_pa=4000.0, vehicle="unknown", sensor_id=""), is_identified=False)
+    found = trends_of(tire, replace(tire, position="FR"))
+    for one in found.tires:
+        assert not one.is_identified
+        assert one.findings == ()
+        for each in one.numbers:
+            assert each.status is not Status.VALID
+            if each.status is Status.PROVISIONAL:
+                assert each.reasons[0].code is Code.TREND_TIRE_UNIDENTIFIED
+    assert found.pairs[0].numbers[0].status is Status.PROVISIONAL
+    assert any("(not identified)" in line for line in trend_lines(found))
 
 
 def test_asymmetry_of_left_and_right():

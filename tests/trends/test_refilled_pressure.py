@@ -73,7 +73,7 @@ def test_too_few_recordings_give_no_loss():
 @pytest.mark.parametrize("every", [0.0, 1.0, 2.0])
 @pytest.mark.parametrize("policy", ["target", "random"])
 def test_intervals_cover_the_loss(loss_kpa, every, policy):
-    found = [pressure_loss(*drawn(seed, loss_kpa, every, policy)) for seed in range(30)]
+    found = [pressure_loss(*drawn(seed, loss_kpa, every, policy)) for seed in range(20)]
     covered = sum(one is not None and one.low <= loss_kpa <= one.high for one in found)
     # Refills of 1 kPa every month are 1.7 times the scatter: what is left of them is at the limit.
-    assert covered >= (20 if every == loss_kpa == 1.0 else 25)
+    assert covered >= (13 if every == loss_kpa == 1.0 else 17)
