@@ -452,6 +452,7 @@ class Code(StrEnum):
     FADES_WITHIN_ONE_WAVE = "fades_within_one_wave"
     HOLLOW_ROAD = "hollow_road"
     PROBABILITY_TOO_LOW = "probability_too_low"
+    TIME_LIMIT_SPENT = "time_limit_spent"
     SEARCH_ENDED_EARLY = "search_ended_early"
     EVIDENCE_TEMPERED = "evidence_tempered"
     LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"

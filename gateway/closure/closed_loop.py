@@ -52,9 +52,12 @@ class BaselineUnfittedError(TreadlinkError):
 
 
 _FEW_REVOLUTIONS: Final = 20
-# Shares of the time at which the search, the hold-out and the time-locked part end, and what is left of the search
-# after each set.
-_FITTED, _SEARCHED, _HELD_OUT, _TIME_LOCKED = 0.1, 0.8, 0.87, 0.97
+# Shares of the time at which the first fit, the hold-out and the time-locked part end.
+_FITTED, _HELD_OUT, _TIME_LOCKED = 0.1, 0.87, 0.97
+SEARCHED: Final = 0.8
+"""Share that is done when the search has ended."""
+
+# What is left of the search after each set.
 _LEFT: Final = 0.93
 
 
@@ -108,7 +111,7 @@ def _diagnose(
     search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
     posterior = _searched(campaign, core, data, model, search, on_progress)
     best = posterior.best
-    on_progress(_SEARCHED, "computing held-out errors")
+    on_progress(SEARCHED, "computing held-out errors")
     also = [posterior.every[names] for name in best.names if (names := best.names - {name}) in posterior.every]
     errors = hold_out(posterior, data, also)
     held_out, noise = errors.summary, errors.noise_mps2
@@ -241,7 +244,7 @@ class _Steps:
 
     def __call__(self, effects: int) -> None:
         self._done += 1
-        share = _FITTED + (_SEARCHED - _FITTED) * (1.0 - _LEFT**self._done)
+        share = _FITTED + (SEARCHED - _FITTED) * (1.0 - _LEFT**self._done)
         self._on_progress(share, f"comparing sets of {effects} effects" if effects != 1 else "comparing single effects")
 
 

@@ -779,6 +779,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "what is left unexplained has {residual_ratio:.3g} times the rms of the noise of the means; evidence counts "
         "less by that factor"
     ),
+    Code.TIME_LIMIT_SPENT: (
+        "limit {limit_s:.3g s}: reading took {reading_s:.2g s}, fit and search {search_s:.2g s}; hold-out and figures "
+        "came after it, {after_s:.2g s}"
+    ),
     Code.SEARCH_ENDED_EARLY: (
         "the search for effects ended at its time limit before it was complete (sets tried: {sets}): others may be "
         "more probable"
