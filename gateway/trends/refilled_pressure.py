@@ -39,6 +39,8 @@ _CELLS_A_SCATTER: Final = 3
 # More recordings are averaged in order: the time of a likelihood grows with their number.
 _MOST_POINTS: Final = 120
 _COARSE, _FINE = 48, 20
+# Times that the range of losses is extended while its ends are likely.
+_EXTENSIONS: Final = 4
 # Log likelihood below the maximum within which the grid of losses is refined.
 _REFINED: Final = 12.0
 # Falls of the log likelihood at the ends of the intervals: 68 %, 95 % and 99.9 % for a normal estimate. Where the
@@ -77,8 +79,15 @@ def pressure_loss(months: FloatArray, cold_kpa: FloatArray) -> PressureLoss | No
         return None
     scatter = max(_scatter(cold_kpa), _LEAST_SCATTER_KPA)
     at, values, counts = _averaged(months, cold_kpa)
-    losses, kinds = _tried(at, values), _kinds(scatter, (1.0,))
+    losses, kinds = _tried(at, values, scatter), _kinds(scatter, (1.0,))
     found = _log_likelihood(at, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
+    for _ in range(_EXTENSIONS):
+        likely = found.max(axis=1) >= found.max() - _REFINED
+        if not (likely[0] or likely[-1]):
+            break
+        reach = float(losses[-1] - losses[0])
+        losses = np.linspace(losses[0] - reach * likely[0], losses[-1] + reach * likely[-1], _COARSE)
+        found = _log_likelihood(at, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
     kinds = _kinds(scatter, _SCATTERS)
     for _ in range(2):
         every = found.max(axis=1)
@@ -127,13 +136,14 @@ def _averaged(months: FloatArray, values: FloatArray) -> tuple[FloatArray, Float
     return np.add.reduceat(months, begins) / counts, np.add.reduceat(values, begins) / counts, counts
 
 
-def _tried(months: FloatArray, values: FloatArray) -> FloatArray:
+def _tried(months: FloatArray, values: FloatArray, scatter: float) -> FloatArray:
     """Return losses that jumps of at most all rises or falls between neighbours could make of the fitted slope."""
     span = float(months[-1] - months[0])
     slope = float(np.polyfit(months, values, 1)[0])
     changes = np.diff(values)
     rises, falls = float(changes[changes > 0.0].sum()), -float(changes[changes < 0.0].sum())
-    return np.linspace(-slope - 1.5 * falls / span, -slope + 1.5 * rises / span, _COARSE)
+    below, above = (max(1.5 * total, 3.0 * scatter) / span for total in (falls, rises))
+    return np.linspace(-slope - below, -slope + above, _COARSE)
 
 
 def _log_likelihood(

@@ -62,6 +62,15 @@ def test_pressure_that_is_let_out_is_no_loss():
     assert abs(found.value) < 0.2
 
 
+def test_a_steady_fall_has_errors_on_both_sides():
+    months = np.linspace(0.0, MONTHS, LEAST_RECORDINGS)
+    values = PUMP_KPA - 3.0 * months + np.random.default_rng(5).normal(0.0, 0.05, LEAST_RECORDINGS)
+    found = pressure_loss(months, values)
+    assert found is not None
+    assert found.least < 3.0 < found.high
+    assert found.low < found.value < found.high
+
+
 def test_too_few_recordings_give_no_loss():
     months, values = drawn(1, 3.0, 0.0, "target")
     assert pressure_loss(months[: LEAST_RECORDINGS - 1], values[: LEAST_RECORDINGS - 1]) is None
