@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -187,15 +187,25 @@ def campaign(
     _report(progress, failures, root)
     if diagnose:
         click.echo(f"tires: {counts.made} diagnosed, {counts.known} done before, {counts.failed} without a diagnosis")
-        for tire, why in counts.reasons[:_LISTED_FAILURES]:
-            click.echo(f"  {clean(' '.join(filter(None, tire)))}: {clean(why)}")
-        if counts.failed > _LISTED_FAILURES:
-            click.echo(f"  and {counts.failed - _LISTED_FAILURES} more, in the table diagnoses")
+        _list_tires([(tire, (why,)) for tire, why in counts.reasons])
+        if counts.left_out:
+            recordings = sum(len(reasons) for _, reasons in counts.left_out)
+            click.echo(f"recordings left out of a diagnosis: {recordings}")
+            _list_tires(counts.left_out)
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
     if progress.failed or progress.failed_before or counts.failed:
         raise SystemExit(exit_status.NO_RESULT)
+
+
+def _list_tires(tires: Sequence[tuple[tuple[str, ...], Sequence[str]]]) -> None:
+    """Print what is stated of tires, the first ones only."""
+    lines = [f"  {clean(' '.join(filter(None, tire)))}: {clean(why)}" for tire, reasons in tires for why in reasons]
+    for line in lines[:_LISTED_FAILURES]:
+        click.echo(line)
+    if len(lines) > _LISTED_FAILURES:
+        click.echo(f"  and {len(lines) - _LISTED_FAILURES} more, in the table diagnoses")
 
 
 def _stopped(stop: StopRequest) -> None:

@@ -107,7 +107,8 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     "budget_s",
     type=click.FloatRange(min=0.0, min_open=True),
     metavar="SECONDS",
-    help="Time for the search for effects; what is known by then is reported, with a note.  [default: no limit]",
+    help="Time for reading and the search for effects; what is known by then is reported. The first fit and the errors "
+    "on held-out revolutions are computed in any case; a note says how long each took.  [default: no limit]",
 )
 @force_option
 @click.option(

@@ -24,6 +24,12 @@ from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
 from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
+from gateway.closure.inference.outvoted_recordings import (
+    RecordingsContradictedError,
+    unlike_contacts_of,
+    unlike_loads,
+    unlike_signals,
+)
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.reference_model import numbers_of_exact_ring
 from gateway.closure.inference.residual import unexplained
@@ -40,10 +46,18 @@ from gateway.reasons import Code, Reason
 
 Progress = Callable[[float, str], None]
 
+
+class BaselineUnfittedError(TreadlinkError):
+    """The baseline model alone cannot be fitted to the recordings."""
+
+
 _FEW_REVOLUTIONS: Final = 20
-# Shares of the time at which the search, the hold-out and the time-locked part end, and what is left of the search
-# after each set.
-_FITTED, _SEARCHED, _HELD_OUT, _TIME_LOCKED = 0.1, 0.8, 0.87, 0.97
+# Shares of the time at which the first fit, the hold-out and the time-locked part end.
+_FITTED, _HELD_OUT, _TIME_LOCKED = 0.1, 0.87, 0.97
+SEARCHED: Final = 0.8
+"""Share that is done when the search has ended."""
+
+# What is left of the search after each set.
 _LEFT: Final = 0.93
 
 
@@ -67,8 +81,9 @@ def diagnose(
         jobs: maximum number of processes, this one included; the result does not depend on it.
 
     Raises:
-        TreadlinkError: there are too few data, the baseline model cannot be fitted, or a process was terminated from
-            outside.
+        TreadlinkError: there are too few data, or a process was terminated from outside.
+        BaselineUnfittedError: the baseline model cannot be fitted.
+        RecordingsContradictedError: recordings contradict their stated direction.
     """
     with Helpers(jobs - 1) as helpers:
         return _diagnose(campaign, model, empirical, on_progress, expired, helpers)
@@ -96,7 +111,7 @@ def _diagnose(
     search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
     posterior = _searched(campaign, core, data, model, search, on_progress)
     best = posterior.best
-    on_progress(_SEARCHED, "computing held-out errors")
+    on_progress(SEARCHED, "computing held-out errors")
     also = [posterior.every[names] for name in best.names if (names := best.names - {name}) in posterior.every]
     errors = hold_out(posterior, data, also)
     held_out, noise = errors.summary, errors.noise_mps2
@@ -122,9 +137,14 @@ def _diagnose(
     before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)], to_before, contradicted)
     # The series take the load for a part of Cw.
     apart = belt_widths_apart(after) if core.model is BaselineModel.EXACT else None
+    outvoted = {**unlike_signals(campaign), **unlike_contacts_of(campaign)}
     if apart is not None:
+        unlike_others = unlike_loads(campaign, after)
         before, after = widened(before, *apart), widened(after, *apart)
-        determined = still_determined(after, determined)
+        known = still_determined(after, determined)
+        # Where numbers survive the contradiction, more recordings are worth more than its small share.
+        outvoted |= unlike_others if known != determined else {}
+        determined = known
         determined_before = still_determined(before, determined_before)
     left: tuple[Unexplained, ...] = (
         *changes,
@@ -160,6 +180,10 @@ def _diagnose(
         empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
         notes=(
             *_ended(search),
+            *(
+                Reason(Code.ABOUT_RECORDING, recording=campaign.recordings[number], reason=reason)
+                for number, reason in sorted(outvoted.items())
+            ),
             *_contradictions(campaign, unlike),
             *_apart(apart),
             *_notes(campaign, with_mean=core.mean),
@@ -171,6 +195,7 @@ def _diagnose(
         load_known=all(group.load_known for group in campaign.groups),
         pressure_known=all(group.pressure_known for group in campaign.groups),
         complete=search.complete,
+        outvoted=outvoted,
     )
 
 
@@ -180,7 +205,8 @@ def _searched(
     """Return the posterior over sets of effects.
 
     Raises:
-        TreadlinkError: the baseline model cannot be fitted, or a recording contradicts its stated direction.
+        BaselineUnfittedError: the baseline model cannot be fitted.
+        RecordingsContradictedError: recordings contradict their stated direction.
     """
     on_progress(0.0, "fitting the baseline model")
     try:
@@ -199,6 +225,16 @@ def _time_locked(campaign: Campaign) -> TimeLocked:
     return diagnose_time_locked(campaign.groups)
 
 
+def baseline_fits(campaign: Campaign, model: BaselineModel = BaselineModel.EXACT) -> bool:
+    """Return whether the baseline model alone can be fitted to a campaign."""
+    core = make_core(model)
+    try:
+        baseline_fit(campaign, core, whiten(campaign, core))
+    except FitFailedError:
+        return False
+    return True
+
+
 class _Steps:
     """Converter of sets worked on, whose number is unknown beforehand, to a growing share."""
 
@@ -208,12 +244,12 @@ class _Steps:
 
     def __call__(self, effects: int) -> None:
         self._done += 1
-        share = _FITTED + (_SEARCHED - _FITTED) * (1.0 - _LEFT**self._done)
+        share = _FITTED + (SEARCHED - _FITTED) * (1.0 - _LEFT**self._done)
         self._on_progress(share, f"comparing sets of {effects} effects" if effects != 1 else "comparing single effects")
 
 
-def _cannot_be_fitted(model: BaselineModel, error: object) -> TreadlinkError:
-    return TreadlinkError(
+def _cannot_be_fitted(model: BaselineModel, error: object) -> BaselineUnfittedError:
+    return BaselineUnfittedError(
         f"the baseline model '{model}' cannot be fitted to these recordings: {error}",
         "Check belt radius, load and pressure in the configuration.",
     )
@@ -223,7 +259,7 @@ def _check_directions(campaign: Campaign, wrong: list[int]) -> None:
     """Reject recordings that contradict their stated direction, which no effect could correct.
 
     Raises:
-        TreadlinkError: one does.
+        RecordingsContradictedError: one does.
     """
     if not wrong:
         return
@@ -234,11 +270,12 @@ def _check_directions(campaign: Campaign, wrong: list[int]) -> None:
         else f"add --reverse {campaign.recordings[number]}"
         for number in wrong
     ]
-    raise TreadlinkError(
+    raise RecordingsContradictedError(
         "the sign of the circumferential axis is opposite to that of a rolling tire in "
         + ", ".join(f"'{campaign.recordings[number]}'" for number in wrong),
         f"If the tire rolled in the opposite direction, {' and '.join(remedies)}; otherwise the sensor's axis points "
         "backwards: record or import it with the sign reversed.",
+        dict.fromkeys(wrong, Reason(Code.CIRCUMFERENTIAL_REVERSED)),
     )
 
 

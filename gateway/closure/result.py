@@ -308,6 +308,8 @@ class Diagnosis:
         load_known: False where the load of a group was assumed.
         pressure_known: False where the pressure of a group was assumed.
         complete: False where the search for effects ended because its time was over.
+        outvoted: recordings that most others contradict, by index, and why.
+        left_out: recordings that were given but not used, each with its reason.
     """
 
     model: str
@@ -335,6 +337,8 @@ class Diagnosis:
     load_known: bool = True
     pressure_known: bool = True
     complete: bool = True
+    outvoted: Mapping[int, Reason] = field(default_factory=dict)
+    left_out: tuple[Reason, ...] = ()
 
     @property
     def named(self) -> tuple[Finding, ...]:

@@ -285,7 +285,7 @@ def find_recordings(paths: Sequence[Path]) -> list[Path]:
     found: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
-            found |= dict.fromkeys(sorted(one.resolve() for one in _in_folder(path)))
+            found |= dict.fromkeys(sorted(_resolved(one) for one in _in_folder(path)))
         elif path.exists():
             found[path.resolve()] = None
         else:
@@ -298,8 +298,16 @@ def find_recordings(paths: Sequence[Path]) -> list[Path]:
     return list(found)
 
 
+def _resolved(path: Path) -> Path:
+    """Return the file that a link leads to; the link itself where there is none."""
+    return path.resolve() if path.exists() else path.absolute()
+
+
 def _in_folder(path: Path) -> Iterator[Path]:
-    return (one for one in path.rglob("*.mcap") if one.is_file() and not one.name.startswith("."))
+    """Yield the recordings of a folder; a link to nothing is one that cannot be read, and is listed as that."""
+    for one in path.rglob("*.mcap"):
+        if not one.name.startswith(".") and (one.is_file() or (one.is_symlink() and not one.exists())):
+            yield one
 
 
 def _read_ahead(paths: Sequence[Path], waiting: queue.Queue[_Hashed | None], end: threading.Event) -> None:

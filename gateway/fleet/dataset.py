@@ -356,6 +356,18 @@ def read_description(root: Path) -> Description:
         raise OutputError(f"'{path}' cannot be read: {error}", "Restore it, or choose a new folder.") from error
 
 
+def is_identified(vehicle: str, sensor_id: str) -> bool:
+    """Return whether recordings of one wheel position are known to be of one tire.
+
+    A sensor stays in its tire, and a vehicle has one tire at a position. Recordings with neither may be of any vehicle.
+
+    Args:
+        vehicle: name of the partition.
+        sensor_id: empty when it was not sent.
+    """
+    return bool(sensor_id) or vehicle != UNKNOWN_VEHICLE
+
+
 def partition(vehicle: str, start_ns: int) -> Path:
     """Return `vehicle=NAME/day=YYYY-MM-DD`, NAME as other programs of Parquet read it back, the day in UTC."""
     name = vehicle.strip() or UNKNOWN_VEHICLE

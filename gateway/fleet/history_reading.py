@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gateway.clock import Clock, SystemClock
 from gateway.errors import OutputError, RecordingError
-from gateway.fleet.dataset import FAILURES, read_description
+from gateway.fleet.dataset import FAILURES, is_identified, read_description
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.reasons import Code, Reason
 from gateway.trends.tire_history import TireHistory
@@ -106,6 +106,10 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
     vehicles = sorted({vehicle for vehicle, _, _ in rows})
     if odometer is not None:
         notes += [Reason(Code.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=one) for one in vehicles if one not in odometer]
+    unknown = [own for (vehicle, _, sensor), own in rows.items() if not is_identified(vehicle, sensor)]
+    if unknown:
+        recordings = len({row["path"] for own in unknown for row in own})
+        notes.append(Reason(Code.TREND_TIRES_UNIDENTIFIED, recordings=recordings))
     tires = [_history(key, rows[key], estimates, odometer) for key in sorted(rows)]
     tires.sort(key=lambda tire: (tire.vehicle, tire.position, int(tire.time_ns[0])))
     failures = sum(1 for _ in (root / FAILURES).glob("*.parquet"))
@@ -204,6 +208,7 @@ def _history(
         has_odometer=readings is not None,
         columns=columns,
         invalid={name: reason for name, reason in invalid.items() if reason},
+        is_identified=is_identified(vehicle, sensor_id),
     )
 
 

@@ -8,20 +8,20 @@ from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 from urllib.parse import unquote
 
 from gateway import __version__
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import OutputError, TreadlinkError
 from gateway.fleet.content_keys import diagnosis_version, settings_key
-from gateway.fleet.dataset import DIAGNOSES, Dataset
+from gateway.fleet.dataset import DIAGNOSES, Dataset, is_identified
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
 from gateway.reasons import Code, Reason
 from gateway.views.tables.campaign_columns import DIAGNOSIS_COLUMNS
-from gateway.views.wording import joined, text
+from gateway.views.wording import as_json, joined, text
 
 MOST_RECORDINGS: Final = 12
 """Recordings of a diagnosis: the time that it takes grows with their number."""
@@ -55,6 +55,18 @@ class DiagnosisOrder:
     part: Path
 
 
+class TireOutcome(NamedTuple):
+    """What became of a tire, as its file states it.
+
+    Attributes:
+        failure: why there is no diagnosis; empty where there is one.
+        left_out: recordings that the diagnosis leaves out, each with its reason.
+    """
+
+    failure: str = ""
+    left_out: tuple[str, ...] = ()
+
+
 @dataclass(slots=True)
 class DiagnosisCounts:
     """Counts of a run: tires diagnosed now, known before, and without a diagnosis, now or before.
@@ -63,16 +75,25 @@ class DiagnosisCounts:
         made: diagnosed now.
         known: diagnosed before.
         reasons: tires without a diagnosis, as (vehicle, position, sensor), and why.
+        left_out: tires with a diagnosis, now or before, and the recordings that it leaves out with their reasons.
     """
 
     made: int = 0
     known: int = 0
     reasons: list[tuple[tuple[str, str, str], str]] = field(default_factory=list)
+    left_out: list[tuple[tuple[str, str, str], tuple[str, ...]]] = field(default_factory=list)
 
     @property
     def failed(self) -> int:
         """Number of tires without a diagnosis."""
         return len(self.reasons)
+
+    def add(self, tire: tuple[str, str, str], outcome: TireOutcome) -> None:
+        """Take what the views list of a tire."""
+        if outcome.failure:
+            self.reasons.append((tire, outcome.failure))
+        elif outcome.left_out:
+            self.left_out.append((tire, outcome.left_out))
 
 
 def diagnose_tires(
@@ -102,6 +123,10 @@ def diagnose_tires(
     counts = DiagnosisCounts()
     orders: dict[str, tuple[DiagnosisOrder, list[Path]]] = {}
     for tire, rows in _tires(dataset.root, given).items():
+        vehicle, _, sensor_id = tire
+        if len(rows) > 1 and not is_identified(vehicle, sensor_id):
+            counts.add(tire, TireOutcome(text(Reason(Code.TIRE_UNIDENTIFIED, recordings=len(rows)))))
+            continue
         chosen = _chosen(rows)
         tire_key = settings_key(list(tire))
         key = settings_key(
@@ -114,11 +139,9 @@ def diagnose_tires(
         name = f"{tire_key}-{key}"
         old = list((dataset.root / DIAGNOSES).glob(f"*/*/{tire_key}-*.parquet"))
         if done := [path for path in old if path.name == f"{name}.parquet"]:
-            why = _failure_in(done[0])
-            if why:
-                counts.reasons.append((tire, why))
-            else:
-                counts.known += 1
+            outcome = outcome_in(done[0])
+            counts.known += not outcome.failure
+            counts.add(tire, outcome)
             continue
         paths = tuple(Path(str(row["path"])) for row in chosen)
         start_ns = min(int(row["start_utc"]) for row in chosen)
@@ -137,34 +160,29 @@ def diagnose_tires(
             continue
         running.discard(event.token)
         order, old = orders[event.token]
-        why = text(event.outcome) if isinstance(event.outcome, Reason) else ""
-        if event.outcome is None:
-            ended = event.ended or Reason(Code.WORKER_ENDED)
-            _write_failure(order, ended)
-            why = text(ended)
+        outcome = event.outcome
+        if outcome is None:
+            outcome = _write_failure(order, event.ended or Reason(Code.WORKER_ENDED))
         dataset.replace_files(DIAGNOSES, [(order.part, order.vehicle, order.start_ns, f"{event.token}.parquet")], old)
-        if why:
-            counts.reasons.append(((order.vehicle, order.position, order.sensor_id), why))
-        counts.made += not why
+        counts.made += not outcome.failure
+        counts.add((order.vehicle, order.position, order.sensor_id), outcome)
         on_tire(counts.made + counts.failed, len(orders))
     if running:
         tasks().cancel()
     return counts
 
 
-def diagnose_tire(order: DiagnosisOrder) -> Reason | bool:
-    """Diagnose one tire in a worker and write its part; return True, or why the recordings give no diagnosis.
+def diagnose_tire(order: DiagnosisOrder) -> TireOutcome:
+    """Diagnose one tire in a worker and write its part; return what became of it.
 
     Raises:
         OutputError: the dataset cannot be written.
     """
-    from gateway.session.campaign_diagnosis import diagnose_recordings
+    from gateway.session.campaign_diagnosis import diagnose_agreeing
     from gateway.views.report.diagnosis_json import diagnosis_json
 
     try:
-        diagnosis = diagnose_recordings(
-            order.paths, vehicle=order.config, wheel=order.position, jobs=1, key_file=order.key_file
-        )
+        diagnosis = diagnose_agreeing(order.paths, order.position, vehicle=order.config, key_file=order.key_file)
     except OutputError:
         raise
     except TreadlinkError as error:
@@ -174,7 +192,8 @@ def diagnose_tire(order: DiagnosisOrder) -> Reason | bool:
         return _write_failure(order, failed)
     whole = json.dumps(diagnosis_json(diagnosis), ensure_ascii=False, allow_nan=False)
     common = {
-        **_head(order),
+        **_head(order, diagnosis.recordings),
+        "left_out": _as_list(diagnosis.left_out),
         "held_out_before_mps2": diagnosis.held_out.rms_before_mps2,
         "held_out_after_mps2": diagnosis.held_out.rms_after_mps2,
         "noise_floor_mps2": diagnosis.noise_floor_mps2,
@@ -199,11 +218,20 @@ def diagnose_tire(order: DiagnosisOrder) -> Reason | bool:
             )
         if not diagnosis.findings:
             part.row({**common, "diagnosis": whole})
-    return True
+    return TireOutcome(left_out=tuple(map(text, diagnosis.left_out)))
 
 
-def _head(order: DiagnosisOrder) -> dict[str, Any]:
-    recordings = [str(path).encode("utf-8", "backslashreplace").decode() for path in order.paths]
+def _as_list(reasons: Sequence[Reason]) -> str:
+    return _storable(json.dumps([as_json(reason) for reason in reasons], ensure_ascii=False))
+
+
+def _storable(text: str) -> str:
+    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
+    return text.encode("utf-8", "backslashreplace").decode()
+
+
+def _head(order: DiagnosisOrder, used: Sequence[str]) -> dict[str, Any]:
+    recordings = [_storable(path) for path in used]
     return {
         "position": order.position,
         "sensor_id": order.sensor_id,
@@ -213,19 +241,22 @@ def _head(order: DiagnosisOrder) -> dict[str, Any]:
     }
 
 
-def _failure_in(path: Path) -> str:
-    """Return why a file holds no diagnosis; empty where it holds one."""
+def outcome_in(path: Path) -> TireOutcome:
+    """Return what the file of a tire states."""
     import pyarrow.parquet as pq
 
     with pq.ParquetFile(path) as file:
-        rows: list[dict[str, Any]] = file.read(["code", "text"]).to_pylist()
-    return next((str(row["text"]) for row in rows if row["code"]), "")
+        row: dict[str, Any] = file.read(["code", "text", "left_out"]).to_pylist()[0]
+    if row["code"]:
+        return TireOutcome(str(row["text"]))
+    return TireOutcome(left_out=tuple(str(one["text"]) for one in json.loads(row["left_out"] or "[]")))
 
 
-def _write_failure(order: DiagnosisOrder, reason: Reason) -> Reason:
+def _write_failure(order: DiagnosisOrder, reason: Reason) -> TireOutcome:
     with PartFile(order.part, DIAGNOSIS_COLUMNS, DIAGNOSES) as part:
-        part.row({**_head(order), "code": str(reason.code), "text": text(reason)})
-    return reason
+        recordings = [str(path) for path in order.paths]
+        part.row({**_head(order, recordings), "code": str(reason.code), "text": text(reason)})
+    return TireOutcome(text(reason))
 
 
 def _tires(root: Path, given: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:

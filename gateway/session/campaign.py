@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Final, TypeVar
@@ -17,7 +17,7 @@ from gateway.closure.data.condition_groups import telling, tire_states
 from gateway.closure.data.group_statistics import FEW, label
 from gateway.closure.effects.effect import GroupConditions
 from gateway.config.vehicle import VehicleConfig
-from gateway.errors import RecordingError
+from gateway.errors import RecordingError, TreadlinkError
 from gateway.reasons import Code, Reason
 from gateway.recording.inspection import inspect_recording
 from gateway.session.campaign_clock import combined
@@ -81,6 +81,104 @@ def read_campaign(
             found[place] = _checked_for_one_wheel(orders[place], read)
     reads = [found[place] for place in range(len(orders))]
     return _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
+
+
+@dataclass(frozen=True, slots=True)
+class WheelRecordings:
+    """Recordings of one wheel that were read.
+
+    Attributes:
+        wheel: position.
+        orders: of the recordings.
+        reads: their contents.
+    """
+
+    wheel: str
+    orders: tuple[ReadOrder, ...]
+    reads: tuple[RecordingRead, ...]
+
+    def __len__(self) -> int:
+        """Return the number of recordings."""
+        return len(self.orders)
+
+    def campaign(self) -> Campaign:
+        """Return their revolutions, grouped by conditions; recordings are numbered in their order."""
+        return _assemble(self.orders, self.reads, self.wheel)
+
+    def chosen(self, keep: Collection[int]) -> WheelRecordings:
+        """Return some of the recordings by their numbers, numbered anew."""
+        kept = sorted(keep)
+        return WheelRecordings(
+            self.wheel,
+            tuple(replace(self.orders[old], index=new) for new, old in enumerate(kept)),
+            tuple(_renumbered(self.reads[old], new) for new, old in enumerate(kept)),
+        )
+
+
+def read_usable(
+    paths: Sequence[Path],
+    wheel: str,
+    *,
+    vehicle: VehicleConfig | None = None,
+    folds: int = 5,
+    jobs: int = 2,
+    key_file: Path | None = None,
+) -> tuple[WheelRecordings, dict[int, Reason]]:
+    """Read those of many recordings that can be used, and return why the others cannot, by their number.
+
+    Args:
+        paths: recordings.
+        wheel: position.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        folds: blocks of a group with enough revolutions, at least 2.
+        jobs: maximum number of processes.
+        key_file: keys of signed frames, where the configuration asks for them.
+
+    Raises:
+        RecordingError: none of them can be used.
+        TreadlinkError: a process was terminated from outside.
+    """
+    orders = _orders(paths, vehicle, wheel, folds, (), key_file)
+    refused: dict[int, Reason] = {}
+    reads = [RecordingRead(())] * len(orders)
+    with closing(work_on_recordings(_read_or_refuse, orders, jobs, lambda _: None)) as done:
+        for place, read in done:
+            why = read if isinstance(read, Reason) else _why_unusable(read, wheel)
+            if why is not None:
+                refused[place] = why
+            if isinstance(read, RecordingRead):
+                reads[place] = read
+    if len(refused) == len(orders):
+        lines = (f"'{order.path}': {text(refused[order.index])}" for order in orders)
+        raise RecordingError(f"no recording of wheel {wheel} can be used:\n" + "\n".join(lines))
+    every = WheelRecordings(wheel, tuple(orders), tuple(reads))
+    return every.chosen(range(len(orders)) - refused.keys()), refused
+
+
+def _read_or_refuse(order: ReadOrder, on_position: Callable[[int], None]) -> RecordingRead | Reason:
+    """Read one recording; return why it cannot be read instead of raising."""
+    try:
+        return read_recording(order, on_position)
+    except TreadlinkError as error:
+        return Reason(Code.RECORDING_NOT_USED, message=str(error))
+    except OSError as error:
+        return Reason(Code.RECORDING_NOT_READ, message=error.strerror or str(error))
+
+
+def _why_unusable(read: RecordingRead, wheel: str) -> Reason | None:
+    if wheel not in read.wheels:
+        return Reason(Code.RECORDING_WITHOUT_WHEEL, wheel=wheel)
+    if read.groups:
+        return None
+    rejected = read.rejected or {}
+    if not rejected:
+        return Reason(Code.RECORDING_WITHOUT_DATA)
+    most = max(rejected, key=lambda reason: rejected[reason])
+    return Reason(Code.REVOLUTIONS_LEFT_OUT, revolutions=rejected[most], reason=most)
+
+
+def _renumbered(read: RecordingRead, number: int) -> RecordingRead:
+    return replace(read, groups=tuple(replace(group, recording=number) for group in read.groups))
 
 
 def _orders(

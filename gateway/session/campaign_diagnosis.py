@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from gateway.clock import Clock, SystemClock
-from gateway.closure.closed_loop import diagnose
+from gateway.closure.closed_loop import SEARCHED, BaselineUnfittedError, baseline_fits, diagnose
 from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError, unlike_signals
 from gateway.closure.result import Diagnosis
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
-from gateway.session.campaign import read_campaign
+from gateway.reasons import Code, Reason
+from gateway.session.campaign import read_campaign, read_usable
 from gateway.signal.effect_correction import CorrectionTable
 
 # Share of reading in the total time.
@@ -51,7 +53,8 @@ def diagnose_recordings(
         jobs: maximum number of processes.
         reverse: those of `paths` recorded in the opposite direction.
         key_file: keys of signed frames, where the configuration asks for them.
-        budget_s: time that the search for effects may take, reading not included; None sets no limit.
+        budget_s: time after which the search for effects ends, reading included; None sets no limit. The baseline
+            model, the error on held-out revolutions and figures are computed in any case; a note says how long.
         clock: of the budget; None for the system's.
         on_progress: called with the share done, 0 to 1, and the present step.
 
@@ -59,6 +62,7 @@ def diagnose_recordings(
         TreadlinkError: a recording cannot be read, or contains nothing usable.
     """
     clock = clock or SystemClock()
+    begin_ns = clock.now_ns()
     report = on_progress or (lambda _share, _text: None)
     total = sum(path.stat().st_size for path in paths if path.is_file())
     read = 0
@@ -78,17 +82,91 @@ def diagnose_recordings(
         reverse=reverse,
         key_file=key_file,
     )
-    end_ns = None if budget_s is None else clock.now_ns() + round(1e9 * budget_s)
+    read_ns = clock.now_ns()
+    searched_ns: int | None = None
+
+    def on_share(share: float, text: str) -> None:
+        nonlocal searched_ns
+        if share >= SEARCHED and searched_ns is None:
+            searched_ns = clock.now_ns()
+        report(_READING_SHARE + (1.0 - _READING_SHARE) * share, text)
+
     diagnosis = diagnose(
         campaign,
         model=model,
         empirical=empirical,
-        on_progress=lambda share, text: report(_READING_SHARE + (1.0 - _READING_SHARE) * share, text),
-        expired=lambda: end_ns is not None and clock.now_ns() >= end_ns,
+        on_progress=on_share,
+        expired=lambda: budget_s is not None and clock.now_ns() >= begin_ns + round(1e9 * budget_s),
         jobs=jobs,
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
+    if budget_s is not None and not diagnosis.complete:
+        end_ns = clock.now_ns()
+        spent = Reason(
+            Code.TIME_LIMIT_SPENT,
+            limit_s=budget_s,
+            reading_s=1e-9 * (read_ns - begin_ns),
+            search_s=1e-9 * ((searched_ns or end_ns) - read_ns),
+            after_s=1e-9 * (end_ns - (searched_ns or end_ns)),
+        )
+        notes = (*notes[:1], spent, *notes[1:])
     return replace(diagnosis, notes=notes, stated=campaign.stated)
+
+
+def diagnose_agreeing(
+    paths: Sequence[Path],
+    wheel: str,
+    *,
+    vehicle: VehicleConfig | None = None,
+    jobs: int = 1,
+    key_file: Path | None = None,
+) -> Diagnosis:
+    """Diagnose one wheel from those of many recordings that can be used and do not contradict most others.
+
+    One recording that cannot be read, or with a reversed axis, does not cost the others their diagnosis.
+
+    Args:
+        paths: recordings.
+        wheel: position.
+        vehicle: configuration for all recordings; None to use the one in each recording.
+        jobs: maximum number of processes.
+        key_file: keys of signed frames, where the configuration asks for them.
+
+    Returns:
+        the diagnosis; `left_out` lists the other recordings with their reasons.
+
+    Raises:
+        TreadlinkError: no recording can be used, or what is wrong holds for all.
+    """
+    used, refused = read_usable(paths, wheel, vehicle=vehicle, jobs=jobs, key_file=key_file)
+    left_out = {str(paths[number]): reason for number, reason in refused.items()}
+    while True:
+        campaign = used.campaign()
+        contradicted: Mapping[int, Reason] = unlike_signals(campaign)
+        diagnosis = None
+        if not contradicted:
+            try:
+                diagnosis = diagnose(campaign, jobs=jobs)
+                contradicted = diagnosis.outvoted
+            except RecordingsContradictedError as error:
+                if len(error.recordings) == len(used):
+                    raise
+                contradicted = error.recordings
+            except BaselineUnfittedError:
+                alone = [number for number in range(len(used)) if not baseline_fits(used.chosen([number]).campaign())]
+                if len(alone) in (0, len(used)):
+                    raise
+                contradicted = dict.fromkeys(alone, Reason(Code.BASELINE_UNFITTED))
+        if diagnosis is not None and not contradicted:
+            notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
+            reasons = tuple(
+                Reason(Code.RECORDING_LEFT_OUT, recording=str(path), reason=left_out[str(path)])
+                for path in paths
+                if str(path) in left_out
+            )
+            return replace(diagnosis, notes=notes, stated=campaign.stated, left_out=reasons)
+        left_out |= {str(used.orders[number].path): reason for number, reason in contradicted.items()}
+        used = used.chosen(range(len(used)) - contradicted.keys())
 
 
 def transfer_effects(

@@ -19,8 +19,9 @@ from gateway.estimators.estimator import Status
 from gateway.reasons import Code, Reason
 from gateway.trends.level_steps import find_steps
 from gateway.trends.outlier_detection import OutlierSearch, find_outliers
+from gateway.trends.refilled_pressure import LEAST_RECORDINGS, PressureLoss, pressure_loss
 from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
-from gateway.trends.tire_history import TireHistory
+from gateway.trends.tire_history import MONTH_NS, TireHistory
 from gateway.trends.trend_result import (
     FleetTrends,
     PairTrend,
@@ -35,12 +36,21 @@ from gateway.types import FloatArray, IntArray
 REFERENCE_DEGC: Final = 20.0
 """Temperature at which pressures are compared."""
 
+_DAY_S: Final = 86_400.0
+_DAY_MONTHS: Final = 1e9 * _DAY_S / MONTH_NS
 # Spread of the temperature from which its influence is fitted, and recordings that this needs.
 _LEAST_SPREAD_K: Final = 2.0
 _LEAST_FOR_TEMPERATURE: Final = 12
 _LEAST_SPREAD_SPEED: Final = 0.03
 # A new tire has this much less wear at least.
 _LEAST_NEW_TIRE_MM: Final = 0.3
+# What changes within a day or a week (temperature, load, driver, road) is no ageing, and a rate per month from less
+# than a week, a quarter of its unit, would be mostly that. The same share of 1,000 km is more than a day's drive. A
+# pressure at one temperature changes by a leak only, which may be a fast one: a day is enough.
+_LEAST_MONTHS: Final = 7.0 * _DAY_MONTHS
+_LEAST_LEAK_MONTHS: Final = _DAY_MONTHS
+_LEAST_1000KM: Final = 0.25
+# Smaller refills are no steps of the line; they are part of the loss's likelihood.
 _LEAST_REFILL_PA: Final = 3000.0
 # What is worth a finding, besides being significant.
 _NOTABLE_LOSS_PA: Final = 1000.0
@@ -154,8 +164,18 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
         numbers=tuple(sorted(tire.numbers, key=lambda number: order.index(number.quantity))),
         findings=tuple(tire.findings),
         series=tuple(tire.series),
+        is_identified=history.is_identified,
     )
+    if not history.is_identified:
+        # What differs between tires would be taken for a change of one.
+        trend = replace(trend, numbers=tuple(map(_of_unknown_tire, trend.numbers)), findings=())
     return trend, tire
+
+
+def _of_unknown_tire(number: TrendNumber) -> TrendNumber:
+    if number.status is Status.INVALID:
+        return number
+    return replace(number, status=Status.PROVISIONAL, reasons=(Reason(Code.TREND_TIRE_UNIDENTIFIED), *number.reasons))
 
 
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
@@ -188,7 +208,9 @@ def _wear(tire: _Tire) -> None:
         tire.numbers.append(TrendNumber(Quantity.WEAR_NOW, unit="mm", reasons=(why,)))
         return
     status = Status.VALID if history.has_odometer else Status.PROVISIONAL
-    rate = _number(Quantity.WEAR_RATE, "mm/1000 km", line, 1, status=status, reasons=basis)
+    rate = _rate(
+        Quantity.WEAR_RATE, "mm/1000 km", line, against="km", least=_LEAST_1000KM, status=status, reasons=basis
+    )
     tire.numbers.append(rate)
     tire.numbers.append(_at_end(Quantity.WEAR_NOW, "mm", line))
 
@@ -211,16 +233,15 @@ def _pressure(tire: _Tire) -> None:
     else:
         why = _missing(history, "", cold)
     unknown = np.full(len(cold), math.nan)
-    line = _line(
-        tire,
-        "pressure_at_20_degc",
-        "kPa",
-        history.months,
-        cold * 1e-3,
-        unknown,
-        steps_from=_LEAST_REFILL_PA * 1e-3,
-    )
-    if line is None or line.search.fit is None:
+    steps_from = _LEAST_REFILL_PA * 1e-3
+    line = _line(tire, "pressure_at_20_degc", "kPa", history.months, cold * 1e-3, unknown, steps_from=steps_from)
+    found = None
+    if line is not None and line.search.fit is not None:
+        normal = ~line.search.is_outlier
+        found = pressure_loss(history.months[line.places[normal]], line.values[normal])
+        if found is None:
+            why = Reason(Code.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
+    if line is None or found is None:
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
         return
@@ -229,11 +250,38 @@ def _pressure(tire: _Tire) -> None:
     if _is_same(warm_known):
         stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(warm_known[0]), count=len(warm_known))
         status, notes = Status.PROVISIONAL, (stuck, *notes)
-    loss = _number(Quantity.PRESSURE_LOSS, "kPa/month", line, 1, factor=-1.0, status=status, reasons=notes)
+    plain = _rate(
+        Quantity.PRESSURE_LOSS,
+        "kPa/month",
+        line,
+        least=_LEAST_LEAK_MONTHS,
+        factor=-1.0,
+        status=status,
+        reasons=notes,
+    )
+    loss = _with_refills(plain, found) if plain.status is not Status.INVALID else plain
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
-    if status is Status.VALID and _is_significant(loss, line) and loss.value > _NOTABLE_LOSS_PA * 1e-3:
+    if loss.status is Status.INVALID:
+        return
+    is_certain = min(found.least, loss.value - _quantile(line) * plain.std) > 0.0
+    if status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
+
+
+def _with_refills(plain: TrendNumber, found: PressureLoss) -> TrendNumber:
+    """Return the pressure loss with refills that no step shows; its errors are those of the line at least.
+
+    The line knows of recordings that follow each other, the likelihood of refills does not.
+    """
+    half = 0.5 * (plain.high - plain.low)
+    low, high = min(found.low, found.value - half), max(found.high, found.value + half)
+    notes = plain.reasons
+    # Without refills the interval would be less than half as wide upwards: they are what limits it.
+    if high - found.value > 2.0 * (found.high_unrefilled - found.value) and high - found.value > half:
+        notes = (*notes, Reason(Code.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
+    std = max(found.std, plain.std)
+    return replace(plain, value=found.value, std=std, low=low, high=high, reasons=notes)
 
 
 def _load(tire: _Tire) -> None:
@@ -254,7 +302,7 @@ def _load(tire: _Tire) -> None:
         why = _missing(history, "contact_length_m", contact)
         tire.numbers.append(TrendNumber(Quantity.CONTACT_RATE, unit="mm/month", reasons=(why,)))
     else:
-        tire.numbers.append(_number(Quantity.CONTACT_RATE, "mm/month", length, 1))
+        tire.numbers.append(_rate(Quantity.CONTACT_RATE, "mm/month", length))
 
 
 def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
@@ -266,7 +314,7 @@ def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
     yield TrendNumber(
         Quantity.LOAD, mean, std, "N", Status.VALID, (), count, fit.freedom, mean - 2.0 * std, mean + 2.0 * std
     )
-    yield _number(Quantity.LOAD_RATE, "N/month", line, 1)
+    yield _rate(Quantity.LOAD_RATE, "N/month", line)
     scatter = float(np.std(fit.residuals[used], ddof=fit.coefficients.size))
     own = scatter / math.sqrt(2.0 * fit.freedom)
     yield TrendNumber(
@@ -310,7 +358,7 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
         return
     notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
-    rate = _number(quantity, "%/month", line, 1, reasons=notes)
+    rate = _rate(quantity, "%/month", line, reasons=notes)
     tire.numbers.append(rate)
     if line.has_covariate:
         tire.numbers.append(_number(temperature, "%/K", line, 2))
@@ -350,7 +398,7 @@ def _sensor(tire: _Tire) -> None:
             why = _missing(history, name if name in history.invalid else "", values)
             tire.numbers.append(TrendNumber(quantity, unit=f"{unit}/month", reasons=(why,)))
             continue
-        rate = _number(quantity, f"{unit}/month", line, 1)
+        rate = _rate(quantity, f"{unit}/month", line)
         tire.numbers.append(rate)
         over = abs(rate.value) * _span(history.months)
         worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
@@ -461,6 +509,40 @@ def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, 
     )
 
 
+def _rate(
+    quantity: Quantity,
+    unit: str,
+    line: _Line,
+    *,
+    against: str = "months",
+    least: float = _LEAST_MONTHS,
+    factor: float = 1.0,
+    status: Status = Status.VALID,
+    reasons: tuple[Reason, ...] = (),
+) -> TrendNumber:
+    """Return the trend of a line as a number; none from a span that is too short for its unit.
+
+    Args:
+        quantity: what it is.
+        unit: of the number.
+        line: fitted.
+        against: "months" or "km" (thousands), the abscissa of the line.
+        least: span that is needed.
+        factor: of the coefficient.
+        status: of the number where it has one.
+        reasons: notes.
+    """
+    span = float(np.ptp(line.design[~line.search.is_outlier, 1]))
+    if span >= least:
+        return _number(quantity, unit, line, 1, factor=factor, status=status, reasons=reasons)
+    if against == "km":
+        why = Reason(Code.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
+    else:
+        second = _DAY_S / _DAY_MONTHS
+        why = Reason(Code.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
+    return TrendNumber(quantity, unit=unit, reasons=(why,), count=int((~line.search.is_outlier).sum()))
+
+
 def _number(
     quantity: Quantity,
     unit: str,
@@ -497,12 +579,19 @@ def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
 
 
 def _is_significant(number: TrendNumber, line: _Line) -> bool:
-    fit = line.search.fit
-    if fit is None or not number.std > 0.0:
-        return fit is not None and number.value != 0.0
+    if line.search.fit is None or number.status is Status.INVALID:
+        return False
+    if not number.std > 0.0:
+        return number.value != 0.0
+    return abs(number.value) > _quantile(line) * number.std
+
+
+def _quantile(line: _Line) -> float:
+    """Return Student's t beyond which a number of a line is a finding."""
     from scipy import stats
 
-    return abs(number.value) > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, fit.freedom)) * number.std
+    assert line.search.fit is not None
+    return float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, line.search.fit.freedom))
 
 
 def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
@@ -520,6 +609,8 @@ def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
                     ),
                     _difference(Quantity.SLIP_ASYMMETRY, "slip_angle_rad", wheels[left], wheels[right]),
                 )
+                if not all(one.is_identified for side in (left, right) for one in wheels[side]):
+                    numbers = (_of_unknown_tire(numbers[0]), _of_unknown_tire(numbers[1]))
                 yield PairTrend(vehicle, left, right, numbers)
 
 

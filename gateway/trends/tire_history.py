@@ -32,6 +32,7 @@ class TireHistory:
         columns: (n,) each: numbers of the table of recordings by column, NaN where unknown.
         invalid: names of estimates -> reason of the last recording without a value.
         part: number of the tire where one sensor has had several.
+        is_identified: False where neither a vehicle's name nor a sensor says that all recordings are of one tire.
     """
 
     vehicle: str
@@ -45,6 +46,7 @@ class TireHistory:
     columns: Mapping[str, FloatArray]
     invalid: Mapping[str, str]
     part: int = 1
+    is_identified: bool = True
 
     @property
     def months(self) -> FloatArray:
@@ -71,6 +73,7 @@ class TireHistory:
             {name: column[at] for name, column in self.columns.items()},
             self.invalid,
             part,
+            self.is_identified,
         )
 
     def split(self, begins: list[int]) -> Iterator[TireHistory]:

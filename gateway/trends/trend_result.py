@@ -149,6 +149,7 @@ class TireTrend:
         numbers: in the order of Quantity.
         findings: what needs attention, the gravest first.
         series: for figures.
+        is_identified: False where the recordings may be of different tires; no number is then valid.
     """
 
     vehicle: str
@@ -163,6 +164,7 @@ class TireTrend:
     numbers: tuple[TrendNumber, ...]
     findings: tuple[Reason, ...] = ()
     series: tuple[TrendSeries, ...] = ()
+    is_identified: bool = True
 
 
 @dataclass(frozen=True, slots=True)

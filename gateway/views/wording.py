@@ -583,11 +583,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the recordings' times do not give their order: taken one after another, in the order given"
     ),
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
+    Code.RECORDING_WITHOUT_WHEEL: "contains no revolution of wheel {wheel}",
     Code.ABOUT_RECORDING: "{recording}: {reason}",
+    Code.RECORDING_LEFT_OUT: "{recording} left out: {reason}",
     Code.SEVERAL_SENSORS: "several",
     # - Recordings of a dataset
     Code.ESTIMATION_FAILED: "a fault of treadlink, {kind}: {message}",
     Code.RECORDING_CHANGED: "the file changed while it was read",
+    Code.TIRE_UNIDENTIFIED: (
+        "{recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of several tires: set "
+        "name in [vehicle]"
+    ),
     Code.RECORDING_NOT_READ: "{message}",
     Code.RECORDING_NOT_USED: "{message}",
     Code.WORKER_ENDED: "its worker process ended each time that it was tried: killed or crashed",
@@ -634,12 +640,20 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_RECORDED_DISTANCE: (
         "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
     ),
+    Code.TREND_REFILLS_HIDE: (
+        "refills that the scatter hides are not excluded: the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month"
+    ),
     Code.TREND_SENSOR_CLIPS: "sensor: {share:.1%} more of the samples at the end of its range",
     Code.TREND_SENSOR_GAIN: "sensor: its gain has changed by {share:.1%}",
     Code.TREND_SENSOR_LOSSES: "sensor: {share:.1%} more of the samples are lost",
     Code.TREND_SENSOR_MOVES: "sensor: its distance from the neutral layer has changed by {change_m:.1f mm}",
     Code.TREND_SENSOR_NOISE: "sensor: its noise has become {factor:.1f} times as large",
     Code.TREND_SENSOR_ZERO: "sensor: its zero has changed by {change_mps2:.1f m/s²}",
+    Code.TREND_SPAN_SHORT: (
+        "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
+        "to hour is no trend"
+    ),
+    Code.TREND_DISTANCE_SHORT: ("the recordings span {distance_m:.3g km}: a rate per 1,000 km needs {needed_m:.0f km}"),
     Code.TREND_STEPS: "steps that are fitted and left out of the trend: {count}",
     Code.TREND_STIFFNESS_DRIFTS: "{name} changes by {share:.2%} ± {std:.2%} a month",
     Code.TREND_TEMPERATURE_CONSTANT: "the temperature varies too little, or is not known",
@@ -649,6 +663,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.TREND_TEMPERATURE_UNKNOWN: "no sensor has sent a temperature, which the comparison of pressures needs",
     Code.TREND_TOO_FEW: "{count} recordings with a value, {needed} are needed",
+    Code.TREND_TIRE_UNIDENTIFIED: (
+        "no vehicle's name and no sensor says that all recordings are of one tire: differences between tires would be "
+        "in it"
+    ),
+    Code.TREND_TIRES_UNIDENTIFIED: (
+        "NOT IDENTIFIED: {recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of "
+        "several vehicles. Their numbers are marked ~ and make no finding. Set name in [vehicle], and estimate again"
+    ),
     Code.TREND_UNDETERMINED: "the recordings do not determine it",
     Code.TREND_UNREADABLE_FILE: "left out, because it cannot be read: {path}",
     Code.TREND_VEHICLE_WITHOUT_ODOMETER: (
@@ -757,6 +779,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "what is left unexplained has {residual_ratio:.3g} times the rms of the noise of the means; evidence counts "
         "less by that factor"
     ),
+    Code.TIME_LIMIT_SPENT: (
+        "limit {limit_s:.3g s}: reading took {reading_s:.2g s}, fit and search {search_s:.2g s}; hold-out and figures "
+        "came after it, {after_s:.2g s}"
+    ),
     Code.SEARCH_ENDED_EARLY: (
         "the search for effects ended at its time limit before it was complete (sets tried: {sets}): others may be "
         "more probable"
@@ -803,13 +829,35 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TOO_FEW_ALIKE: "too few at the same speed, load, pressure and temperature",
     Code.OUTLIER_OF_GROUP: "an outlier at the same conditions, as after an impact",
     Code.CLIPPED_UNLIKE_GROUP: "the radial axis is clipped, unlike in others at the same conditions",
+    Code.CIRCUMFERENTIAL_REVERSED: (
+        "the sign of its circumferential axis is opposite to that of a rolling tire: the tire rolled backwards or was "
+        "reversed on its rim, or the axis is reversed"
+    ),
+    Code.BASELINE_UNFITTED: (
+        "the baseline model cannot be fitted to it: its belt radius, load or pressure is not as stated"
+    ),
+    Code.CONTACT_UNLIKE_OTHERS: (
+        "its contact half angle is {angle_rad:.1f deg}, that of {count} others with the same stated load and pressure "
+        "{other_rad:.1f deg}: its load, pressure or tire is not as stated"
+    ),
     Code.CONTACTS_CONTRADICT: (
         "contact half angle {short_rad:.1f deg} in {short}, {long_rad:.1f deg} in {long}: load, pressure or tire is "
         "not as stated"
     ),
+    Code.LATERAL_OPPOSITE_TO_OTHERS: (
+        "its lateral waveform is the opposite of that of {count} others: its lateral axis is reversed, or its sensor "
+        "or tire is turned round"
+    ),
     Code.LOADS_CONTRADICT: (
         "Cw, which no load changes, is {low:.4g} to {high:.4g}: a stated load or pressure is {share:.1%} off; all "
         "errors contain that"
+    ),
+    Code.RADIUS_UNLIKE_OTHERS: (
+        "its belt radius is stated as {radius_m:.1f mm}, that of {count} others as {other_m:.1f mm}"
+    ),
+    Code.WIDTH_UNLIKE_OTHERS: (
+        "Cw, which no load changes, is {value:.4g} in it and {other:.4g} in {count} others: its load or pressure is "
+        "not as stated"
     ),
     Code.FEW_REVOLUTIONS: "only {revolutions} revolutions: a pattern common to all of them may still be chance",
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
@@ -822,6 +870,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
 # Printed unit: factor from SI.
 _UNITS: Final = {
     "%": 100.0,
+    "days": 1.0 / 86_400.0,
     "deg": math.degrees(1.0),
     "degC": 1.0,
     "K": 1.0,

@@ -10,13 +10,17 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
+from gateway.clock import ManualClock
+from gateway.closure.closed_loop import SEARCHED
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
+from gateway.reasons import Code, Reason
+from gateway.session import campaign_diagnosis
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from tests.testkit.campaign_recordings import write_recording
-from tests.testkit.diagnosis_data import empty, ordinary
+from tests.testkit.diagnosis_data import empty, ordinary, undrawn
 
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 OMEGA = 60 / 3.6 / 0.32
@@ -94,6 +98,33 @@ def test_search_ends_with_the_budget(closed, recording):
     assert run(recording).exit_code == 0
     assert not asked[1][1]["expired"]()
     assert run(recording, "--budget", "0").exit_code == 2
+
+
+def test_budget_counts_reading_and_says_how_long_each_part_took(monkeypatch, recording):
+    clock = ManualClock()
+    expired = []
+
+    def read(*_, **__):
+        clock.advance_ns(3 * 10**9)
+        return Campaign("W0", (str(recording),), (), 0, {})
+
+    def diagnose(_, **options):
+        expired.append(options["expired"]())
+        clock.advance_ns(2 * 10**9)
+        expired.append(options["expired"]())
+        options["on_progress"](SEARCHED, "computing held-out errors")
+        clock.advance_ns(10**9)
+        return replace(undrawn(), complete=False, notes=(Reason(Code.SEARCH_ENDED_EARLY, sets=2),))
+
+    monkeypatch.setattr(campaign_diagnosis, "read_campaign", read)
+    monkeypatch.setattr(campaign_diagnosis, "diagnose", diagnose)
+    found = campaign_diagnosis.diagnose_recordings([recording], budget_s=5.0, clock=clock)
+    assert expired == [False, True]
+    early, spent, *_ = found.notes
+    assert early.code is Code.SEARCH_ENDED_EARLY
+    assert (spent.code, spent["limit_s"]) == (Code.TIME_LIMIT_SPENT, 5.0)
+    assert (spent["reading_s"], spent["search_s"], spent["after_s"]) == pytest.approx((3.0, 2.0, 1.0))
+    assert campaign_diagnosis.diagnose_recordings([recording], clock=clock).notes == (early,)
 
 
 def test_summary_and_all_files_are_written(closed, recording, tmp_path):

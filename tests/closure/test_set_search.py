@@ -145,3 +145,22 @@ def test_wave_has_at_least_one_wavelength(decay: float, may_be: bool) -> None:
     assert (effect.reason_against(values, np.full(8, 0.01)) is None) is may_be
     # A wave that is indistinguishable from zero cannot be wrong.
     assert effect.reason_against(values, np.full(8, 0.1)) is None
+
+
+def test_an_expired_search_tries_no_further_effect(monkeypatch: pytest.MonkeyPatch) -> None:
+    campaign = campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES)
+    tried: list[str] = []
+
+    def counted(fit: object, effect: AngleEffect, shapes: object) -> None:
+        tried.append(effect.name)
+
+    monkeypatch.setattr("gateway.closure.inference.candidate_scan.try_effect", counted)
+    effects = among("roll tilt", "pitch tilt", "gain")
+    _, search = searched(campaign, effects, expired=lambda: True)
+    assert tried == []
+    assert not search.complete
+    assert list(search.found) == [frozenset()]
+    # The time runs out while single effects are tried.
+    _, search = searched(campaign, effects, expired=lambda: len(tried) >= 1)
+    assert len(tried) == 1
+    assert not search.complete

@@ -151,6 +151,16 @@ def test_bad_file_is_a_failure_row(campaign, recordings, made, tmp_path):
     assert is_whole(tmp_path)
 
 
+def test_a_link_to_nothing_is_a_failure(campaign, recordings, tmp_path):
+    (recordings / "gone.mcap").symlink_to(recordings / "nothing")
+    (recordings / "folder.mcap").mkdir()
+    assert [path.name for path in find_recordings([recordings])][-1] == "gone.mcap"
+    found = campaign(recordings / "drive0.mcap", recordings)
+    assert (found.estimated, found.failed) == (3, 1)
+    (row,) = rows(tmp_path, "failures")
+    assert (row["recording"], row["is_final"]) == ("gone.mcap", False)
+
+
 def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_path):
     whole = (recordings / "drive0.mcap").read_bytes()
     (recordings / "cut.mcap").write_bytes(whole[: len(whole) * 3 // 4])

@@ -7,20 +7,31 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
+import pyarrow.parquet as pq
 import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.errors import OutputError
 from gateway.estimators.estimator import Status
+from gateway.fleet.dataset import Description, opened
 from gateway.fleet.recording_estimation import estimate_names
-from gateway.fleet.tire_diagnoses import MOST_RECORDINGS, DiagnosisOrder, _chosen, _failure_in, diagnose_tire
-from gateway.reasons import Reason
-from gateway.views.wording import text
+from gateway.fleet.tire_diagnoses import (
+    MOST_RECORDINGS,
+    DiagnosisOrder,
+    _chosen,
+    diagnose_tire,
+    diagnose_tires,
+    outcome_in,
+)
+from gateway.reasons import Code, Reason
 from tests.fleet.test_campaign_run import is_whole, names, rows
+from tests.testkit.diagnosis_data import undrawn
 
 ROOT = Path(__file__).parents[2]
 FEW = ("--estimator", "kinematic", "--estimator", "weak-form", "--jobs", "1")
@@ -125,10 +136,37 @@ def test_campaign_diagnoses_tires(recordings, tmp_path):
 def test_tires_without_a_diagnosis_are_named_with_the_reason(tmp_path):
     part = tmp_path / "part.parquet"
     order = DiagnosisOrder("van 7", "FL", "0000a000", (tmp_path / "gone.mcap",), 0, None, None, part)
-    why = diagnose_tire(order)
-    assert isinstance(why, Reason)
-    assert "gone.mcap" in text(why)
-    assert _failure_in(part) == text(why)
+    outcome = diagnose_tire(order)
+    assert "gone.mcap" in outcome.failure
+    assert outcome_in(part) == outcome
+
+
+def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):
+    rows_of = {("unknown", "FL", ""): [{}, {}]}
+    monkeypatch.setattr("gateway.fleet.tire_diagnoses._tires", lambda *_: rows_of)
+    with opened(tmp_path / "dataset", Description((), (), "none"), lambda _: False) as dataset:
+        counts = diagnose_tires(dataset, no_workers, (), config=None, key_file=None, stop=threading.Event())
+    assert counts.failed == 1
+    assert "2 recordings have neither a vehicle's name nor a sensor's number" in counts.reasons[0][1]
+
+
+def test_recordings_that_a_diagnosis_leaves_out_are_in_its_row(tmp_path, monkeypatch):
+    reason = Reason(Code.RECORDING_LEFT_OUT, recording="b.mcap", reason=Reason(Code.CIRCUMFERENTIAL_REVERSED))
+    found = replace(undrawn(), recordings=("a.mcap",), left_out=(reason,))
+    monkeypatch.setattr("gateway.session.campaign_diagnosis.diagnose_agreeing", lambda *_, **__: found)
+    part = tmp_path / "part.parquet"
+    order = DiagnosisOrder("v", "FL", "", (Path("a.mcap"), Path("b.mcap")), 0, None, None, part)
+    outcome = diagnose_tire(order)
+    assert outcome.failure == ""
+    assert "b.mcap left out: the sign of its circumferential axis" in outcome.left_out[0]
+    assert outcome_in(part) == outcome
+    with pq.ParquetFile(part) as file:
+        row = file.read().to_pylist()[0]
+    assert json.loads(row["recordings"]) == ["a.mcap"]
+    (stated,) = json.loads(row["left_out"])
+    assert stated["code"] == "recording_left_out"
+    assert stated["values"]["reason"]["code"] == "circumferential_reversed"
+    assert json.loads(row["diagnosis"])["left_out"] == [stated]
 
 
 def test_diagnosis_takes_recordings_of_all_speeds():

@@ -7,7 +7,8 @@ import pytest
 
 from gateway.clock import ManualClock
 from gateway.errors import OutputError, RecordingError
-from gateway.fleet.history_reading import read_histories, read_odometer
+from gateway.fleet.dataset import is_identified
+from gateway.fleet.history_reading import _rows, read_histories, read_odometer
 from gateway.trends.fleet_analysis import analyse
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
@@ -31,6 +32,38 @@ def test_dataset_becomes_histories(campaign, recordings, tmp_path):
     assert van.column("Bs") == pytest.approx(3.08e-3, rel=0.1)
     assert [str(note.code) for note in found.notes] == ["trend_vehicle_without_odometer"]
     assert len(analyse(found.tires, recordings=3).tires) == 2
+
+
+@pytest.mark.parametrize(("vehicle", "sensor_id", "known"), [
+    ("van 7", "0000b000", True), ("van 7", "", True), ("unknown", "0000b000", True), ("unknown", "", False)
+])  # fmt: skip
+def test_a_tire_is_identified_by_vehicle_or_sensor(vehicle, sensor_id, known):
+    assert is_identified(vehicle, sensor_id) is known
+
+
+def test_recordings_of_unknown_tires_are_said_to_be(campaign, recordings, tmp_path, monkeypatch):
+    for number in range(2):
+        write_recording(
+            recordings / f"nameless{number}.mcap",
+            "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 80\n",
+            wheels=("load_n = 4000\n",),
+            duration_s=1.6,
+            seed=9 + number,
+        )
+    campaign(recordings)
+    named = read_histories(tmp_path / "dataset")
+    assert all(tire.is_identified for tire in named.tires)  # by their sensor
+    assert named.notes == ()
+
+    def without_sensor(path, names):
+        return [{**row, "sensor_id": ""} for row in _rows(path, names) or ()]
+
+    monkeypatch.setattr("gateway.fleet.history_reading._rows", without_sensor)
+    found = read_histories(tmp_path / "dataset")
+    assert {tire.vehicle: tire.is_identified for tire in found.tires} == {
+        "a/b=c ü": True, "van 7": True, "unknown": False
+    }  # fmt: skip
+    assert [(str(note.code), note["recordings"]) for note in found.notes] == [("trend_tires_unidentified", 2)]
 
 
 def test_unreadable_file_is_left_out(campaign, recordings, tmp_path):

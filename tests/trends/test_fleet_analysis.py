@@ -13,6 +13,7 @@ from gateway.reasons import Code
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.tire_history import TireHistory
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
+from gateway.views.trend_report.trend_tables import trend_lines
 from tests.testkit.tire_histories import history
 
 
@@ -87,6 +88,18 @@ def test_a_leak_refilled_every_month_is_found():
     assert loss.value == pytest.approx(9.0, abs=3.0 * loss.std)
     assert Code.TREND_LOSES_PRESSURE in codes(found)
     assert any(reason.code is Code.TREND_STEPS and reason["count"] == 15 for reason in loss.reasons)
+
+
+def test_small_refills_do_not_hide_a_leak():
+    # 2.8 kPa every month: less than a step of the line. Without its refills the tire seems tight.
+    tire = history(count=150, months=12.0)
+    lost = 2800.0 * (tire.months % 1.0)
+    (found,) = trends_of(changed(tire, "pressure_pa", tire.columns["pressure_pa"] - lost)).tires
+    loss = number(found, Quantity.PRESSURE_LOSS)
+    assert loss.low < 2.8 < loss.high
+    assert loss.low > 1.4
+    assert Code.TREND_LOSES_PRESSURE in codes(found)
+    assert any(reason.code is Code.TREND_REFILLS_HIDE for reason in loss.reasons)
 
 
 def test_a_pressure_that_never_changes_shows_no_loss():
@@ -191,6 +204,50 @@ def test_load_is_measured_or_as_stated():
     assert number(stated, Quantity.LOAD).status is Status.PROVISIONAL
     assert number(stated, Quantity.LOAD).reasons[0].code is Code.TREND_LOAD_STATED
     assert number(stated, Quantity.LOAD_RATE).status is Status.INVALID
+
+
+@pytest.mark.parametrize(("days", "known"), [(0.1, set()), (3.0, {Quantity.PRESSURE_LOSS}), (8.0, None)])
+def test_a_rate_per_month_needs_days(days, known):
+    tire = history(months=days * 12.0 / 365.25)
+    (found,) = trends_of(tire).tires
+    assert found.findings == ()
+    monthly = {one.quantity: one for one in found.numbers if one.unit.endswith("/month")}
+    rates = {quantity for quantity, one in monthly.items() if one.status is Status.VALID}
+    if known is None:
+        assert {Quantity.BS_RATE, Quantity.NOISE_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD_RATE} <= rates
+        return
+    assert rates == known
+    reason = monthly[Quantity.BS_RATE].reasons[0]
+    assert (reason.code, reason["needed_s"]) == (Code.TREND_SPAN_SHORT, pytest.approx(7.0 * 86_400.0))
+    assert reason["span_s"] == pytest.approx(86_400.0 * days)
+    assert number(found, Quantity.PRESSURE_NOW).status is Status.VALID
+    assert number(found, Quantity.BS_TEMPERATURE).status is Status.VALID
+
+
+def test_wear_per_1000_km_needs_a_distance():
+    tire = history()
+    near, far = (replace(tire, km=20_000.0 + reach_km * tire.months / 8.0) for reach_km in (2.0, 300.0))
+    short, long = (trends_of(one).tires[0] for one in (near, far))
+    rate = number(short, Quantity.WEAR_RATE)
+    assert rate.status is Status.INVALID
+    assert rate.reasons[0].code is Code.TREND_DISTANCE_SHORT
+    assert rate.reasons[0]["distance_m"] == pytest.approx(2000.0)
+    assert number(short, Quantity.WEAR_NOW).status is Status.VALID
+    assert number(long, Quantity.WEAR_RATE).status is Status.VALID
+
+
+def test_recordings_of_unknown_tires_give_no_valid_number():
+    tire = replace(history(leak_pa=4000.0, vehicle="unknown", sensor_id=""), is_identified=False)
+    found = trends_of(tire, replace(tire, position="FR"))
+    for one in found.tires:
+        assert not one.is_identified
+        assert one.findings == ()
+        for each in one.numbers:
+            assert each.status is not Status.VALID
+            if each.status is Status.PROVISIONAL:
+                assert each.reasons[0].code is Code.TREND_TIRE_UNIDENTIFIED
+    assert found.pairs[0].numbers[0].status is Status.PROVISIONAL
+    assert any("(not identified)" in line for line in trend_lines(found))
 
 
 def test_asymmetry_of_left_and_right():

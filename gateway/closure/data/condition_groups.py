@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Final
 
@@ -96,23 +96,29 @@ def tire_states(
 
 
 def unlike_contacts(state: IntArray, omega_radps: FloatArray, half_angle_rad: FloatArray) -> list[tuple[int, int]]:
-    """Return pairs of groups of one state whose contacts contradict it, the shortest and the longest of each state.
+    """Return pairs of groups of one state whose contacts contradict it, the shortest and the longest of each state."""
+    pairs: dict[int, tuple[int, int]] = {}
+    for labelled in contact_groups(state, omega_radps, half_angle_rad):
+        places = np.concatenate(labelled)
+        angles = half_angle_rad[places]
+        pairs.setdefault(int(state[places[0]]), (int(places[np.argmin(angles)]), int(places[np.argmax(angles)])))
+    return list(pairs.values())
+
+
+def contact_groups(state: IntArray, omega_radps: FloatArray, half_angle_rad: FloatArray) -> Iterator[list[IntArray]]:
+    """Yield, where contacts of one state and nearly one speed contradict each other, the indices that agree.
 
     Groups whose contacts differ by more than 8 % would not be taken for one state if their loads were not stated: a
     load of one of them differs by 12 %, or the tire. Only speeds within a tenth are compared, as edges move with speed.
     """
-    pairs = []
     for each in np.unique(state).tolist():
-        here = np.flatnonzero(state == each)
-        labels = modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH)
-        for label in np.unique(labels).tolist():
-            alike_speed = here[labels == label]
-            angles = np.log(half_angle_rad[alike_speed])
-            if not np.isfinite(angles).any() or not np.nanmax(angles) - np.nanmin(angles) > _ANGLE_WIDTH:
-                continue
-            pairs.append((int(alike_speed[np.nanargmin(angles)]), int(alike_speed[np.nanargmax(angles)])))
-            break
-    return pairs
+        here = np.flatnonzero((state == each) & np.isfinite(half_angle_rad))
+        speeds = modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH)
+        for speed in np.unique(speeds).tolist():
+            alike_speed = here[speeds == speed]
+            angles = modes(np.log(half_angle_rad[alike_speed]), _ANGLE_WIDTH)
+            if angles.max() > 0:
+                yield [alike_speed[angles == label] for label in np.unique(angles).tolist()]
 
 
 def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count: FloatArray, most: int) -> IntArray:

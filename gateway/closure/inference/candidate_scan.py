@@ -132,10 +132,16 @@ class Scan:
         """Share the work with other processes that take from the same counter."""
         self._counters, self._number, self._elsewhere = counters, number, set(elsewhere)
 
-    def trials(self) -> list[Trial]:
-        """Return the successful trials, the best promise first, then by name."""
+    def trials(self, expired: Callable[[], bool] = lambda: False) -> list[Trial]:
+        """Return the successful trials, the best promise first, then by name; none where the time is over before all.
+
+        Args:
+            expired: True when the time is over.
+        """
         found: dict[int, Trial | None] = {}
         while (place := self._next(len(found))) < len(self.effects):
+            if expired():
+                return []
             found[place] = try_effect(self.fit, self.effects[place], self.shapes)
         while len(found) < len(self.effects):
             done, self._elsewhere = wait(self._elsewhere, return_when=FIRST_COMPLETED)

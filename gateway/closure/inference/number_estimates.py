@@ -80,7 +80,12 @@ def belt_widths_apart(estimates: Mapping[str, Fitted]) -> tuple[Fitted, Fitted] 
     if len(widths) < 2 or not widths[0].value > 0.0:
         return None
     low, high = widths[0], widths[-1]
-    return (low, high) if high.value - low.value > _CONTRADICTED * math.hypot(low.std, high.std) else None
+    return (low, high) if contradict(low, high) else None
+
+
+def contradict(one: Fitted, other: Fitted) -> bool:
+    """Return whether two estimates of the same number differ by three standard errors and more."""
+    return abs(one.value - other.value) > _CONTRADICTED * math.hypot(one.std, other.std)
 
 
 def widened(estimates: Mapping[str, Fitted], low: Fitted, high: Fitted) -> dict[str, Fitted]:

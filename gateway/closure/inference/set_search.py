@@ -178,6 +178,8 @@ class SetSearch:
 
     def _chains(self, start: Fit) -> None:
         """Add the best effects one after the other, without a discrepancy; from the best first ones."""
+        if self._stop():
+            return
         begun: set[Names] = set()
         firsts = self._fitted(start)
         for first in firsts[: criteria.BRANCHES]:
@@ -222,6 +224,8 @@ class SetSearch:
         for trial in trials[: criteria.REFITTED]:
             if trial.promise < criteria.LOOKED_AT or trial.promise < criteria.PROMISE_SHARE * most:
                 break
+            if self._stop():
+                break
             try:
                 after = refit(trial, self.data)
             except FitFailedError:
@@ -238,7 +242,7 @@ class SetSearch:
         """Return trials of all effects that a set can take, by promise."""
         scan = self._begin(fit, among)
         self._begun.remove(scan)
-        return scan.trials()
+        return scan.trials(self.expired)
 
     def _begin(self, fit: Fit, among: Iterable[str]) -> Scan:
         """Begin a scan in other processes, which is then made while this one does something else."""

@@ -33,6 +33,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "wheel": _text(diagnosis.wheel),
         "model": _text(diagnosis.model),
         "recordings": _texts(diagnosis.recordings),
+        "left_out": [_reason(one) for one in diagnosis.left_out],
         "stated": _remarks(diagnosis.stated),
         "assumed": _remarks(diagnosis.assumed),
         "notes": _remarks(diagnosis.notes),

@@ -105,7 +105,8 @@ FAILURE_COLUMNS: Final[dict[str, Column]] = {
 DIAGNOSIS_COLUMNS: Final[dict[str, Column]] = {
     "position": RECORDING_HEAD["position"],
     "sensor_id": RECORDING_HEAD["sensor_id"],
-    "recordings": Column(str, "paths of the recordings, as a JSON list"),
+    "recordings": Column(str, "paths of the recordings that were used, as a JSON list"),
+    "left_out": Column(str, "recordings that were left out and why, as a JSON list: code, values and text"),
     "first_utc": Column(datetime, "start of the earliest recording, UTC"),
     "effect": Column(str, "name of an effect for which there is evidence; null in a row without any effect"),
     "verdict": Column(str, "named (identified), indistinguishable (undecided) or refused (rejected)"),

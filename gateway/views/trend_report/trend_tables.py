@@ -78,6 +78,8 @@ def tire_name(trend: TireTrend | TrendOutlier) -> str:
     parts = [trend.vehicle, trend.position, *([trend.sensor_id] if trend.sensor_id else [])]
     if isinstance(trend, TireTrend) and trend.part > 1:
         parts.append(f"tire {trend.part}")
+    if isinstance(trend, TireTrend) and not trend.is_identified:
+        parts.append("(not identified)")
     return clean(" ".join(parts))
 
 
@@ -125,6 +127,7 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
                 "recordings": trend.recordings,
                 "distance_km": _known(trend.distance_km),
                 "has_odometer": trend.has_odometer,
+                "is_identified": trend.is_identified,
                 "numbers": [_number_json(number) for number in trend.numbers],
                 "findings": [as_json(finding) for finding in trend.findings],
             }
