@@ -401,8 +401,10 @@ def _sensor(tire: _Tire) -> None:
         rate = _rate(quantity, f"{unit}/month", line)
         tire.numbers.append(rate)
         over = abs(rate.value) * _span(history.months)
+        # A change that no recording shows is the covariate's, which goes with the time.
+        shown = over <= float(np.ptp(line.values))
         worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
-        if worse and over > notable and _is_significant(rate, line):
+        if worse and shown and over > notable and _is_significant(rate, line):
             tire.findings.append(_sensor_finding(quantity, rate.value * _span(history.months)))
 
 

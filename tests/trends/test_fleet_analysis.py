@@ -102,6 +102,16 @@ def test_small_refills_do_not_hide_a_leak():
     assert any(reason.code is Code.TREND_REFILLS_HIDE for reason in loss.reasons)
 
 
+def test_noise_of_a_tire_that_is_driven_faster_each_time_is_the_speeds():
+    # The road's noise bends up with the speed, which hardly differs from the time.
+    tire = history()
+    speed = 10.0 + 30.0 * tire.months / tire.months[-1]
+    noise = 0.05 * np.exp((speed / 30.0) ** 2)
+    faster = changed(changed(tire, "speed_mean_mps", speed + 1e-3 * np.sin(np.arange(100))), "noise_mps2", noise)
+    (found,) = trends_of(faster).tires
+    assert Code.TREND_SENSOR_NOISE not in codes(found)
+
+
 def test_a_pressure_that_never_changes_shows_no_loss():
     tire = history()
     (found,) = trends_of(changed(tire, "pressure_pa", np.full(100, 220e3))).tires
