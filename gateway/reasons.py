@@ -361,6 +361,7 @@ class Code(StrEnum):
     WORKER_MEMORY_FULL = "worker_memory_full"
     # - Provenance of conditions
     ASSUMED_LOAD = "assumed_load"
+    ASSUMED_OFFSET = "assumed_offset"
     ASSUMED_PRESSURE = "assumed_pressure"
     ASSUMED_RADIUS = "assumed_radius"
     ASSUMED_TEMPERATURE = "assumed_temperature"

@@ -24,7 +24,7 @@ from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
-from gateway.session.provenance import assumed_conditions, stated_conditions
+from gateway.session.provenance import Quantity, assumed_conditions, is_assumed, stated_conditions
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
 from gateway.signal.repeated_samples import RepeatedSamples
@@ -283,9 +283,11 @@ def _declared(
     stated_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
     mounting = wheel.mounting if wheel is not None else None
     offset_m = mounting.offset_m if mounting is not None else None
+    known = offset_m is not None and not is_assumed(vehicle, Quantity.OFFSET)
     if offset_m is None:
         in_use = last.conditions
-        offset_m = in_use.sensor_offset_m if in_use.sensor_offset_std_m < _OFFSET_KNOWN_M else 0.0
+        known = in_use.sensor_offset_std_m < _OFFSET_KNOWN_M
+        offset_m = in_use.sensor_offset_m if known else 0.0
     return Declared(
         name=order.name,
         recording=order.index,
@@ -295,4 +297,5 @@ def _declared(
         pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
+        offset_known=known,
     )

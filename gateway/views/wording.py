@@ -598,6 +598,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WORKER_MEMORY_FULL: "its worker process had no memory left",
     # - Provenance of conditions
     Code.ASSUMED_LOAD: "load {load_n:.0f N} (not stated)",
+    Code.ASSUMED_OFFSET: "mounting offset 0.0 mm below the neutral layer (neither stated nor measured)",
     Code.ASSUMED_PRESSURE: "pressure {pressure_pa:.0f kPa} (neither stated nor measured)",
     Code.ASSUMED_RADIUS: "belt radius {radius_m:g mm} (no configuration states it)",
     Code.ASSUMED_TEMPERATURE: "temperature steady (neither stated nor measured)",
