@@ -27,7 +27,11 @@ class Code(StrEnum):
     EFFECTS_OUTSIDE_LOADS = "effects_outside_loads"
     EFFECTS_OUTSIDE_PRESSURES = "effects_outside_pressures"
     EFFECTS_OUTSIDE_SPEEDS = "effects_outside_speeds"
+    EFFECTS_OF_OTHER_OFFSET = "effects_of_other_offset"
+    EFFECTS_OF_OTHER_RADIUS = "effects_of_other_radius"
     EFFECTS_OF_OTHER_SENSOR = "effects_of_other_sensor"
+    EFFECTS_OF_OTHER_TIRE = "effects_of_other_tire"
+    EFFECTS_OF_OTHER_VEHICLE = "effects_of_other_vehicle"
     # - Revolutions that do not come
     ALL_FRAMES_REFUSED = "all_frames_refused"
     CONTACTS_NOT_ALIKE = "contacts_not_alike"

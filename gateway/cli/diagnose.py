@@ -258,6 +258,7 @@ def _transfer(
             jobs=jobs,
             reverse=reverse,
             key_file=key_file,
+            origin=str(known_path),
             on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
         )
     to_stdout = json_path is not None and is_stdout(json_path)

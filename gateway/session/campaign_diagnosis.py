@@ -101,6 +101,7 @@ def transfer_effects(
     jobs: int = 2,
     reverse: Collection[Path] = (),
     key_file: Path | None = None,
+    origin: str = "effects",
     on_progress: Progress | None = None,
 ) -> Transfer:
     """Return the error on recordings with the effects of an effects file, exactly as they were found.
@@ -114,10 +115,11 @@ def transfer_effects(
         jobs: maximum number of processes.
         reverse: those of `paths` recorded in the opposite direction.
         key_file: keys of signed frames, where the configuration asks for them.
+        origin: name of the effects file, for messages.
         on_progress: called with the share done, 0 to 1, and the present step.
 
     Raises:
-        TreadlinkError: a recording cannot be read or contains nothing usable, or an effect is not known.
+        TreadlinkError: a recording cannot be read or contains nothing usable, or an effect is not known or impossible.
     """
     report = on_progress or (lambda _share, _text: None)
     report(0.0, "reading")
@@ -131,7 +133,6 @@ def transfer_effects(
         key_file=key_file,
     )
     report(_READ_SHARE, "comparing with and without the effects")
-    found = {effect.name: {one.name: one.value for one in effect.parameters} for effect in table.effects}
-    result = transfer(campaign, found, model=model)
+    result = transfer(campaign, table, model=model, origin=origin)
     report(1.0, "done")
     return result

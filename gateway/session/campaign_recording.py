@@ -81,6 +81,8 @@ class RecordingRead:
         sensor_id: serial number of the sensor of the wheel, None when there were several.
         notices: of wheels, sensors and signatures.
         remarks: on the signals.
+        vehicle: name of the vehicle, empty if unknown.
+        tire: size of the wheel's tire, empty if unknown.
     """
 
     wheels: tuple[str, ...]
@@ -96,6 +98,8 @@ class RecordingRead:
     sensor_id: int | None = None
     notices: tuple[Notice, ...] = ()
     remarks: tuple[Reason, ...] = ()
+    vehicle: str = ""
+    tire: str = ""
 
 
 class _SeveralWheelsError(Exception):
@@ -270,6 +274,8 @@ def _reduced(
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         notices=notices,
         remarks=tuple(remarks),
+        vehicle=vehicle.name if vehicle is not None else "",
+        tire=(vehicle.tire_of(wheel).size or "") if vehicle is not None and wheel is not None else "",
     )
 
 

@@ -37,6 +37,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.EFFECTS_OUTSIDE_SPEEDS: (
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
     ),
+    Code.EFFECTS_OF_OTHER_OFFSET: (
+        "the effects were found with the sensor {found_m:z.2f mm} below the neutral layer, but here {offset_m:z.2f mm} "
+        "is in use: the effects may count the difference twice"
+    ),
+    Code.EFFECTS_OF_OTHER_RADIUS: (
+        "the effects were found with a belt radius of {found_m:.1f mm}, but here {radius_m:.1f mm} is in use"
+    ),
+    Code.EFFECTS_OF_OTHER_TIRE: "the effects were found on a tire {found_on}, but this is {tire}",
+    Code.EFFECTS_OF_OTHER_VEHICLE: "the effects were found on vehicle {found_on}, but this is {vehicle}",
     Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
     # - Revolutions that do not come
     Code.CONTACTS_NOT_ALIKE: (

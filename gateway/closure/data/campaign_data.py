@@ -185,6 +185,8 @@ class Campaign:
         notes: limitations of the recordings: damage, groups left out.
         sensor_id: serial number of the sensor, None if unknown or not the same in all recordings.
         stated: inputs that were stated or measured, with their source.
+        vehicle: name of the vehicle or test rig, empty if unknown or not the same in all recordings.
+        tire: size of the tire, likewise.
     """
 
     wheel: str
@@ -197,6 +199,8 @@ class Campaign:
     notes: tuple[Reason, ...] = ()
     sensor_id: int | None = None
     stated: tuple[Reason, ...] = ()
+    vehicle: str = ""
+    tire: str = ""
 
     @property
     def folds(self) -> int:
