@@ -353,6 +353,9 @@ class Code(StrEnum):
     RECORDING_DAMAGED = "recording_damaged"
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
     RECORDING_WITHOUT_DATA = "recording_without_data"
+    REVOLUTIONS_CLIPPED = "revolutions_clipped"
+    SENSOR_ALARM = "sensor_alarm"
+    SENSOR_IN_DOUBT = "sensor_in_doubt"
     ABOUT_RECORDING = "about_recording"
     SEVERAL_SENSORS = "several_sensors"
     # - Recordings of a dataset

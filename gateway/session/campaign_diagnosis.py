@@ -9,10 +9,12 @@ from typing import Final
 
 from gateway.clock import Clock, SystemClock
 from gateway.closure.closed_loop import diagnose
+from gateway.closure.data.campaign_data import Remark
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.result import Diagnosis
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
+from gateway.reasons import Code, Reason
 from gateway.session.campaign import read_campaign
 from gateway.signal.effect_correction import CorrectionTable
 
@@ -88,7 +90,16 @@ def diagnose_recordings(
         jobs=jobs,
     )
     notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
+    # What is wrong with a sensor comes first: it bears on everything else.
+    notes = tuple(sorted(notes, key=lambda note: not _is_alarm(note)))
     return replace(diagnosis, notes=notes, stated=campaign.stated)
+
+
+def _is_alarm(note: Remark) -> bool:
+    if not isinstance(note, Reason):
+        return False
+    reason = note["reason"] if note.code is Code.ABOUT_RECORDING else note
+    return isinstance(reason, Reason) and reason.code in (Code.SENSOR_ALARM, Code.SENSOR_IN_DOUBT)
 
 
 def transfer_effects(

@@ -592,6 +592,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the recordings' times do not give their order: taken one after another, in the order given"
     ),
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
+    Code.SENSOR_ALARM: "alarm of the sensor: {reason}",
+    Code.SENSOR_IN_DOUBT: "no number is determined where the sensor itself is in doubt: {recordings}",
+    Code.REVOLUTIONS_CLIPPED: "the radial axis is clipped in {count} of {total} revolutions",
     Code.ABOUT_RECORDING: "{recording}: {reason}",
     Code.SEVERAL_SENSORS: "several",
     # - Recordings of a dataset

@@ -147,6 +147,7 @@ class Group:
         edges: jitter of the contact's edges; blocks and deviations are corrected for it where it is evident.
         by_angle: power of the deviations by angle; None for too few revolutions.
         repeats: repeated samples of the group's recording; None without.
+        sensor_doubted: True where the pipeline raised an alarm about the sensor that makes every shape doubtful.
     """
 
     label: str
@@ -167,6 +168,7 @@ class Group:
     edges: EdgeTiming = EdgeTiming()
     by_angle: AngleScatter | None = None
     repeats: Repeats | None = None
+    sensor_doubted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
