@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 
 from gateway.closure.effects.effect import GroupConditions
 from gateway.reasons import Reason
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 Remark: TypeAlias = Reason | str
 """A remark on the data: a reason, or text that a user wrote, as in a configuration."""
@@ -98,12 +98,14 @@ class AngleScatter:
             noise has the same power.
         freedom: (3,) independent complex values of one cell of one revolution; 0 for absent axes.
         count: revolutions.
+        at_limit: (3, cells) where the signal stays at the end of the sensor's range, which hides all scatter.
     """
 
     power_m2ps4: FloatArray
     alternating_m2ps4: FloatArray
     freedom: FloatArray
     count: int
+    at_limit: BoolArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -233,5 +233,6 @@ def _deviations(
         omega_radps=table["omega_radps"][rows],
         omega_dot_radps2=table["omega_dot_radps2"][rows],
         rate_hz=left_hz,
+        clipped=bool((table["cut_off"][rows] > 0.0).any()),
     )
     return left, left_hz if left.runs else 0.0
