@@ -13,6 +13,7 @@ from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained
 from gateway.config.effects_file import effects_text
 from gateway.errors import TreadlinkError
+from gateway.recording.file_content import check_distinct
 from gateway.session.campaign_diagnosis import diagnose_recordings
 from gateway.views.output_file import write_whole
 from gateway.views.report.diagnosis_json import diagnosis_json, write_json
@@ -55,15 +56,16 @@ def diagnose(
         progress: called with the share done, 0 to 1, and the present step.
 
     Raises:
-        TreadlinkError: a recording cannot be read, is given twice, or contains nothing usable; several wheels and none
-            chosen.
+        TreadlinkError: a recording cannot be read, is given twice or as a copy, or contains nothing usable; several
+            wheels and none chosen.
         ValueError: no such model, or too few or too many folds.
     """
     chosen = BaselineModel(model)
     if not 2 <= folds <= 20:
         raise ValueError(f"folds must be 2 to 20, not {folds}")
     given = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
-    paths = _distinct([_path(one) for one in given])
+    paths = [_path(one) for one in given]
+    check_distinct(paths)
     if not paths:
         raise TreadlinkError("there is no recording to diagnose", "Give at least one.")
     try:
@@ -96,16 +98,6 @@ def _path(recording: PathLike | Recording) -> Path:
             f"'{recording.name}' is not in a file", "Write it: gateway.simulate(..., out='FILE.mcap')."
         )
     return recording.path
-
-
-def _distinct(paths: Sequence[Path]) -> list[Path]:
-    """Return the paths; a repeated one would count its revolutions twice."""
-    seen: set[Path] = set()
-    for path in paths:
-        if path.resolve() in seen:
-            raise TreadlinkError(f"'{path}' is given twice", "Give each recording once.")
-        seen.add(path.resolve())
-    return list(paths)
 
 
 class DiagnosisReport:

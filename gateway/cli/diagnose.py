@@ -182,6 +182,7 @@ def diagnose(
         (*recordings, *reverse, config_path, key_file or default_key_file()),
         force=force,
     )
+    _check_recordings(recordings)
     if html_path is not None:
         from gateway.views.report.figures import require_report_packages
 
@@ -195,7 +196,7 @@ def diagnose(
     vehicle = load_vehicle(config_path) if config_path is not None else None
     if known_path is not None:
         _transfer(
-            _distinct(recordings),
+            recordings,
             known_path,
             vehicle,
             BaselineModel(model),
@@ -209,7 +210,7 @@ def diagnose(
         return
     with progress_bar(" " * _LABEL_CELLS) as bar:
         diagnosis = diagnose_recordings(
-            _distinct(recordings),
+            recordings,
             vehicle=vehicle,
             wheel=wheel,
             model=BaselineModel(model),
@@ -229,7 +230,7 @@ def diagnose(
 
 
 def _transfer(
-    recordings: list[Path],
+    recordings: tuple[Path, ...],
     known_path: Path,
     vehicle: VehicleConfig | None,
     model: BaselineModel,
@@ -258,6 +259,7 @@ def _transfer(
             jobs=jobs,
             reverse=reverse,
             key_file=key_file,
+            origin=str(known_path),
             on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
         )
     to_stdout = json_path is not None and is_stdout(json_path)
@@ -313,13 +315,11 @@ def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:
     write_whole(path, effects_text(diagnosis.correction), force=force)
 
 
-def _distinct(recordings: tuple[Path, ...]) -> list[Path]:
-    """Return the recordings in the order given; a repeated one would count its revolutions twice."""
-    found: dict[Path, Path] = {}
+def _check_recordings(recordings: tuple[Path, ...]) -> None:
+    """Refuse folders, and recordings given twice: their revolutions would count twice."""
+    from gateway.recording.file_content import check_distinct
+
     for path in recordings:
         if path.is_dir():
             raise TreadlinkError(f"'{path}' is a folder", f"Give the recordings in it: {path}/*.mcap")
-        before = found.setdefault(path.resolve(), path)
-        if before is not path:
-            raise TreadlinkError(f"'{path}' is given twice", "Give each recording once.")
-    return list(found.values())
+    check_distinct(recordings)

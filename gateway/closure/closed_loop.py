@@ -127,7 +127,8 @@ def _diagnose(
     if exact is None and posterior.impossible is not None:
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
     unlike = _unlike_contacts(campaign)
-    contradicted = frozenset(campaign.groups[first].state for first, _ in unlike)
+    doubted_states = {group.state for group in campaign.groups if group.sensor_doubted}
+    contradicted = frozenset(campaign.groups[first].state for first, _ in unlike) | doubted_states
     considered = [(one.fit, weight) for one, weight in posterior.considered]
     after, determined = estimates_of(considered, better, contradicted)
     if exact is None and core.model is not BaselineModel.EXACT:
@@ -186,6 +187,7 @@ def _diagnose(
             ),
             *_contradictions(campaign, unlike),
             *_apart(apart),
+            *_in_doubt(campaign),
             *_notes(campaign, with_mean=core.mean),
             *_tempered(posterior),
             *time_locked.notes,
@@ -285,6 +287,14 @@ def _unlike_contacts(campaign: Campaign) -> list[tuple[int, int]]:
         np.array([group.conditions.omega_radps for group in campaign.groups]),
         np.array([group.half_angle_rad for group in campaign.groups]),
     )
+
+
+def _in_doubt(campaign: Campaign) -> tuple[Reason, ...]:
+    """Return the note on recordings whose sensor the pipeline doubts."""
+    places = sorted({group.recording for group in campaign.groups if group.sensor_doubted})
+    if not places:
+        return ()
+    return (Reason(Code.SENSOR_IN_DOUBT, recordings=tuple(campaign.recordings[place] for place in places)),)
 
 
 def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tuple[Reason, ...]:

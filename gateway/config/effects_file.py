@@ -15,17 +15,22 @@ from pydantic import Field, ValidationError
 from gateway.config.validation import Section, read_text
 from gateway.config.vehicle import POSITION_PATTERN, VehicleConfig
 from gateway.errors import ConfigError
-from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter, WheelSetup
+from gateway.pipeline.wheel_setup import (
+    OFFSET_TOLERANCE_M,
+    RADIUS_TOLERANCE,
+    CorrectedEffect,
+    CorrectionTable,
+    EffectParameter,
+    WheelSetup,
+)
 from gateway.reasons import Code, Notice, Reason
 
-VERSION: Final = 1
+VERSION: Final = 2
+"""Of files that are written: 2 adds vehicle and tire. Both versions are read."""
 
 _KEY: Final = "treadlink_effects"
 _LISTED_FAULTS: Final = 8
 _MAX_BYTES: Final = 16 << 20
-_OFFSET_TOLERANCE_M: Final = 5e-5
-# Relative.
-_RADIUS_TOLERANCE: Final = 5e-3
 _SIGNIFICANT_DIGITS: Final = 7
 
 Range = tuple[float, float]
@@ -56,7 +61,9 @@ class _Table(Section):
 
 
 class _EffectsFile(Section):
-    treadlink_effects: Literal[1]
+    treadlink_effects: Literal[1, 2]
+    vehicle: str = ""
+    tire: str = ""
     wheel: str = Field(pattern=POSITION_PATTERN)
     sensor_id: str | None = Field(default=None, pattern=r"^[0-9a-fA-F]{1,8}$")
     radius_mm: float = Field(ge=100, le=1200)
@@ -96,6 +103,8 @@ class _EffectsFile(Section):
             sensor_offset_m=self.sensor_offset_mm * 1e-3,
             sensor_id=None if self.sensor_id is None else int(self.sensor_id, 16),
             sources=self.found_in,
+            vehicle=self.vehicle,
+            tire=self.tire,
         )
 
 
@@ -110,6 +119,8 @@ def effects_text(table: CorrectionTable) -> str:
 
     document = {
         _KEY: VERSION,
+        "vehicle": table.vehicle,
+        "tire": table.tire,
         "wheel": table.position,
         "sensor_id": None if table.sensor_id is None else f"{table.sensor_id:08x}",
         "radius_mm": rounded(table.radius_m * 1e3),
@@ -154,9 +165,9 @@ def load_effects(path: Path) -> CorrectionTable:
     """
     text = read_text(path, "the effects file", max_bytes=_MAX_BYTES)
     version = _version(text, path)
-    if version != VERSION:
+    if version not in range(1, VERSION + 1):
         raise ConfigError(
-            f"{path}: effects file of version {version}, but this treadlink supports version {VERSION}",
+            f"{path}: effects file of version {version}, but this treadlink supports versions 1 to {VERSION}",
             "Update treadlink, or create the file again with `treadlink diagnose --save-effects`.",
         )
     remedy = "Create the file again with `treadlink diagnose --save-effects`."
@@ -203,14 +214,14 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
         seen.add(name)
         again = "Run `treadlink diagnose --save-effects` again with this configuration."
         stated_m = wheel.mounting.offset_m
-        if stated_m is not None and abs(stated_m - table.sensor_offset_m) > _OFFSET_TOLERANCE_M:
+        if stated_m is not None and abs(stated_m - table.sensor_offset_m) > OFFSET_TOLERANCE_M:
             raise ConfigError(
                 f"the effects of wheel {name} were found with the sensor {table.sensor_offset_m * 1e3:g} mm below the "
                 f"neutral layer, but the configuration states {stated_m * 1e3:g} mm",
                 again,
             )
         radius_m = vehicle.tire_of(wheel).radius_m
-        if radius_m is not None and abs(radius_m / table.radius_m - 1.0) > _RADIUS_TOLERANCE:
+        if radius_m is not None and abs(radius_m / table.radius_m - 1.0) > RADIUS_TOLERANCE:
             raise ConfigError(
                 f"the effects of wheel {name} were found with a belt radius of {table.radius_m * 1e3:g} mm, but "
                 f"the configuration states {radius_m * 1e3:g} mm",

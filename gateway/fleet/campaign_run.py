@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from gateway.clock import Clock
 from gateway.errors import OutputError, RecordingError, TreadlinkError
-from gateway.fleet.content_keys import FileContent, estimators_version, path_key, read_content
+from gateway.fleet.content_keys import estimators_version, path_key
 from gateway.fleet.dataset import Dataset
 from gateway.fleet.recording_estimation import (
     Estimated,
@@ -22,6 +22,7 @@ from gateway.fleet.recording_estimation import (
 )
 from gateway.fleet.worker_tasks import TaskPosition, TaskResult, WorkerTasks, position_reporter
 from gateway.reasons import Code, Reason
+from gateway.recording.file_content import FileContent, read_content
 
 _POLL_S: Final = 0.1
 _READ_AHEAD: Final = 64

@@ -1,25 +1,17 @@
-"""Identity of recordings by content, and of the settings and the code that estimate them."""
+"""Identity of paths, and of the settings and the code that estimate recordings."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import threading
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.errors import RecordingError
-
-ID_DIGITS: Final = 32
-"""Hexadecimal digits of a content's identity: 128 bits of its SHA-256."""
 SETTINGS_DIGITS: Final = 12
 PATH_DIGITS: Final = 12
 
-_BLOCK_BYTES: Final = 1 << 20
 # Packages whose code decides about the numbers.
 _ESTIMATING: Final = (
     "firmware_protocol",
@@ -30,56 +22,6 @@ _ESTIMATING: Final = (
     "gateway.signal",
 )
 _DIAGNOSING: Final = ("gateway.closure",)
-
-
-@dataclass(frozen=True, slots=True)
-class FileContent:
-    """A file as it was when its content was read.
-
-    Attributes:
-        path: absolute path.
-        recording_id: identity of the content.
-        size_bytes: its size.
-        modified_ns: time of its last change.
-    """
-
-    path: Path
-    recording_id: str
-    size_bytes: int
-    modified_ns: int
-
-    def is_unchanged(self) -> bool:
-        """Return whether the file is still the one that was read, by size and time of change."""
-        try:
-            found = self.path.stat()
-        except OSError:
-            return False
-        return (found.st_size, found.st_mtime_ns) == (self.size_bytes, self.modified_ns)
-
-
-def read_content(
-    path: Path, stop: threading.Event | None = None, on_bytes: Callable[[int], None] | None = None
-) -> FileContent | None:
-    """Read a file and return its identity; None when `stop` is set meanwhile.
-
-    Raises:
-        RecordingError: the file cannot be read.
-    """
-    digest = hashlib.sha256()
-    try:
-        with path.open("rb") as file:
-            while block := file.read(_BLOCK_BYTES):
-                if stop is not None and stop.is_set():
-                    return None
-                digest.update(block)
-                if on_bytes is not None:
-                    on_bytes(len(block))
-            found = path.stat()
-    except OSError as error:
-        raise RecordingError(
-            f"'{path}' cannot be read: {error.strerror}", "Check the path and its permissions."
-        ) from error
-    return FileContent(path, digest.hexdigest()[:ID_DIGITS], found.st_size, found.st_mtime_ns)
 
 
 def path_key(path: Path) -> str:

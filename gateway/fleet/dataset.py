@@ -29,9 +29,10 @@ import numpy as np
 
 from gateway import __version__
 from gateway.errors import OutputError
-from gateway.fleet.content_keys import FileContent, path_key
+from gateway.fleet.content_keys import path_key
 from gateway.fleet.parquet_parts import FORMAT, PartFile
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
+from gateway.recording.file_content import FileContent
 from gateway.views.output_file import write_whole
 from gateway.views.tables.campaign_columns import FAILURE_COLUMNS
 from gateway.views.wording import as_json, text

@@ -22,7 +22,7 @@ from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, recorded_vehicl
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.estimator import Revolution
 from gateway.estimators.revolution_block import RevolutionArrays
-from gateway.fleet.content_keys import FileContent, settings_key
+from gateway.fleet.content_keys import settings_key
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.wheel_rows import WheelRow
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
@@ -30,6 +30,7 @@ from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.plugins import PluginGroup, installed
 from gateway.reasons import Code, Reason
+from gateway.recording.file_content import FileContent
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
 from gateway.session.batch_alarms import BatchAlarms

@@ -63,7 +63,9 @@ class _Entry:
 class AlarmLog:
     """Compares the present alarms with those before and reports what changed."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, logs: bool = True) -> None:
+        """Start empty; `logs` is False where no notice goes to the program's log."""
+        self._logs = logs
         self._entries: dict[AlarmKey, _Entry] = {}
         self._changes: deque[AlarmChange] = deque(maxlen=_WAITING_CHANGES)
 
@@ -116,7 +118,7 @@ class AlarmLog:
         known = values() if over else {}
         for key in over:
             notices += self._is_over(key, at_s, known.get(key))
-        for notice in notices:
+        for notice in notices if self._logs else ():
             # Every view shows the notice too: standard error needs it in a verbose log only.
             level = logging.WARNING if notice.level is Level.WARNING else logging.INFO
             _logger.log(level, "%s", notice_text(notice), extra={"is_shown": True})

@@ -37,13 +37,18 @@ _OF_STREAMS = frozenset({*SILENCES, AlarmName.LINK})
 class BatchAlarms:
     """Finds the alarms of a recording: silence frame by frame, thresholds result by result, faults block by block."""
 
-    def __init__(self, vehicle: VehicleConfig | None) -> None:
-        """Take thresholds and positions of the configuration; `begin` follows."""
+    def __init__(self, vehicle: VehicleConfig | None, *, logs: bool = True) -> None:
+        """Take thresholds and positions of the configuration; `begin` follows.
+
+        Args:
+            vehicle: configuration; None without one.
+            logs: whether alarms go to the program's log too.
+        """
         self._thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
         self._has_limits = has_wheel_limits(self._thresholds)
         self._configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
         self._events: dict[str, deque[LinkEvent]] = {}
-        self._log = AlarmLog()
+        self._log = AlarmLog(logs=logs)
         self._review_due_ns = 0
 
     def begin(self, pipeline: Pipeline) -> None:

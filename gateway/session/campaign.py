@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -247,7 +247,15 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
             *order_remarks,
         ),
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
+        vehicle=_common(read.vehicle for read in reads if read.groups),
+        tire=_common(read.tire for read in reads if read.groups),
     )
+
+
+def _common(names: Iterable[str]) -> str:
+    """Return the name that all recordings have, empty if they differ."""
+    found = set(names)
+    return found.pop() if len(found) == 1 else ""
 
 
 def _rejected(reads: Sequence[RecordingRead]) -> dict[Reason, int]:

@@ -9,6 +9,7 @@ from typing import Final
 
 from gateway.clock import Clock, SystemClock
 from gateway.closure.closed_loop import SEARCHED, BaselineUnfittedError, baseline_fits, diagnose
+from gateway.closure.data.campaign_data import Campaign, Remark
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError, unlike_signals
 from gateway.closure.result import Diagnosis
@@ -99,7 +100,6 @@ def diagnose_recordings(
         expired=lambda: budget_s is not None and clock.now_ns() >= begin_ns + round(1e9 * budget_s),
         jobs=jobs,
     )
-    notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
     if budget_s is not None and not diagnosis.complete:
         end_ns = clock.now_ns()
         spent = Reason(
@@ -109,8 +109,9 @@ def diagnose_recordings(
             search_s=1e-9 * ((searched_ns or end_ns) - read_ns),
             after_s=1e-9 * (end_ns - (searched_ns or end_ns)),
         )
-        notes = (*notes[:1], spent, *notes[1:])
-    return replace(diagnosis, notes=notes, stated=campaign.stated)
+        limit, *others = diagnosis.notes
+        diagnosis = replace(diagnosis, notes=(limit, spent, *others))
+    return replace(diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated)
 
 
 def diagnose_agreeing(
@@ -158,15 +159,27 @@ def diagnose_agreeing(
                     raise
                 contradicted = dict.fromkeys(alone, Reason(Code.BASELINE_UNFITTED))
         if diagnosis is not None and not contradicted:
-            notes = tuple(dict.fromkeys((*diagnosis.notes, *campaign.notes)))
             reasons = tuple(
                 Reason(Code.RECORDING_LEFT_OUT, recording=str(path), reason=left_out[str(path)])
                 for path in paths
                 if str(path) in left_out
             )
-            return replace(diagnosis, notes=notes, stated=campaign.stated, left_out=reasons)
+            return replace(diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated, left_out=reasons)
         left_out |= {str(used.orders[number].path): reason for number, reason in contradicted.items()}
         used = used.chosen(range(len(used)) - contradicted.keys())
+
+
+def _notes(diagnosis: Diagnosis, campaign: Campaign) -> tuple[Remark, ...]:
+    """Return what was noted; what is wrong with a sensor comes first, as it bears on everything else."""
+    notes = dict.fromkeys((*diagnosis.notes, *campaign.notes))
+    return tuple(sorted(notes, key=lambda note: not _is_alarm(note)))
+
+
+def _is_alarm(note: Remark) -> bool:
+    if not isinstance(note, Reason):
+        return False
+    reason = note["reason"] if note.code is Code.ABOUT_RECORDING else note
+    return isinstance(reason, Reason) and reason.code in (Code.SENSOR_ALARM, Code.SENSOR_IN_DOUBT)
 
 
 def transfer_effects(
@@ -179,6 +192,7 @@ def transfer_effects(
     jobs: int = 2,
     reverse: Collection[Path] = (),
     key_file: Path | None = None,
+    origin: str = "effects",
     on_progress: Progress | None = None,
 ) -> Transfer:
     """Return the error on recordings with the effects of an effects file, exactly as they were found.
@@ -192,10 +206,11 @@ def transfer_effects(
         jobs: maximum number of processes.
         reverse: those of `paths` recorded in the opposite direction.
         key_file: keys of signed frames, where the configuration asks for them.
+        origin: name of the effects file, for messages.
         on_progress: called with the share done, 0 to 1, and the present step.
 
     Raises:
-        TreadlinkError: a recording cannot be read or contains nothing usable, or an effect is not known.
+        TreadlinkError: a recording cannot be read or contains nothing usable, or an effect is not known or impossible.
     """
     report = on_progress or (lambda _share, _text: None)
     report(0.0, "reading")
@@ -209,7 +224,6 @@ def transfer_effects(
         key_file=key_file,
     )
     report(_READ_SHARE, "comparing with and without the effects")
-    found = {effect.name: {one.name: one.value for one in effect.parameters} for effect in table.effects}
-    result = transfer(campaign, found, model=model)
+    result = transfer(campaign, table, model=model, origin=origin)
     report(1.0, "done")
     return result

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -17,14 +17,16 @@ from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
 from gateway.errors import ConfigError
-from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.pipeline.revolution import SensorReading
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
+from gateway.session.alarms import SILENCES, THRESHOLDS, AlarmName
+from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
-from gateway.session.provenance import assumed_conditions, stated_conditions
+from gateway.session.provenance import Quantity, assumed_conditions, is_assumed, stated_conditions
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
 from gateway.signal.repeated_samples import RepeatedSamples
@@ -34,6 +36,20 @@ from gateway.views.wording import notice_text
 _NAMING_REVOLUTIONS: Final = 200
 # Standard error below which a measured offset of the sensor is used where none is stated.
 _OFFSET_KNOWN_M: Final = 5e-4
+# Faults of a sensor that are listed whenever they stood.
+_SENSOR_FAULTS: Final = frozenset(
+    {
+        Code.SENSOR_DEAD,
+        Code.SENSOR_FLIPPED,
+        Code.SENSOR_LOOSE,
+        Code.SENSOR_STUCK,
+        Code.SENSOR_TILTED,
+        Code.PRESSURE_FROZEN,
+    }
+)
+# Alarms that make every shape doubtful. What is stuck or dead does not turn, or is left out by axis.
+_DOUBTS: Final = frozenset({Code.SENSOR_LOOSE, Code.SENSOR_TILTED})
+_NOT_OF_SENSORS: Final = frozenset({*SILENCES, *THRESHOLDS, AlarmName.LINK})
 # Links whose arrival times are derived from the times of the samples.
 _WITHOUT_HOST_TIME: Final = ("import:", "dump:")
 
@@ -81,6 +97,8 @@ class RecordingRead:
         sensor_id: serial number of the sensor of the wheel, None when there were several.
         notices: of wheels, sensors and signatures.
         remarks: on the signals.
+        vehicle: name of the vehicle, empty if unknown.
+        tire: size of the wheel's tire, empty if unknown.
     """
 
     wheels: tuple[str, ...]
@@ -96,6 +114,8 @@ class RecordingRead:
     sensor_id: int | None = None
     notices: tuple[Notice, ...] = ()
     remarks: tuple[Reason, ...] = ()
+    vehicle: str = ""
+    tire: str = ""
 
 
 class _SeveralWheelsError(Exception):
@@ -115,6 +135,7 @@ class _Collector:
         self.links: set[str] = set()
         self.repeated: dict[tuple[int, int], RepeatedSamples] = {}
         self.readings: dict[tuple[int, int], SensorReading] = {}
+        self.saturated: dict[str, int] = {}
         self._wheel = order.wheel
         self._naming = _NAMING_REVOLUTIONS
 
@@ -127,6 +148,9 @@ class _Collector:
         if result.position == (self._wheel or next(iter(self.wheels))):
             self.store.take(result.revolution, result.conditions, result.host_ns)
             self.last = result
+
+    def at_end(self, wheels: Iterable[WheelSnapshot]) -> None:
+        self.saturated = {wheel.position: wheel.counters.samples_saturated for wheel in wheels}
 
     def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         self.links.add(link)
@@ -182,6 +206,8 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         vehicle = recorded_vehicle(reader.vehicle_toml, str(order.path))
     collected = _Collector(order, vehicle)
     report = on_position or (lambda _: None)
+    # Notes of the diagnosis report them.
+    alarms = BatchAlarms(vehicle, logs=False)
     guard = open_guard(vehicle, order.key_file, remembers=False)
     try:
         estimate_items(
@@ -192,6 +218,8 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
             on_bytes=lambda _: report(reader.position),
             guard=guard,
             on_batch=collected.batch,
+            on_wheels=collected.at_end,
+            alarms=alarms,
         )
     except _SeveralWheelsError:
         return RecordingRead(tuple(collected.wheels))
@@ -208,7 +236,8 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         sensors = collected.sensors.at(vehicle, last.position)
         _check_sensor(order, wheel, sensors, mismatches, has_own=bool(reader.vehicle_toml))
     notices = (*(of_guard or mismatches), *collected.statements.found())
-    return _reduced(order, collected, last, vehicle, damage=reader.damage, notices=notices)
+    faults = _faults(alarms.finish(), last.position)
+    return _reduced(order, collected, last, vehicle, faults, damage=reader.damage, notices=notices)
 
 
 def _check_sensor(
@@ -230,11 +259,12 @@ def _reduced(
     collected: _Collector,
     last: RevolutionResult,
     vehicle: VehicleConfig | None,
+    faults: tuple[Reason, ...],
     *,
     damage: Reason | None,
     notices: tuple[Notice, ...],
 ) -> RecordingRead:
-    """Return the recording as groups; `last` is the last revolution of the wheel."""
+    """Return the recording as groups; `last` is the last revolution of the wheel, `faults` those of its sensor."""
     position = last.position
     wheel = configured(vehicle, position)
     store = collected.store
@@ -244,7 +274,13 @@ def _reduced(
     host_s = table["host_s"]
     address = wheel_address(vehicle, position)
     repeats = collected.repeats(address)
-    remarks = store.notes()
+    remarks = [*(Reason(Code.SENSOR_ALARM, reason=fault) for fault in faults), *store.notes()]
+    if (clipped := int(table["cut_off"].sum())) > 0:
+        remarks.append(Reason(Code.REVOLUTIONS_CLIPPED, count=clipped, total=len(table)))
+    elif saturated := collected.saturated.get(position, 0):
+        remarks.append(Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
+    if _is_doubted(faults, wheel):
+        groups = [replace(group, sensor_doubted=True) for group in groups]
     if repeats is not None:
         groups = [replace(group, repeats=repeats) for group in groups]
         share = repeats.samples / repeats.total
@@ -270,7 +306,28 @@ def _reduced(
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         notices=notices,
         remarks=tuple(remarks),
+        vehicle=vehicle.name if vehicle is not None else "",
+        tire=(vehicle.tire_of(wheel).size or "") if vehicle is not None and wheel is not None else "",
     )
+
+
+def _faults(records: Iterable[AlarmRecord], position: str) -> tuple[Reason, ...]:
+    """Return the faults of a wheel's sensor, and what its signal contradicts at the end of the recording."""
+    return tuple(
+        record.reason
+        for record in records
+        if record.position == position
+        and record.name not in _NOT_OF_SENSORS
+        and (record.is_standing or record.reason.code in _SENSOR_FAULTS)
+    )
+
+
+def _is_doubted(faults: Iterable[Reason], wheel: Wheel | None) -> bool:
+    """Return whether a fault makes every shape doubtful; a tilt that is stated is corrected."""
+    codes = {fault.code for fault in faults} & _DOUBTS
+    if wheel is not None and (wheel.mounting.roll_deg or wheel.mounting.pitch_deg):
+        codes -= {Code.SENSOR_TILTED}
+    return bool(codes)
 
 
 def _declared(
@@ -283,9 +340,11 @@ def _declared(
     stated_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
     mounting = wheel.mounting if wheel is not None else None
     offset_m = mounting.offset_m if mounting is not None else None
+    known = offset_m is not None and not is_assumed(vehicle, Quantity.OFFSET)
     if offset_m is None:
         in_use = last.conditions
-        offset_m = in_use.sensor_offset_m if in_use.sensor_offset_std_m < _OFFSET_KNOWN_M else 0.0
+        known = in_use.sensor_offset_std_m < _OFFSET_KNOWN_M
+        offset_m = in_use.sensor_offset_m if known else 0.0
     return Declared(
         name=order.name,
         recording=order.index,
@@ -295,4 +354,5 @@ def _declared(
         pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
+        offset_known=known,
     )

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from gateway.closure.data.campaign_data import Group, Remark
 from gateway.closure.data.group_statistics import ASSUMED_LOAD_N, ASSUMED_PRESSURE_PA
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, Mounting, VehicleConfig, Wheel
 from gateway.reasons import Code, Reason
 
 
@@ -43,10 +43,13 @@ def stated_conditions(
         source: of the configuration: FROM_CONFIGURATION or FROM_RECORDING.
         pressure_measured: whether the sensor sent a pressure, which then replaces the stated one.
     """
-    listed = vehicle.vehicle.assumed if vehicle is not None else ()
-    assumed = {_quantity(text) for text in listed}
     stated = _stated(vehicle, wheel, groups, Reason(source), pressure_measured=pressure_measured)
-    return tuple(reason for quantity, reason in stated if quantity not in assumed)
+    return tuple(reason for quantity, reason in stated if not is_assumed(vehicle, quantity))
+
+
+def is_assumed(vehicle: VehicleConfig | None, quantity: Quantity) -> bool:
+    """Return whether a configuration lists a quantity as assumed."""
+    return vehicle is not None and quantity in map(_quantity, vehicle.vehicle.assumed)
 
 
 def _stated(
@@ -68,12 +71,10 @@ def _stated(
     if pressures_pa:
         by = Reason(Code.FROM_SENSOR) if pressure_measured else source
         yield Quantity.PRESSURE, _stated_pressure(pressures_pa, by)
-    if wheel is None:
-        return
-    mounting = wheel.mounting
+    mounting = wheel.mounting if wheel is not None else Mounting()
     if mounting.offset_m is not None:
         yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=mounting.offset_m, source=source)
-    elif measured_m := [group.declared_offset_m for group in groups if group.declared_offset_m]:
+    elif measured_m := [group.declared_offset_m for group in groups if group.conditions.offset_known]:
         by = Reason(Code.FROM_SENSOR)
         yield Quantity.OFFSET, Reason(Code.STATED_OFFSET, offset_m=sum(measured_m) / len(measured_m), source=by)
     if mounting.roll_deg:
@@ -109,6 +110,9 @@ def assumed_conditions(
         assumed.append(Reason(Code.ASSUMED_LOAD, load_n=ASSUMED_LOAD_N))
     if any(not group.pressure_known for group in groups):
         assumed.append(Reason(Code.ASSUMED_PRESSURE, pressure_pa=ASSUMED_PRESSURE_PA))
+    # An offset that the configuration lists as assumed is in that list already.
+    if any(not group.conditions.offset_known for group in groups) and not is_assumed(vehicle, Quantity.OFFSET):
+        assumed.append(Reason(Code.ASSUMED_OFFSET))
     if groups and not any(math.isfinite(group.conditions.temperature_degc) for group in groups):
         assumed.append(Reason(Code.ASSUMED_TEMPERATURE))
     return tuple(assumed)

@@ -6,12 +6,18 @@ A diagnosis finds the effects and makes the table; the pipeline only looks it up
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import GRID_SIZE
 from gateway.types import ComplexArray, FloatArray
+
+OFFSET_TOLERANCE_M: Final = 5e-5
+"""Difference of declared mounting offsets within which effects belong to a wheel."""
+RADIUS_TOLERANCE: Final = 5e-3
+"""Relative difference of belt radii, likewise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +57,8 @@ class CorrectionTable:
             effects would be counted twice or not at all.
         sensor_id: serial number of the sensor, None when unknown: valid for any sensor.
         sources: recordings in which the effects were found.
+        vehicle: name of the vehicle or test rig, empty when unknown.
+        tire: its size, empty when unknown.
     """
 
     position: str
@@ -64,6 +72,8 @@ class CorrectionTable:
     sensor_offset_m: float = 0.0
     sensor_id: int | None = None
     sources: tuple[str, ...] = ()
+    vehicle: str = ""
+    tire: str = ""
 
     def __post_init__(self) -> None:
         """Refuse tables that cannot be looked up.

@@ -37,6 +37,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.EFFECTS_OUTSIDE_SPEEDS: (
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
     ),
+    Code.EFFECTS_OF_OTHER_OFFSET: (
+        "the effects were found with the sensor {found_m:z.2f mm} below the neutral layer, but here {offset_m:z.2f mm} "
+        "is in use: the effects may count the difference twice"
+    ),
+    Code.EFFECTS_OF_OTHER_RADIUS: (
+        "the effects were found with a belt radius of {found_m:.1f mm}, but here {radius_m:.1f mm} is in use"
+    ),
+    Code.EFFECTS_OF_OTHER_TIRE: "the effects were found on a tire {found_on}, but this is {tire}",
+    Code.EFFECTS_OF_OTHER_VEHICLE: "the effects were found on vehicle {found_on}, but this is {vehicle}",
     Code.EFFECTS_OF_OTHER_SENSOR: "the effects were found on sensor {found_on}, but this is sensor {sensor}",
     # - Revolutions that do not come
     Code.CONTACTS_NOT_ALIKE: (
@@ -584,6 +593,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
     Code.RECORDING_WITHOUT_WHEEL: "contains no revolution of wheel {wheel}",
+    Code.SENSOR_ALARM: "alarm of the sensor: {reason}",
+    Code.SENSOR_IN_DOUBT: "no number is determined where the sensor itself is in doubt: {recordings}",
+    Code.REVOLUTIONS_CLIPPED: "the radial axis is clipped in {count} of {total} revolutions",
     Code.ABOUT_RECORDING: "{recording}: {reason}",
     Code.RECORDING_LEFT_OUT: "{recording} left out: {reason}",
     Code.SEVERAL_SENSORS: "several",
@@ -604,6 +616,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.WORKER_MEMORY_FULL: "its worker process had no memory left",
     # - Provenance of conditions
     Code.ASSUMED_LOAD: "load {load_n:.0f N} (not stated)",
+    Code.ASSUMED_OFFSET: "mounting offset 0.0 mm below the neutral layer (neither stated nor measured)",
     Code.ASSUMED_PRESSURE: "pressure {pressure_pa:.0f kPa} (neither stated nor measured)",
     Code.ASSUMED_RADIUS: "belt radius {radius_m:g mm} (no configuration states it)",
     Code.ASSUMED_TEMPERATURE: "temperature steady (neither stated nor measured)",

@@ -17,6 +17,7 @@ from gateway.closure.effects.effect import BaselineModel
 from gateway.config.effects_file import load_effects
 from gateway.errors import OutputError, TreadlinkError
 from gateway.reasons import Code, Reason
+from gateway.recording.file_content import check_distinct
 from gateway.session import campaign_diagnosis
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from tests.testkit.campaign_recordings import write_recording
@@ -311,3 +312,16 @@ def test_list_effects_needs_no_recording():
     assert run("--list-effects", "markdown").output.startswith("# Effects\n")
     message, _ = refused("--list-effects", "nonsense")
     assert "nonsense" in message
+
+
+def test_copies_are_recognised_by_content(closed, recording, tmp_path):
+    copy = tmp_path / "again.mcap"
+    copy.write_bytes(recording.read_bytes())
+    message, remedy = refused(recording, copy)
+    assert f"'{copy}' is a copy of '{recording}'" in message
+    assert remedy == "Give each recording once."
+    assert refused(recording, copy, "--effects", tmp_path / "e.json")[0] == message
+    assert closed[0] == []
+    # Of the same size only.
+    copy.write_bytes(recording.read_bytes()[:-1] + b"\0")
+    check_distinct([recording, copy])

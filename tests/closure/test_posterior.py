@@ -132,7 +132,7 @@ def test_no_name_rests_on_impossible_sets() -> None:
     """Half a recording with a loose sensor: an impossible filter, and waves that mend what it leaves."""
     objection = (("filter", Reason(Code.IMPLAUSIBLE_PARAMETER)),)
     sets = [
-        SimpleNamespace(names=frozenset(names), log_evidence=log_evidence, objections=objections)
+        SimpleNamespace(names=frozenset(names), log_evidence=log_evidence, log_prior_odds=0.0, objections=objections)
         for names, log_evidence, objections in (
             ((), 0.0, ()),
             (("waves",), -2.0, ()),

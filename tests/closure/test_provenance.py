@@ -88,7 +88,10 @@ def test_assumed_configuration_value_is_not_stated(recording: Path) -> None:
 def test_missing_configuration_is_assumed(tmp_path: Path) -> None:
     path = write_recording(tmp_path / "bare.mcap", AT_60, configured=False, duration_s=3.0)
     campaign = read_campaign([path])
-    assert words(campaign.stated) == ("pressure 210 kPa (measured by the sensor)",)
+    assert words(campaign.stated) == (
+        "pressure 210 kPa (measured by the sensor)",
+        "mounting offset 0.0 mm below the neutral layer (measured by the sensor)",
+    )
     assert any("belt radius" in text for text in words(campaign.assumed))
 
 

@@ -2,20 +2,46 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
 import pytest
 
 from gateway.closure.effects.effect import LATERAL
-from gateway.closure.transfer import Transfer, transfer
+from gateway.closure.transfer import Transfer, differences, transfer
 from gateway.errors import TreadlinkError
-from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, campaign_of, turned
+from gateway.reasons import Code
+from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.views.report.transfer_report import transfer_json, transfer_lines
+from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, RADIUS_M, campaign_of, turned
 
 ROLL_RAD = 0.03
+
+
+def table_of(effects: Mapping[str, Mapping[str, float]], **changes: Any) -> CorrectionTable:
+    """Return effects as a file has them; their contributions are not used."""
+    plain = CorrectionTable(
+        position="W",
+        omega_radps=np.array([50.0]),
+        orders_mps2=np.zeros((1, 3, 2), dtype=np.complex128),
+        effects=tuple(
+            CorrectedEffect(name, tuple(EffectParameter(key, value, 0.0) for key, value in values.items()))
+            for name, values in effects.items()
+        ),
+        radius_m=RADIUS_M,
+        omega_range_radps=(40.0, 60.0),
+    )
+    return replace(plain, **changes)
 
 
 def with_roll(angle_rad: float) -> Transfer:
     """Return the transfer of a roll tilt to a campaign that has one of `ROLL_RAD`."""
     campaign = campaign_of(ONE_SPEED, turned(LATERAL, ROLL_RAD), axes=ALL_AXES, seed=9)
-    return transfer(campaign, {"roll tilt": {"roll_rad": angle_rad}})
+    return transfer(campaign, table_of({"roll tilt": {"roll_rad": angle_rad}}))
 
 
 def test_right_effects_lower_the_error_to_the_noise() -> None:
@@ -35,9 +61,56 @@ def test_transferred_parameters_are_not_refitted() -> None:
 
 @pytest.mark.parametrize(
     ("effects", "message"),
-    [({"wings": {"span_m": 1.0}}, "no effect 'wings'"), ({"roll tilt": {}}, "lacks the parameter")],
+    [
+        ({"wings": {"span_m": 1.0}}, "no effect 'wings'"),
+        ({"roll tilt": {}}, "lacks the parameter 'roll_rad'"),
+        ({"roll tilt": {"roll_rad": 0.1, "yaw_rad": 0.1}}, "no parameter 'yaw_rad'"),
+        (
+            {"mounting offset": {"offset_m": 0.5}},
+            "effect 'mounting offset': parameter 'offset_m' is 0.5 m, outside its plausible range of -0.03 to 0.04 m",
+        ),
+        (
+            {"structural damping": {"damping_time_s": -1e-3}},
+            "'structural damping': parameter 'damping_time_s' is -0.001 s, outside",
+        ),
+        ({"gain": {"error": math.nan}}, "'gain': parameter 'error' is nan, outside"),
+    ],
 )
-def test_unknown_effect_or_parameter_is_rejected(effects: dict[str, dict[str, float]], message: str) -> None:
-    with pytest.raises(TreadlinkError, match=message) as error:
-        transfer(campaign_of(ONE_SPEED), effects)
-    assert "--save-effects" in error.value.remedy
+def test_impossible_effects_are_rejected(effects: dict[str, dict[str, float]], message: str) -> None:
+    with pytest.raises(TreadlinkError, match=re.escape(message)) as error:
+        transfer(campaign_of(ONE_SPEED), table_of(effects), origin="fl.json")
+    assert str(error.value).startswith("fl.json: ")
+    assert error.value.remedy
+
+
+def test_value_within_its_error_of_the_range_is_taken() -> None:
+    parameter = EffectParameter("roll_rad", 0.36, 0.02, "rad")
+    table = replace(table_of({}), effects=(CorrectedEffect("roll tilt", (parameter,)),))
+    assert transfer(campaign_of(ONE_SPEED, axes=ALL_AXES), table).effects == {"roll tilt": {"roll_rad": 0.36}}
+    wrong = replace(table, effects=(CorrectedEffect("roll tilt", (replace(parameter, unit="deg"),)),))
+    with pytest.raises(TreadlinkError, match="is in deg, not in rad"):
+        transfer(campaign_of(ONE_SPEED), wrong)
+
+
+def test_what_differs_is_noted() -> None:
+    stated = replace(campaign_of(ONE_SPEED), sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
+    same = table_of({}, sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
+    assert differences(stated, same) == ()
+    # What one of both does not state is no difference.
+    assert differences(campaign_of(ONE_SPEED), same) == differences(stated, table_of({})) == ()
+    other = table_of(
+        {}, sensor_id=0xB002, vehicle="car", tire="195/65 R15", radius_m=1.01 * RADIUS_M, sensor_offset_m=2e-3
+    )
+    notes = differences(stated, other)
+    assert [note.code for note in notes] == [
+        Code.EFFECTS_OF_OTHER_SENSOR,
+        Code.EFFECTS_OF_OTHER_VEHICLE,
+        Code.EFFECTS_OF_OTHER_TIRE,
+        Code.EFFECTS_OF_OTHER_RADIUS,
+        Code.EFFECTS_OF_OTHER_OFFSET,
+    ]
+    noted = replace(with_roll(ROLL_RAD), notes=notes)
+    lines = [line for line in transfer_lines(noted, "fl.json") if line.startswith("  note")]
+    assert "found on sensor 0000b002, but this is sensor 0000b001" in lines[0]
+    assert "2.00 mm below the neutral layer, but here 0.00 mm" in lines[-1]
+    assert transfer_json(noted)["reasons"]["notes"][0]["code"] == "effects_of_other_sensor"

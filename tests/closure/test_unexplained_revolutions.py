@@ -20,16 +20,28 @@ COUNT = 80
 THETA = -math.pi + 2.0 * math.pi * np.arange(GRID) / GRID
 
 
-def group(signal: np.ndarray | float = 0.0, *, kmh: float = 60.0, seed: int = 1, reverse: bool = False) -> Group:
-    """Return a group of revolutions with white noise of 2 m/s^2 and a signal, (COUNT, 3, GRID)."""
+def group(
+    signal: np.ndarray | float = 0.0,
+    *,
+    kmh: float = 60.0,
+    seed: int = 1,
+    reverse: bool = False,
+    clipped_beyond_rad: float = math.inf,
+) -> Group:
+    """Return a group of revolutions with white noise of 2 m/s^2 and a signal, (COUNT, 3, GRID).
+
+    Beyond an angle from the contact the radial axis stays at the end of its range.
+    """
     rng = np.random.default_rng(seed)
     # Noise of a sensor that has half as many samples as the grid.
     rough = np.fft.rfft(2.0 * math.sqrt(2.0) * rng.standard_normal((COUNT, 3, GRID)))
     rough[..., GRID // 4 :] = 0.0
     left = np.fft.irfft(rough, n=GRID) + signal
+    clipped = np.abs(THETA) > clipped_beyond_rad
+    left[:, 2, clipped] *= 1e-3
     here = GroupConditions(kmh / 3.6 / 0.32, 0.0, 0.32, 4000.0, 2.1e5, 25.0, 25.0, 9600.0, 0.0, reverse=reverse)
     flat = Block(COUNT, here, np.zeros((3, ORDERS), complex))
-    scatter = angle_scatter(left, np.ones(3, dtype=bool), np.arange(COUNT))
+    scatter = angle_scatter(left, np.ones(3, dtype=bool), np.arange(COUNT), clipped=bool(clipped.any()))
     return Group(f"{kmh} km/h", 0, 0, here, (flat,), np.ones((3, ORDERS)), 0.2, by_angle=scatter)
 
 
@@ -45,6 +57,20 @@ def burst(at_rad: float, size: float, *, seed: int = 5, axes: tuple[int, ...] = 
 def test_even_noise_has_nothing_unexplained() -> None:
     for seed in range(40):
         assert unexplained_revolutions([group(seed=2 * seed), group(kmh=90.0, seed=2 * seed + 1)]) == ()
+
+
+@pytest.mark.parametrize("beyond_rad", [0.3, 1.4, 1.8, 2.8])
+def test_noise_where_a_clipped_signal_is_free_is_no_place(beyond_rad: float) -> None:
+    """At 0.3 rad, as where a range ends below the steady value: most of the turn has no noise to compare with."""
+    for seed in range(5):
+        assert unexplained_revolutions([group(seed=seed, clipped_beyond_rad=beyond_rad)]) == ()
+
+
+def test_place_is_found_beside_clipping() -> None:
+    (found,) = unexplained_revolutions([group(burst(1.2, 3.0, axes=(2,)), clipped_beyond_rad=2.5)])
+    assert (found.lock, found.axis) == ("place", "radial")
+    (found,) = unexplained_revolutions([group(burst(1.2, 3.0, axes=(1,)), clipped_beyond_rad=0.3)])
+    assert (found.lock, found.axis, found.other_axes) == ("place", "lateral", ())
 
 
 def test_a_few_odd_turns_are_no_place() -> None:

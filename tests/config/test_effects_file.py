@@ -32,6 +32,8 @@ TABLE = CorrectionTable(
     sensor_offset_m=2e-3,
     sensor_id=0xB001,
     sources=("a.mcap", "b.mcap"),
+    vehicle="rig",
+    tire="205/55 R16",
 )
 VEHICLE = """
 [tire]
@@ -57,7 +59,7 @@ def test_written_values_read_back(tmp_path):
     np.testing.assert_array_equal(again.omega_radps, TABLE.omega_radps)
     assert again.effects[0] == TABLE.effects[0]
     assert math.isnan(again.effects[1].parameters[0].std)
-    for name in ("position", "omega_range_radps", "load_range_n", "sensor_id", "sources"):
+    for name in ("position", "omega_range_radps", "load_range_n", "sensor_id", "sources", "vehicle", "tire"):
         assert getattr(again, name) == getattr(TABLE, name)
     for name in ("radius_m", "sensor_offset_m"):
         assert getattr(again, name) == pytest.approx(getattr(TABLE, name))
@@ -76,6 +78,15 @@ def changed(change):
     return json.dumps(document)
 
 
+def test_first_version_is_read(tmp_path):
+    def first(document):
+        document.update(treadlink_effects=1)
+        del document["vehicle"], document["tire"]
+
+    again = load_effects(written(tmp_path, changed(first)))
+    assert (again.vehicle, again.tire, again.sensor_id) == ("", "", TABLE.sensor_id)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -83,7 +94,8 @@ def changed(change):
         ("[" * 100_000, "not valid JSON"),
         ("[]", "not an effects file"),
         ('{"held_out": {}}', "treadlink_effects"),
-        (changed(lambda d: d.update(treadlink_effects=2)), "version 2"),
+        (changed(lambda d: d.update(treadlink_effects=3)), "version 3"),
+        (changed(lambda d: d["effects"][0]["parameters"][0].update(value=math.nan)), "value: input should be a finite"),
         (changed(lambda d: d.update(colour="red")), "colour"),
         (changed(lambda d: d.pop("wheel")), "wheel"),
         (changed(lambda d: d.update(radius_mm="320")), "radius_mm"),

@@ -11,10 +11,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from gateway.errors import OutputError
-from gateway.fleet.content_keys import FileContent, path_key, read_content
+from gateway.fleet.content_keys import path_key
 from gateway.fleet.dataset import Dataset, Description, opened, partition
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
+from gateway.recording.file_content import FileContent, read_content
 from gateway.trends.trend_result import Quantity
 from gateway.views.tables.campaign_columns import (
     DIAGNOSIS_COLUMNS,

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 
 from gateway.closure.effects.effect import GroupConditions
 from gateway.reasons import Reason
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 Remark: TypeAlias = Reason | str
 """A remark on the data: a reason, or text that a user wrote, as in a configuration."""
@@ -98,12 +98,14 @@ class AngleScatter:
             noise has the same power.
         freedom: (3,) independent complex values of one cell of one revolution; 0 for absent axes.
         count: revolutions.
+        at_limit: (3, cells) where the signal stays at the end of the sensor's range, which hides all scatter.
     """
 
     power_m2ps4: FloatArray
     alternating_m2ps4: FloatArray
     freedom: FloatArray
     count: int
+    at_limit: BoolArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +149,7 @@ class Group:
         edges: jitter of the contact's edges; blocks and deviations are corrected for it where it is evident.
         by_angle: power of the deviations by angle; None for too few revolutions.
         repeats: repeated samples of the group's recording; None without.
+        sensor_doubted: True where the pipeline raised an alarm about the sensor that makes every shape doubtful.
     """
 
     label: str
@@ -167,6 +170,7 @@ class Group:
     edges: EdgeTiming = EdgeTiming()
     by_angle: AngleScatter | None = None
     repeats: Repeats | None = None
+    sensor_doubted: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +189,8 @@ class Campaign:
         notes: limitations of the recordings: damage, groups left out.
         sensor_id: serial number of the sensor, None if unknown or not the same in all recordings.
         stated: inputs that were stated or measured, with their source.
+        vehicle: name of the vehicle or test rig, empty if unknown or not the same in all recordings.
+        tire: size of the tire, likewise.
     """
 
     wheel: str
@@ -197,6 +203,8 @@ class Campaign:
     notes: tuple[Reason, ...] = ()
     sensor_id: int | None = None
     stated: tuple[Reason, ...] = ()
+    vehicle: str = ""
+    tire: str = ""
 
     @property
     def folds(self) -> int:

@@ -46,6 +46,7 @@ class Declared:
         recording: index in the campaign.
         radius_m: belt radius.
         offset_m: sensor below the neutral layer.
+        offset_known: False where that is neither stated nor measured.
         roll_rad: of the sensor.
         pitch_rad: of the sensor.
         reverse: the tire rolls the other way round.
@@ -60,6 +61,7 @@ class Declared:
     pitch_rad: float = 0.0
     reverse: bool = False
     ac_coupled: bool = False
+    offset_known: bool = True
 
 
 def make_groups(
@@ -200,6 +202,7 @@ def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) ->
         time_s=mean("host_s"),
         reverse=declared.reverse,
         ac_coupled=declared.ac_coupled,
+        offset_known=declared.offset_known,
     )
 
 
@@ -230,5 +233,6 @@ def _deviations(
         omega_radps=table["omega_radps"][rows],
         omega_dot_radps2=table["omega_dot_radps2"][rows],
         rate_hz=left_hz,
+        clipped=bool((table["cut_off"][rows] > 0.0).any()),
     )
     return left, left_hz if left.runs else 0.0

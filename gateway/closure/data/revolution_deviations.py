@@ -54,6 +54,7 @@ def deviations(
     omega_radps: FloatArray,
     omega_dot_radps2: FloatArray,
     rate_hz: float,
+    clipped: bool = False,
 ) -> Deviations:
     """Return the revolutions minus their mean as predicted at their speed.
 
@@ -67,6 +68,7 @@ def deviations(
         omega_radps: (n,).
         omega_dot_radps2: (n,).
         rate_hz: sampling rate of the result, from `deviation_rate_hz`; the response is flat to 0.4 of it.
+        clipped: whether the radial axis reaches the end of its range in some of them.
     """
     count, _, grid = waveforms_mps2.shape
     if count < 2:
@@ -79,7 +81,7 @@ def deviations(
     if count <= used:
         return Deviations()
     left = np.fft.irfft(spectra - fitted, n=grid, axis=-1) * math.sqrt(count / (count - used))
-    by_angle = angle_scatter(left, present, index)
+    by_angle = angle_scatter(left, present, index, clipped=clipped)
     # From theta in [-pi, pi) to the time since the contact: the second half of the grid comes first.
     left = np.roll(left, -(grid // 2), axis=-1)
     breaks = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), count]

@@ -159,6 +159,7 @@ class GroupConditions:
         time_s: since the campaign's first revolution.
         reverse: the tire rolls the other way round.
         ac_coupled: the sensor does not pass the steady value.
+        offset_known: False where the sensor's distance from the neutral layer is neither stated nor measured.
     """
 
     omega_radps: float
@@ -172,6 +173,7 @@ class GroupConditions:
     time_s: float
     reverse: bool = False
     ac_coupled: bool = False
+    offset_known: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,6 +248,10 @@ class Effect(ABC):
     def starts(self, conditions: Sequence[GroupConditions]) -> tuple[tuple[float, ...], ...]:
         """Return parameter vectors, not zero, from which a fit may begin under these conditions."""
         return self.start_values
+
+    def expected(self, conditions: Sequence[GroupConditions]) -> bool:
+        """Return whether the effect is to be expected: it is the error of something that is merely assumed."""
+        return False
 
     def reach(self, start: Sequence[float]) -> tuple[float, ...] | None:
         """Return the changes from a start, (p,), within which a linear step holds; None where it always does."""

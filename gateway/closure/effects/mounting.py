@@ -7,6 +7,7 @@ the sign of yaw and pitch changes.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 from gateway.closure.effects.effect import (
@@ -14,6 +15,7 @@ from gateway.closure.effects.effect import (
     LATERAL,
     RADIAL,
     Confounder,
+    GroupConditions,
     ModelledBlock,
     Parameter,
     RingEffect,
@@ -53,6 +55,10 @@ class MountingOffset(RingEffect):
     start_values = ((0.004,), (-0.004,))
     needs_exact = False
     option = "sensor_offset_m"
+
+    def expected(self, conditions: Sequence[GroupConditions]) -> bool:
+        """Return whether the declared depth is assumed somewhere: sensors on the liner sit some mm below the belts."""
+        return any(not here.offset_known for here in conditions)
 
 
 class YawTilt(SignalEffect):

@@ -33,6 +33,7 @@ class _Cause:
 
     names: frozenset[str]
     log_evidence: float
+    log_prior_odds: float = 0.0
     objections: tuple[tuple[str, Reason], ...] = ()
 
 
@@ -52,9 +53,10 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     if reason is None and free + math.log(criteria.STAND_IN_ODDS) > alike:
         largest = seen[int(np.argmax(np.abs(square - mean) / std))]
         reason = Reason(Code.SIZE_DIFFERS_BETWEEN_RECORDINGS, recording=largest.label)
+    odds = math.log(criteria.PRIOR_ODDS)
     causes = (
         _Cause(frozenset(), nothing),
-        _Cause(frozenset({name}), alike + math.log(criteria.PRIOR_ODDS), () if reason is None else ((name, reason),)),
+        _Cause(frozenset({name}), alike + odds, odds, () if reason is None else ((name, reason),)),
     )
     posterior = over({cause.names: cause for cause in causes})
     probability = posterior.probability([name])

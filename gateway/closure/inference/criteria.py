@@ -13,6 +13,10 @@ REPORTED: Final = 0.05
 PRIOR_ODDS: Final = 0.05 / 0.95
 """Odds of an effect before the data: two of forty effects on average."""
 
+EXPECTED_ODDS: Final = 1.0
+"""Odds of an effect that is the error of something merely assumed, such as a mounting offset that nothing states:
+nothing speaks for its absence."""
+
 STAND_IN_ODDS: Final = 0.01
 """Odds that something outside the catalogue looks like an effect at impossible values: below those of any effect."""
 

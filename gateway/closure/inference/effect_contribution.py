@@ -79,6 +79,8 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTab
         sensor_offset_m=group.declared_offset_m,
         sensor_id=campaign.sensor_id,
         sources=campaign.recordings,
+        vehicle=campaign.vehicle,
+        tire=campaign.tire,
     )
 
 

@@ -33,6 +33,11 @@ class Weighed(Protocol):
         ...
 
     @property
+    def log_prior_odds(self) -> float:
+        """Logarithm of the odds of its effects before the data."""
+        ...
+
+    @property
     def objections(self) -> tuple[tuple[str, Reason], ...]:
         """The effects whose values are impossible, with the reason."""
         ...
@@ -191,8 +196,7 @@ def _shares(logs: Mapping[Names, float]) -> dict[Names, float]:
 
 def _tempered(one: Weighed, temperature: float) -> float:
     """Return the log evidence of a set, that of the data divided by the temperature."""
-    odds = len(one.names) * math.log(criteria.PRIOR_ODDS)
-    return odds + (one.log_evidence - odds) / temperature
+    return one.log_prior_odds + (one.log_evidence - one.log_prior_odds) / temperature
 
 
 def _probability(

@@ -15,6 +15,7 @@ from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.parameter_range import outside_range
 from gateway.closure.model.baseline import NoShapeError
+from gateway.closure.model.closure_model import ClosureModel
 from gateway.reasons import Reason
 from gateway.types import FloatArray
 
@@ -36,12 +37,14 @@ class Evaluated:
         fit: with the discrepancy in the covariance, at the optimum of its linearisation.
         log_evidence: of the data, up to a constant of the data; prior odds of the set included.
         objections: effects whose values are impossible, with the reason, in the order of the model.
+        log_prior_odds: logarithm of the prior odds of the set.
     """
 
     names: frozenset[str]
     fit: Fit
     log_evidence: float
     objections: tuple[tuple[str, Reason], ...] = ()
+    log_prior_odds: float = 0.0
 
 
 def evaluate(
@@ -85,7 +88,7 @@ def evaluated_at(fit: Fit) -> Evaluated:
                 fit.model.shape(fit.vector, index)
         except NoShapeError:
             found = fit.moved(inside - fit.vector)
-    return Evaluated(_names(fit), found, log_evidence(fit), impossible(fit))
+    return Evaluated(_names(fit), found, log_evidence(fit), impossible(fit), log_prior_odds(fit.model))
 
 
 def _names(fit: Fit) -> frozenset[str]:
@@ -97,9 +100,16 @@ def log_evidence(fit: Fit) -> float:
     if fit.applied is None:
         raise ValueError("the evidence of a set needs its discrepancy")
     known = fit.model.witness_deviance()
-    odds = len(fit.model.effects) * math.log(criteria.PRIOR_ODDS) - fit.model.log_choices()
+    odds = log_prior_odds(fit.model) - fit.model.log_choices()
     odds += _by_prior_widths(fit)
     return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + fit.log_occam)
+
+
+def log_prior_odds(model: ClosureModel) -> float:
+    """Return the logarithm of the odds of a model's effects before the data."""
+    conditions = tuple(group.conditions for group in model.campaign.groups)
+    odds = (criteria.EXPECTED_ODDS if effect.expected(conditions) else criteria.PRIOR_ODDS for effect in model.effects)
+    return sum(map(math.log, odds))
 
 
 def _by_prior_widths(fit: Fit) -> float:

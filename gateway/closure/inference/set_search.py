@@ -9,8 +9,9 @@ evidence calls for it. Sets are visited in an order that depends on evidence and
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 
@@ -23,12 +24,15 @@ from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.discrepancy_concentration import most_evident
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence
+from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_prior_odds
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray
 
 Names = frozenset[str]
+
+# Gain of log evidence that an optimum must promise for a known set to be fitted again from there.
+_BETTER: Final = 0.5
 
 
 @dataclass
@@ -48,7 +52,7 @@ class SetSearch:
         found: sets with their evidence.
         rejected: sets without an evidence, since a fit failed.
         complete: False when the search ended because its time was over.
-        promises: largest gain of log evidence that each effect promised to a set of a chain.
+        promises: for every set of a chain, the gain of log evidence that each effect promised.
     """
 
     campaign: Campaign
@@ -63,7 +67,7 @@ class SetSearch:
     found: dict[Names, Evaluated] = field(default_factory=dict)
     rejected: set[Names] = field(default_factory=set)
     complete: bool = True
-    promises: dict[str, float] = field(default_factory=dict)
+    promises: list[dict[str, float]] = field(default_factory=list)
     _scanned: tuple[int, ...] = ()
     _begun: list[Scan] = field(default_factory=list)
 
@@ -86,18 +90,75 @@ class SetSearch:
         if not self.corrections:
             self._begin(start, self.effects)
         self._evaluate(start, None)
-        self._chains(self._corrected(start))
-        self._climb()
+        corrected = self._corrected(start)
+        self._chains(corrected)
+        expected = self._with_expected(corrected)
+        if expected is not None:
+            self._chains(expected)
+        self._settle()
         while not self._stop() and self._concentrate():
-            self._climb()
+            self._settle()
         return self.best
 
+    def _settle(self) -> None:
+        """Climb until no set is better, also by the optima that larger sets lead to."""
+        while not self._stop():
+            self._climb()
+            if not self._descend():
+                return
+
+    def _descend(self) -> bool:
+        """Fit sets from the optima of those with one effect more; return whether the best set changed.
+
+        A set is a larger one with an effect at 0. Where it has much less evidence than that allows, its fit ended at a
+        worse optimum, or was never made.
+        """
+        before = self.best
+        tried: set[tuple[Names, Names]] = set()
+        while not self._stop():
+            near = self.best.log_evidence - criteria.WITHIN
+            larger = [one for one in self.found.values() if one.log_evidence > near]
+            larger.sort(key=lambda one: (-len(one.names), -one.log_evidence, sorted(one.names)))
+            pairs = [(one, effect) for one in larger for effect in one.fit.model.effects]
+            pairs = [(one, effect) for one, effect in pairs if (one.names, one.names - {effect.name}) not in tried]
+            if not pairs:
+                break
+            one, effect = pairs[0]
+            tried.add((one.names, one.names - {effect.name}))
+            without = self._bare(one, effect)
+            if without is None:
+                continue
+            known = self.found.get(_names(without))
+            promised = _linear_score(without)
+            if promised > near and (known is None or promised > known.log_evidence + _BETTER):
+                self._evaluate_anew(without, _amplitudes(one))
+        return self.best is not before
+
     def _climb(self) -> None:
-        """Evaluate the neighbours of the best set until it is the best of them."""
-        best: Evaluated | None = None
-        while not self._stop() and self.best is not best:
-            best = self.best
-            self._neighbours(best)
+        """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
+        done: list[Evaluated] = []
+        while not self._stop():
+            leader = next((one for one in self._leaders() if not any(one is other for other in done)), None)
+            if leader is None:
+                return
+            done.append(leader)
+            self._neighbours(leader)
+
+    def _leaders(self) -> Iterator[Evaluated]:
+        """Yield the best set, and the best ones with and without the effects that are to be expected.
+
+        An effect that takes the place of an expected one and of another beside it would otherwise never be compared
+        with both.
+        """
+        yield self.best
+        expected = frozenset(effect.name for effect in self._expected)
+        if not expected:
+            return
+        least = self.best.log_evidence - criteria.WORTH_WORK
+        for kept in (expected, frozenset[str]()):
+            alike = [one for names, one in self.found.items() if names & expected == kept]
+            if alike and (leader := _best(alike)).log_evidence > least:
+                yield leader
 
     def _concentrate(self) -> bool:
         """Concentrate the discrepancy at one more order or place if the best set calls for it.
@@ -125,7 +186,12 @@ class SetSearch:
     @property
     def best(self) -> Evaluated:
         """The set of the highest evidence, impossible ones included; of two alike, the one first by name."""
-        return min(self.found.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
+        return _best(self.found.values())
+
+    @property
+    def _expected(self) -> tuple[AngleEffect, ...]:
+        conditions = tuple(group.conditions for group in self.campaign.groups)
+        return tuple(effect for effect in self.effects.values() if effect.expected(conditions))
 
     def _stop(self) -> bool:
         if self.expired():
@@ -176,6 +242,24 @@ class SetSearch:
         found = self._evaluate(fit, None)
         return fit if found is not None and found.log_evidence > self.found[frozenset()].log_evidence else start
 
+    def _with_expected(self, start: Fit) -> Fit | None:
+        """Return the fit with all effects that are to be expected; None without any."""
+        effects = tuple(effect for effect in self._expected if not is_taken(effect, start.model.effects))
+        if not effects or self._stop():
+            return None
+        conditions = tuple(group.conditions for group in self.campaign.groups)
+        self.on_step(len(effects))
+        model = ClosureModel(self.campaign, self.core, (*start.model.effects, *effects))
+        vector = start.model.layout.moved(start.vector, model.layout)
+        for effect in effects:
+            vector[model.layout.effect(effect.name)] = effect.starts(conditions)[0]
+        try:
+            fit = fit_model(model, self.data, vector, from_afar=True)
+        except FitFailedError:
+            return None
+        self._evaluate(fit, None)
+        return fit
+
     def _chains(self, start: Fit) -> None:
         """Add the best effects one after the other, without a discrepancy; from the best first ones."""
         if self._stop():
@@ -216,8 +300,7 @@ class SetSearch:
         """Return fits of a set with one more effect, by gain without a discrepancy; none without a gain."""
         self.on_step(len(fit.model.effects) + 1)
         trials = self._scan(fit, self.effects)
-        for trial in trials:
-            self.promises[trial.effect.name] = max(trial.promise, self.promises.get(trial.effect.name, -math.inf))
+        self.promises.append({trial.effect.name: trial.promise for trial in trials})
         beyond = max(0.0, fit.misfit - self.data.size)
         fits: list[tuple[float, Fit]] = []
         most = trials[0].promise if trials else 0.0
@@ -256,23 +339,35 @@ class SetSearch:
 
     def _neighbours(self, best: Evaluated) -> None:
         """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
-        amplitudes = _amplitudes(best)
+        amplitudes, near = _amplitudes(best), self.best.log_evidence - criteria.WITHIN
         for effect in best.fit.model.effects:
             if self._stop():
                 return
             without = self._bare(best, effect)
             if without is None:
                 continue
-            least = criteria.RIVAL_SHARE * self.promises.get(effect.name, 0.0) - criteria.LOOKED_AT
-            rivals = [name for name in self.effects if self.promises.get(name, math.inf) > least]
+            rivals = self._rivals(effect.name)
             self._begin(without, rivals)
             if len(best.names) < criteria.MOST_EFFECTS:
                 self._begin(best.fit, self.effects)
             self._evaluate_anew(without, amplitudes)
-            self._add(without, best, rivals)
+            self._add(without, best, rivals, near)
         if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
-            self._add(best.fit, best, self.effects)
+            self._add(best.fit, best, self.effects, near)
             self._regrow(best)
+
+    def _rivals(self, effect: str) -> list[str]:
+        """Return the effects that promised a large part of what another did to some set, or that were never tried."""
+        tried = {name for promised in self.promises for name in promised}
+        share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
+        # Where it promised next to nothing itself, so did all others.
+        telling_of_it = [of for of in self.promises if share * of.get(effect, 0.0) > slack] or self.promises
+        return [
+            name
+            for name in self.effects
+            if name not in tried
+            or any(of.get(name, -math.inf) > share * of.get(effect, 0.0) - slack for of in telling_of_it)
+        ]
 
     def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
         """Return the fit of a set without one of its effects, the other parameters as they are."""
@@ -284,8 +379,8 @@ class SetSearch:
         except (NoShapeError, np.linalg.LinAlgError):
             return None
 
-    def _add(self, fit: Fit, best: Evaluated, among: Iterable[str]) -> None:
-        """Evaluate a set with each effect that promises an evidence near that of the best set."""
+    def _add(self, fit: Fit, best: Evaluated, among: Iterable[str], near: float) -> None:
+        """Evaluate a set, a neighbour of `best`, with each effect that promises an evidence of `near` at least."""
         known = self.found.get(_names(fit))
         at = _linear_score(fit) if known is None else known.log_evidence
         for trial in self._scan(fit, among)[: criteria.RIVALS]:
@@ -294,7 +389,8 @@ class SetSearch:
             names = _names(fit) | {trial.effect.name}
             if names in self.found or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
                 continue
-            if at + trial.promise + math.log(criteria.PRIOR_ODDS) < best.log_evidence - criteria.WITHIN:
+            odds = log_prior_odds(trial.model) - log_prior_odds(fit.model)
+            if at + trial.promise + odds < near:
                 break
             self._work_out(trial, best)
 
@@ -339,6 +435,10 @@ def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:
 
 def _names(fit: Fit) -> Names:
     return frozenset(effect.name for effect in fit.model.effects)
+
+
+def _best(sets: Iterable[Evaluated]) -> Evaluated:
+    return min(sets, key=lambda one: (-one.log_evidence, sorted(one.names)))
 
 
 def _amplitudes(one: Evaluated) -> FloatArray | None:

@@ -95,7 +95,8 @@ def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
         # Moving the contact edges back leaves a share of their scatter.
         allowed = np.where(near, criteria.EDGE_SHAPE * group.edges.explained_m2ps4 / max(float(near.mean()), 1e-9), 0.0)
         for axis in np.flatnonzero(scatter.freedom).tolist():
-            level = float(np.median(scatter.power_m2ps4[axis]))
+            free = ~scatter.at_limit[axis]
+            level = float(np.median(scatter.power_m2ps4[axis, free]))
             if not level > 0.0:
                 continue
             values = scatter.power_m2ps4[axis]
@@ -111,6 +112,8 @@ def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
                 over[at, axis] = (values - chance) / chance
                 power[at, axis] = (values - chance) / scatter.count
                 std[at, axis] = np.maximum(values, chance) / (scatter.count * math.sqrt(freedom[at, axis]))
+            for profile in (power, over):
+                profile[at, axis, ~free] = 0.0
     return _Profiles(power, std, over, freedom)
 
 

@@ -84,6 +84,8 @@ _STYLE: Final = "closure_report.css"
 MOST_GROUPS: Final = 12
 """Groups other than the reference group whose residual is drawn."""
 MOST_SPECTRA: Final = 6
+# Notes that the summary repeats.
+_IN_SUMMARY: Final = (Code.SENSOR_IN_DOUBT, Code.CONTACTS_CONTRADICT, Code.LOADS_CONTRADICT)
 
 
 class Drawing(NamedTuple):
@@ -236,7 +238,7 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         else:
             yield f"{subject} may lack {effect_title(finding.name)}; these data do not decide."
     for note in diagnosis.notes:
-        if isinstance(note, Reason) and note.code in (Code.CONTACTS_CONTRADICT, Code.LOADS_CONTRADICT):
+        if isinstance(note, Reason) and note.code in _IN_SUMMARY:
             yield sentence(remark(note))
     share = ratio(held_out.rms_after_mps2, floor)
     times = f"{fixed(share, 2)} times the" if math.isfinite(share) else "with a"

@@ -10,9 +10,10 @@ from gateway import __version__
 from gateway.closure.result import HeldOut
 from gateway.closure.transfer import Transfer
 from gateway.views.numbers import fixed
-from gateway.views.report.phrases import counted, effects_listed, listed, model_words
+from gateway.views.report.phrases import counted, effects_listed, listed, model_words, remark
 from gateway.views.report.quantities import ratio
 from gateway.views.text import clean, pad
+from gateway.views.wording import as_json
 
 _LABEL_WIDTH: Final = 13
 _AXES: Final = {"circumferential": "  circumf.", "lateral": "  lateral", "radial": "  radial"}
@@ -37,6 +38,8 @@ def transfer_lines(result: Transfer, source: str) -> Iterator[str]:
     yield from axis_lines(held_out)
     share = fixed(ratio(held_out.rms_after_mps2, result.noise_floor_mps2), 2)
     yield _row("noise floor", f"{fixed(result.noise_floor_mps2, 2)} m/s²; after / noise floor {share}")
+    for note in result.notes:
+        yield _row("note", remark(note))
 
 
 def axis_lines(held_out: HeldOut) -> Iterator[str]:
@@ -63,6 +66,8 @@ def transfer_json(result: Transfer) -> dict[str, Any]:
         "refitted": list(result.refitted),
         "held_out": held_out_json(result.held_out),
         "noise_floor_mps2": _number(result.noise_floor_mps2),
+        "notes": [clean(remark(note)) for note in result.notes],
+        "reasons": {"notes": [as_json(note) for note in result.notes]},
     }
 
 
