@@ -9,7 +9,7 @@ from typing import Final
 
 from gateway.clock import Clock, SystemClock
 from gateway.closure.closed_loop import SEARCHED, BaselineUnfittedError, baseline_fits, diagnose
-from gateway.closure.data.campaign_data import Campaign, Remark
+from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError, unlike_signals
 from gateway.closure.result import Diagnosis
@@ -169,15 +169,13 @@ def diagnose_agreeing(
         used = used.chosen(range(len(used)) - contradicted.keys())
 
 
-def _notes(diagnosis: Diagnosis, campaign: Campaign) -> tuple[Remark, ...]:
+def _notes(diagnosis: Diagnosis, campaign: Campaign) -> tuple[Reason, ...]:
     """Return what was noted; what is wrong with a sensor comes first, as it bears on everything else."""
     notes = dict.fromkeys((*diagnosis.notes, *campaign.notes))
     return tuple(sorted(notes, key=lambda note: not _is_alarm(note)))
 
 
-def _is_alarm(note: Remark) -> bool:
-    if not isinstance(note, Reason):
-        return False
+def _is_alarm(note: Reason) -> bool:
     reason = note["reason"] if note.code is Code.ABOUT_RECORDING else note
     return isinstance(reason, Reason) and reason.code in (Code.SENSOR_ALARM, Code.SENSOR_IN_DOUBT)
 
