@@ -60,6 +60,8 @@ _NOTABLE_CLIPPING: Final = 0.001
 _NOTABLE_OFFSET_M: Final = 1e-3
 _NOTABLE_GAIN: Final = 0.02
 _NOTABLE_ZERO_MPS2: Final = 5.0
+# Change with time at the same speed over that of the values, from which the two only cancel each other.
+_SHOWN: Final = 1.2
 _NOTABLE_STIFFNESS: Final = 0.05
 # Tires from which a fleet has a median wear, and excess over it that is a finding.
 _LEAST_FLEET: Final = 4
@@ -401,8 +403,8 @@ def _sensor(tire: _Tire) -> None:
         rate = _rate(quantity, f"{unit}/month", line)
         tire.numbers.append(rate)
         over = abs(rate.value) * _span(history.months)
-        # A change that no recording shows is the covariate's, which goes with the time.
-        shown = over <= float(np.ptp(line.values))
+        # A change far beyond what the recordings show is the covariate's, which goes with the time.
+        shown = not line.has_covariate or over < _SHOWN * float(np.ptp(line.values))
         worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
         if worse and shown and over > notable and _is_significant(rate, line):
             tire.findings.append(_sensor_finding(quantity, rate.value * _span(history.months)))
