@@ -353,6 +353,7 @@ class Code(StrEnum):
     RECORDING_DAMAGED = "recording_damaged"
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
     RECORDING_WITHOUT_DATA = "recording_without_data"
+    NOT_A_RING = "not_a_ring"
     REVOLUTIONS_CLIPPED = "revolutions_clipped"
     SENSOR_ALARM = "sensor_alarm"
     SENSOR_IN_DOUBT = "sensor_in_doubt"
