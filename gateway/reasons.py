@@ -354,6 +354,7 @@ class Code(StrEnum):
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
     RECORDING_WITHOUT_DATA = "recording_without_data"
     RECORDING_WITHOUT_WHEEL = "recording_without_wheel"
+    NOT_A_RING = "not_a_ring"
     REVOLUTIONS_CLIPPED = "revolutions_clipped"
     SENSOR_ALARM = "sensor_alarm"
     SENSOR_IN_DOUBT = "sensor_in_doubt"

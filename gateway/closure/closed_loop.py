@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -18,7 +18,7 @@ from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
 from gateway.closure.inference.findings import findings_of
-from gateway.closure.inference.fit import FitFailedError
+from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.non_stationary import beside_changes, changing
@@ -32,7 +32,7 @@ from gateway.closure.inference.outvoted_recordings import (
 )
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.reference_model import numbers_of_exact_ring
-from gateway.closure.inference.residual import unexplained
+from gateway.closure.inference.residual import left_shares, unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
@@ -129,13 +129,16 @@ def _diagnose(
     unlike = _unlike_contacts(campaign)
     doubted_states = {group.state for group in campaign.groups if group.sensor_doubted}
     contradicted = frozenset(campaign.groups[first].state for first, _ in unlike) | doubted_states
+    strange, strange_before = (_not_a_ring(one.fit, data) for one in (best, posterior.baseline))
     considered = [(one.fit, weight) for one, weight in posterior.considered]
-    after, determined = estimates_of(considered, better, contradicted)
+    after, determined = estimates_of(considered, better, contradicted | _states_of(campaign, strange))
     if exact is None and core.model is not BaselineModel.EXACT:
         # The error of the equations is unknown.
         determined = dict.fromkeys(determined, False)
     to_before = better if exact is not None else [*better, after]
-    before, determined_before = estimates_of([(posterior.baseline.fit, 1.0)], to_before, contradicted)
+    before, determined_before = estimates_of(
+        [(posterior.baseline.fit, 1.0)], to_before, contradicted | _states_of(campaign, strange_before)
+    )
     # The series take the load for a part of Cw.
     apart = belt_widths_apart(after) if core.model is BaselineModel.EXACT else None
     outvoted = {**unlike_signals(campaign), **unlike_contacts_of(campaign)}
@@ -188,6 +191,7 @@ def _diagnose(
             *_contradictions(campaign, unlike),
             *_apart(apart),
             *_in_doubt(campaign),
+            *_no_ring(campaign, strange),
             *_notes(campaign, with_mean=core.mean),
             *_tempered(posterior),
             *time_locked.notes,
@@ -295,6 +299,24 @@ def _in_doubt(campaign: Campaign) -> tuple[Reason, ...]:
     if not places:
         return ()
     return (Reason(Code.SENSOR_IN_DOUBT, recordings=tuple(campaign.recordings[place] for place in places)),)
+
+
+def _not_a_ring(fit: Fit, data: Whitened) -> dict[int, float]:
+    """Return the groups whose signal is not that of a ring, with the share of it that is left."""
+    return {index: share for index, share in enumerate(left_shares(fit, data)) if share > criteria.NO_RING}
+
+
+def _states_of(campaign: Campaign, groups: Iterable[int]) -> frozenset[int]:
+    return frozenset(campaign.groups[index].state for index in groups)
+
+
+def _no_ring(campaign: Campaign, strange: Mapping[int, float]) -> tuple[Reason, ...]:
+    """Return the note on recordings whose signal is not that of a ring."""
+    if not strange:
+        return ()
+    places = sorted({campaign.groups[index].recording for index in strange})
+    names = tuple(campaign.recordings[place] for place in places)
+    return (Reason(Code.NOT_A_RING, recordings=names, share=max(strange.values())),)
 
 
 def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tuple[Reason, ...]:

@@ -594,6 +594,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
     Code.RECORDING_WITHOUT_WHEEL: "contains no revolution of wheel {wheel}",
     Code.SENSOR_ALARM: "alarm of the sensor: {reason}",
+    Code.NOT_A_RING: (
+        "the signal is not that of a ring: {share:.0%} of its rms is left unexplained, so no number is determined: "
+        "{recordings}"
+    ),
     Code.SENSOR_IN_DOUBT: "no number is determined where the sensor itself is in doubt: {recordings}",
     Code.REVOLUTIONS_CLIPPED: "the radial axis is clipped in {count} of {total} revolutions",
     Code.ABOUT_RECORDING: "{recording}: {reason}",

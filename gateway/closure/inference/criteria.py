@@ -28,6 +28,10 @@ TEMPERED: Final = 2.0
 """Power of what a set leaves over that of the noise from which an effect must reduce it to count, and ratio of their
 rms from which a note says that the evidence was divided by it."""
 
+NO_RING: Final = 0.5
+"""Share of the signal's rms about its mean that a set may leave of it: beyond, what is left is as large as what the
+ring explains, and no number is that of a ring."""
+
 LENGTHS_RAD: Final = (0.03, 0.12, 0.4)
 """Correlation lengths of the discrepancy: a tread block, a contact edge, the belt's lowest free shapes."""
 

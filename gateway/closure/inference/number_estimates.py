@@ -43,7 +43,7 @@ def estimates_of(
     Args:
         sets: fit and probability of each set of effects; probabilities add up to 1.
         better: estimates by models that explain more of the same data. The distance to the farthest is an error too.
-        contradicted: states whose recordings contradict each other or are in doubt; nothing of them is determined.
+        contradicted: states whose recordings contradict each other or are in doubt: nothing of them is determined.
     """
     found: dict[str, Fitted] = {}
     determined: dict[str, bool] = {}

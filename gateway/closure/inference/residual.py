@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from gateway.closure.data.campaign_data import ORDERS, Campaign
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.model.sensor_signal import THETA, orders_field
@@ -21,6 +22,7 @@ from gateway.types import ComplexArray, FloatArray, IntArray
 
 POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
+_PLANE: Final = [CIRCUMFERENTIAL, RADIAL]
 # Probability that noise alone in one band of one axis is reported as a residual.
 _RARE: Final = 1e-6
 BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
@@ -81,6 +83,20 @@ def residual_ratio(fit: Fit, data: Whitened) -> float:
         excess += float(np.square(residual.rms_mps2()).sum())
         noise += float(residual.variance.sum())
     return 1.0 + excess / noise if noise > 0.0 else 1.0
+
+
+def left_shares(fit: Fit, data: Whitened) -> tuple[float, ...]:
+    """Return for every group the rms of what a fit leaves beyond noise over that of the signal about its mean.
+
+    Of the axes in the wheel's plane, on which the ring's numbers rest.
+    """
+    shares = []
+    for index, residual in enumerate(group_residuals(fit, data)):
+        mean = np.nan_to_num(data.mean(index, data.orders[index]))
+        signal = (POWER_SHARE * np.abs(mean) ** 2)[_PLANE, 1:].sum()
+        left = np.square(residual.rms_mps2(1))[_PLANE].sum()
+        shares.append(math.sqrt(float(left / signal)) if signal > 0.0 else 0.0)
+    return tuple(shares)
 
 
 def _excess(residual: GroupResidual) -> FloatArray:

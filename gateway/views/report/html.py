@@ -85,7 +85,7 @@ MOST_GROUPS: Final = 12
 """Groups other than the reference group whose residual is drawn."""
 MOST_SPECTRA: Final = 6
 # Notes that the summary repeats.
-_IN_SUMMARY: Final = (Code.SENSOR_IN_DOUBT, Code.CONTACTS_CONTRADICT, Code.LOADS_CONTRADICT)
+_IN_SUMMARY: Final = (Code.SENSOR_IN_DOUBT, Code.NOT_A_RING, Code.CONTACTS_CONTRADICT, Code.LOADS_CONTRADICT)
 
 
 class Drawing(NamedTuple):

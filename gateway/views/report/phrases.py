@@ -237,6 +237,8 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
         return "the recordings contradict each other: see the notes"
     if any(isinstance(note, Reason) and note.code is Code.SENSOR_IN_DOUBT for note in diagnosis.notes):
         return "the sensor is in doubt: see the notes"
+    if any(isinstance(note, Reason) and note.code is Code.NOT_A_RING for note in diagnosis.notes):
+        return "the signal is not that of a ring: see the notes"
     known = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
     assumed = [quantity for quantity, stated in known if not stated]
     if assumed:
