@@ -92,7 +92,7 @@ class SetSearch:
         self._evaluate(start, None)
         corrected = self._corrected(start)
         self._chains(corrected)
-        expected = self._with_expected(corrected)
+        expected = self._with_expected(corrected) if self._expected_in_question() else None
         if expected is not None:
             self._chains(expected)
         self._settle()
@@ -241,6 +241,12 @@ class SetSearch:
             return start
         found = self._evaluate(fit, None)
         return fit if found is not None and found.log_evidence > self.found[frozenset()].log_evidence else start
+
+    def _expected_in_question(self) -> bool:
+        """Return whether an effect that is to be expected is missing in the best set, or in one nearly as good."""
+        expected = frozenset(effect.name for effect in self._expected)
+        near = self.best.log_evidence - criteria.WORTH_WORK
+        return any(one.log_evidence > near and not expected <= one.names for one in self.found.values())
 
     def _with_expected(self, start: Fit) -> Fit | None:
         """Return the fit with all effects that are to be expected; None without any."""
