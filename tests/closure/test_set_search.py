@@ -28,7 +28,6 @@ from tests.closure.planted_campaign import (
     fitted,
     gain,
     searched,
-    sideways,
     turned,
 )
 
@@ -89,18 +88,6 @@ def test_known_set_is_fitted_again_from_a_better_optimum() -> None:
     search.found[alone] = replace(stuck, log_evidence=stuck.log_evidence - 50.0)
     search.run(baseline_fit(campaign, search.core, search.data))
     assert search.found[alone].log_evidence == pytest.approx(stuck.log_evidence, abs=0.5)
-
-
-def test_part_of_a_good_set_is_fitted_again_from_its_optimum() -> None:
-    """The twin of the best effect ended far from its optimum; with both, of which one is superfluous, it did not."""
-    campaign = campaign_of(ONE_SPEED, sideways(20.0), axes=ALL_AXES)
-    found, search = searched(campaign, {"a": Sideways("a"), "b": Sideways("b", bent=0.002)})
-    (other,) = {"a", "b"} - found.best.names
-    twin = frozenset([other])
-    stuck = search.found[twin]
-    search.found[twin] = replace(stuck, log_evidence=stuck.log_evidence - 50.0)
-    search.run(baseline_fit(campaign, search.core, search.data))
-    assert search.found[twin].log_evidence == pytest.approx(stuck.log_evidence, abs=0.5)
 
 
 def test_known_set_stays_where_another_fit_of_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:

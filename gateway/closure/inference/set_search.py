@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
 
 import numpy as np
 
@@ -30,9 +29,6 @@ from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray
 
 Names = frozenset[str]
-
-# Gain of log evidence that an optimum must promise for a known set to be fitted again from there.
-_BETTER: Final = 0.5
 
 
 @dataclass
@@ -95,44 +91,10 @@ class SetSearch:
         expected = self._with_expected(corrected) if self._expected_in_question() else None
         if expected is not None:
             self._chains(expected)
-        self._settle()
+        self._climb()
         while not self._stop() and self._concentrate():
-            self._settle()
-        return self.best
-
-    def _settle(self) -> None:
-        """Climb until no set is better, also by the optima that larger sets lead to."""
-        while not self._stop():
             self._climb()
-            if not self._descend():
-                return
-
-    def _descend(self) -> bool:
-        """Fit sets from the optima of those with one effect more; return whether the best set changed.
-
-        A set is a larger one with an effect at 0. Where it has much less evidence than that allows, its fit ended at a
-        worse optimum, or was never made.
-        """
-        before = self.best
-        tried: set[tuple[Names, Names]] = set()
-        while not self._stop():
-            near = self.best.log_evidence - criteria.WITHIN
-            larger = [one for one in self.found.values() if one.log_evidence > near]
-            larger.sort(key=lambda one: (-len(one.names), -one.log_evidence, sorted(one.names)))
-            pairs = [(one, effect) for one in larger for effect in one.fit.model.effects]
-            pairs = [(one, effect) for one, effect in pairs if (one.names, one.names - {effect.name}) not in tried]
-            if not pairs:
-                break
-            one, effect = pairs[0]
-            tried.add((one.names, one.names - {effect.name}))
-            without = self._bare(one, effect)
-            if without is None:
-                continue
-            known = self.found.get(_names(without))
-            promised = _linear_score(without)
-            if promised > near and (known is None or promised > known.log_evidence + _BETTER):
-                self._evaluate_anew(without, _amplitudes(one))
-        return self.best is not before
+        return self.best
 
     def _climb(self) -> None:
         """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
