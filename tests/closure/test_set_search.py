@@ -14,7 +14,7 @@ from gateway.closure.inference import set_search
 from gateway.closure.inference.candidate_scan import Scan
 from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
 from gateway.closure.inference.fit import FitFailedError
-from gateway.closure.inference.set_search import baseline_fit, is_taken
+from gateway.closure.inference.set_search import baseline_fit, is_taken, rivals_of
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.types import FloatArray
@@ -114,6 +114,15 @@ def test_expired_search_returns_what_is_known(answers: int) -> None:
     assert found.best.names in search.found
     assert sum(found.weights) == pytest.approx(1.0)
     assert found.baseline.names == frozenset()
+
+
+def test_rivals_are_those_of_what_an_effect_adds_to_its_set() -> None:
+    """A zero-g offset stands for a pitch tilt until that is found; then camber can do what is left for it."""
+    promises = [{"pitch tilt": 640.0, "zero-g offset": 636.0, "camber": 139.0, "gain": -4.0}]
+    effects = ("pitch tilt", "zero-g offset", "camber", "gain", "never tried")
+    alone = rivals_of("zero-g offset", 600.0, effects, promises)
+    assert alone == ["pitch tilt", "zero-g offset", "never tried"]
+    assert rivals_of("zero-g offset", 15.0, effects, promises) == [*alone[:2], "camber", "never tried"]
 
 
 def test_form_of_one_effect_excludes_the_other() -> None:

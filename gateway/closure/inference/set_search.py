@@ -314,7 +314,8 @@ class SetSearch:
             without = self._bare(best, effect)
             if without is None:
                 continue
-            rivals = self._rivals(effect.name)
+            worth = best.log_evidence - self._score(without)
+            rivals = rivals_of(effect.name, worth, self.effects, self.promises)
             self._begin(without, rivals)
             if len(best.names) < criteria.MOST_EFFECTS:
                 self._begin(best.fit, self.effects)
@@ -324,18 +325,10 @@ class SetSearch:
             self._add(best.fit, best, self.effects, near)
             self._regrow(best)
 
-    def _rivals(self, effect: str) -> list[str]:
-        """Return the effects that promised a large part of what another did to some set, or that were never tried."""
-        tried = {name for promised in self.promises for name in promised}
-        share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
-        # Where it promised next to nothing itself, so did all others.
-        telling_of_it = [of for of in self.promises if share * of.get(effect, 0.0) > slack] or self.promises
-        return [
-            name
-            for name in self.effects
-            if name not in tried
-            or any(of.get(name, -math.inf) > share * of.get(effect, 0.0) - slack for of in telling_of_it)
-        ]
+    def _score(self, fit: Fit) -> float:
+        """Return the log evidence of a set, by its linearisation where it was not worked out."""
+        known = self.found.get(_names(fit))
+        return _linear_score(fit) if known is None else known.log_evidence
 
     def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
         """Return the fit of a set without one of its effects, the other parameters as they are."""
@@ -349,8 +342,7 @@ class SetSearch:
 
     def _add(self, fit: Fit, best: Evaluated, among: Iterable[str], near: float) -> None:
         """Evaluate a set, a neighbour of `best`, with each effect that promises an evidence of `near` at least."""
-        known = self.found.get(_names(fit))
-        at = _linear_score(fit) if known is None else known.log_evidence
+        at = self._score(fit)
         for trial in self._scan(fit, among)[: criteria.RIVALS]:
             if self._stop():
                 return
@@ -399,6 +391,27 @@ def baseline_fit(campaign: Campaign, core: Core, data: Whitened) -> Fit:
         FitFailedError: it has no equilibrium near its start.
     """
     return fit_model(ClosureModel(campaign, core), data, from_afar=True)
+
+
+def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Sequence[Mapping[str, float]]) -> list[str]:
+    """Return the effects that promised a large part of what another did to some set, or that were never tried.
+
+    Args:
+        effect: that they may take the place of.
+        worth: log evidence that it adds to its set. It may be far less than it promised: others explain some by now.
+        effects: all names.
+        promises: for every set of a chain, the gain of log evidence that each effect promised.
+    """
+    tried = {name for promised in promises for name in promised}
+    share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
+    # Where it promised next to nothing itself, so did all others.
+    telling = [of for of in promises if share * of.get(effect, 0.0) > slack] or promises
+    return [
+        name
+        for name in effects
+        if name not in tried
+        or any(of.get(name, -math.inf) > share * min(of.get(effect, 0.0), worth) - slack for of in telling)
+    ]
 
 
 def _names(fit: Fit) -> Names:
