@@ -479,6 +479,7 @@ class Code(StrEnum):
     RECORD_AT_PRESSURE = "record_at_pressure"
     RECORD_AT_REST = "record_at_rest"
     RECORD_ROAD_AT_ANOTHER_SPEED = "record_road_at_another_speed"
+    RECORD_ON_ANOTHER_ROAD = "record_on_another_road"
     RECORD_LIVE = "record_live"
     RECORD_LIVE_FOR_LONGER = "record_live_for_longer"
     COMPARE_CLOCK = "compare_clock"

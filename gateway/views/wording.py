@@ -814,7 +814,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "order from a fixed frequency"
     ),
     Code.BESIDE_SOMETHING_LARGER: (
-        "at one speed, {own_mps2:.2f m/s²} may be the flank of something unknown of {larger_mps2:.2f m/s²}"
+        "its {own_mps2:.2f m/s²} may be part of something unknown in the same band, {larger_mps2:.2f m/s²}"
     ),
     # Diagnosis: deciding recordings
     Code.RECORD_AT_SPEED: "record again at {speed_ratio:g} times the speed",
@@ -827,6 +827,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.RECORD_ROAD_AT_ANOTHER_SPEED: (
         "record again at another speed: road vibration grows with it, sensor noise does not"
+    ),
+    Code.RECORD_ON_ANOTHER_ROAD: (
+        "record again on another road or drum: a resonance of the tire keeps its frequency, vibration from a track "
+        "does not"
     ),
     Code.RECORD_LIVE: "record live, with host time stamps",
     Code.RECORD_LIVE_FOR_LONGER: "record live for longer: the hub's clock is known to {clock_std:.0f ppm} so far",

@@ -17,7 +17,7 @@ from gateway.closure.inference.nonsynchronous_density import Site
 from gateway.closure.inference.nonsynchronous_diagnosis import UNKNOWN, TimeLocked, beside_larger, diagnose_time_locked
 from gateway.closure.inference.nonsynchronous_spectra import group_spectra
 from gateway.closure.inference.unexplained_spectrum import parts_left
-from gateway.closure.result import Finding, Scaling, ScalingStatus, Unexplained, Verdict
+from gateway.closure.result import Finding, Scaling, ScalingStatus, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason
 from tests.closure.nonsynchronous_data import simulated_groups
@@ -313,13 +313,41 @@ def test_wide_band_keeps_its_width() -> None:
     assert part.high_hz >= 515.0
 
 
-def test_effect_at_one_speed_beside_something_larger_is_undecided() -> None:
+def rung(group: Group, frequency_hz: float, size_mps2: float, every_m: float, decay_s: float = 0.015) -> Group:
+    """Add what a sensor reads of a belt that rings, vertically, at each joint of a drum."""
+    here = group.conditions
+    time_s = np.arange(group.deviations_mps2[0].shape[1]) / RATE_HZ
+    since_s = np.mod(time_s, every_m / (here.omega_radps * here.radius_m))
+    blow = size_mps2 * here.omega_radps / 60.0 * np.exp(-since_s / decay_s) * np.sin(2 * np.pi * frequency_hz * since_s)
+    angle = here.omega_radps * time_s
+    return added(group, blow * np.stack((np.sin(angle), np.zeros_like(angle), np.cos(angle))))
+
+
+def quiet_group(speed_kmh: float, rng: np.random.Generator) -> Group:
+    """Add sensor noise of 0.3 m/s^2 rms on each axis to nothing."""
+    flat = noisy_group(speed_kmh, rng, seconds=8.0)
+    (noise,) = flat.deviations_mps2
+    return dataclasses.replace(flat, deviations_mps2=(0.3 * noise / noise.std(axis=1, keepdims=True),))
+
+
+def test_ringing_at_joints_of_a_drum_is_no_resonance_of_the_cavity() -> None:
+    rng = np.random.default_rng(5)
+    groups = [rung(quiet_group(kmh, rng), 138.0, 0.7, 6.3) for kmh in (80.0, 90.0, 101.0)]
+    result = diagnose_time_locked(groups)
+    assert not named(result)
+    assert result.unexplained
+
+
+def test_effect_beside_something_larger_is_undecided() -> None:
     cavity = Finding("cavity resonance", Verdict.NAMED, {}, 1e3, 0.3)
     road = Finding("road vibration", Verdict.NAMED, {}, 1e3, 3.0)
-    line = Unexplained("radial", "time", None, (190.0, 230.0), None, Scaling(ScalingStatus.KNOWN, 0.0), 2.2, 0.1)
-    doubted, kept = beside_larger((cavity, road), (line,))
+    larger = {"cavity resonance": 2.2, "road vibration": 2.2}
+    doubted, kept = beside_larger((cavity, road), larger, several=False)
     assert doubted.verdict is Verdict.INDISTINGUISHABLE
     assert doubted.rivals == (UNKNOWN,)
     assert doubted.reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
+    assert doubted.decide_with == Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED)
     assert kept == road
-    assert beside_larger((cavity, road), ()) == [cavity, road]
+    (doubted,) = beside_larger((cavity,), larger, several=True)
+    assert doubted.decide_with == Reason(Code.RECORD_ON_ANOTHER_ROAD)
+    assert beside_larger((cavity, road), dict.fromkeys(larger, 0.0), several=True) == [cavity, road]

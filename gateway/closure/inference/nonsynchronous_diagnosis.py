@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -33,7 +33,7 @@ from gateway.types import FloatArray
 FOLDS: Final = 5
 ANTI_ALIAS: Final = "anti-alias filter"
 UNKNOWN: Final = "what is unexplained beside it"
-"""The confounder of an effect at one speed that is smaller than something unknown."""
+"""The confounder of an effect that is smaller than something unknown of which it may be a part."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,30 +82,64 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
         drawn.append(_drawn(site, density, noise))
     notes += _notes(posterior)
     left = tuple(unexplained(sites, parts))
-    doubted = findings if several_speeds(sites) else beside_larger(findings, left)
+    doubted = beside_larger(findings, _larger(findings, left, sites, fit), several=several_speeds(sites))
     return TimeLocked(tuple(doubted), left, tuple(drawn), tuple(notes))
 
 
-def beside_larger(findings: Sequence[Finding], left: Sequence[Unexplained]) -> list[Finding]:
-    """Make effects undecided at one speed that are smaller than something unknown: they may be the flanks of it.
+def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, several: bool) -> list[Finding]:
+    """Make effects undecided that are smaller than something unknown of which they may be a part.
 
     Args:
         findings: of the spectra.
-        left: lines and bands that no effect explains.
+        larger: rms of the largest unexplained part that may contain an effect, by its name, m/s^2.
+        several: whether the recordings have several speeds.
     """
-    largest = max((entry.rms_mps2 for entry in left), default=0.0)
+    decides = Code.RECORD_ON_ANOTHER_ROAD if several else Code.RECORD_ROAD_AT_ANOTHER_SPEED
     return [
         replace(
             finding,
             verdict=Verdict.INDISTINGUISHABLE,
             rivals=(*finding.rivals, UNKNOWN),
-            decide_with=finding.decide_with or Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED),
-            reason=Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=largest),
+            decide_with=finding.decide_with or Reason(decides),
+            reason=Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=larger[finding.name]),
         )
-        if finding.verdict is Verdict.NAMED and finding.rms_mps2 < largest
+        if finding.verdict is Verdict.NAMED and finding.rms_mps2 < larger[finding.name]
         else finding
         for finding in findings
     ]
+
+
+def _larger(
+    findings: Sequence[Finding], left: Sequence[Unexplained], sites: Sequence[Site], fit: SpectrumFit
+) -> dict[str, float]:
+    """Return the largest unexplained part of which an effect may be a part, m/s^2, by the effect's name.
+
+    At one speed anything may be: the flanks of a line or a band look like a resonance. At several speeds its frequency
+    tells an effect from what lies elsewhere, but not from what holds its band on another axis.
+    """
+    several = several_speeds(sites)
+    return {
+        finding.name: max(
+            (part.rms_mps2 for part in left if not several or _within_band(finding.name, part, sites, fit)),
+            default=0.0,
+        )
+        for finding in findings
+    }
+
+
+def _within_band(name: str, part: Unexplained, sites: Sequence[Site], fit: SpectrumFit) -> bool:
+    """Return whether an effect of the fit has more than half its power in the band of an unexplained part."""
+    effect = catalogue()[name]
+    if name not in fit.parts.names or part.hz is None or not isinstance(effect, SpectrumEffect):
+        return False
+    own = fit.shared[fit.parts.place(name)]
+    inside = total = 0.0
+    for site in sites:
+        frequency = site.spectra.frequency_hz
+        density = effect.density(site.spectra.conditions, frequency, own)
+        inside += float(density[:, (frequency >= part.hz[0]) & (frequency <= part.hz[1])].sum())
+        total += float(density.sum())
+    return inside > 0.5 * total
 
 
 def _findings(
