@@ -283,14 +283,74 @@ def test_jitter_is_found_in_recordings(tmp_path: Path, size: int, seed: int) -> 
     assert 0.5 * truth < 1e3 * found.parameters["leading_m"].value < 1.3 * truth
 
 
-def test_mean_edges_are_as_uncertain_as_jitter(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def steep() -> tuple[FloatArray, FloatArray]:
+    """Mean of many steady revolutions, and its scatter."""
+    orders = waveform_orders(wheel(400, 0.0, 0.0, 31)[0])
+    return orders.mean(axis=0), orders.var(axis=0)
+
+
+def test_mean_waveform_errs_as_its_mean_edges_do(steep: tuple[FloatArray, FloatArray]) -> None:
+    """Deviations of corrected means have unit size along the stated errors, and next to none beside them."""
+    still, scatter = steep
+    count, sizes, beside, power = 60, [], 0.0, 0.0
+    for seed in range(24):
+        waves, period_s = wheel(count, 1.0, 0.3, 100 + seed, ahead=0.5)
+        edges = compared(waves, period_s)
+        mean = orders_bent_back(waveform_orders(waves), edges.early_rad, HALF_RAD).mean(axis=0)
+        away = (mean - still)[2, 1:60]
+        errors = edges.errors_of_mean(mean, np.arange(count))[:, 2, 1:60]
+        largest = errors[np.argmax(np.square(np.abs(errors)).sum(axis=1))]
+        size = float((np.conj(largest) * away).real.sum() / np.square(np.abs(largest)).sum())
+        sizes.append(size)
+        beside += float(np.square(np.abs(away - size * largest)).sum() - scatter[2, 1:60].sum() / count)
+        power += float(np.square(np.abs(away)).sum() - scatter[2, 1:60].sum() / count)
+    assert 0.6 < float(np.std(sizes)) < 1.6
+    assert beside < 0.3 * power
+
+
+def test_steady_edges_have_no_error() -> None:
+    edges = compared(wheel(60, 0.0, 0.0, 5)[0])
+    assert not edges.evident
+    assert not len(edges.errors_of_mean(np.zeros((3, ORDERS), dtype=complex), np.arange(60)))
+
+
+def test_jitter_that_goes_with_the_speed_is_corrected() -> None:
+    """By chance edges come earlier and earlier while the speed falls: no change of the waveform with speed."""
+    count = 60
+    waves, period_s = wheel(count, 1.0, 0.0, 7)
+    drift = np.linspace(0.005, -0.005, count)
+    omega = OMEGA * (1.0 + drift)
+    edges = compare_edges(
+        waveform_orders(waves * np.square(omega / OMEGA)[:, None, None]),
+        index=np.arange(count),
+        period_s=period_s,
+        omega_radps=omega,
+        omega_dot_radps2=np.full(count, -0.01 * OMEGA / (count * 2.0 * math.pi / OMEGA)),
+        half_angle_rad=HALF_RAD,
+        folds=5,
+    )
+    same = compared(waves, period_s)
+    slopes = [np.polyfit(drift, one.early_rad[:, 0], 1)[0] for one in (edges, same)]
+    assert abs(slopes[1]) > 0.02
+    assert slopes[0] == pytest.approx(slopes[1], rel=0.25)
+
+
+def test_mean_edges_make_the_mean_uncertain_not_its_orders(tmp_path: Path) -> None:
     case = draw(Order(Kind.EFFECT, 23, ("contact edge scatter",), 2))
-    variances = []
+    seen = []
     for name, tables in (("moving", case.tables), ("still", {})):
         folder = tmp_path / name
         folder.mkdir()
         given = record(replace(case, tables=tables), folder, 4.0)
-        (seen,) = read_campaign(given.paths[1:2], jobs=1).groups
-        assert bool(seen.edges.explained_m2ps4) == (name == "moving")
-        variances.append(seen.variance[2, 5:30].mean())
-    assert variances[0] > 3.0 * variances[1]
+        (group,) = read_campaign(given.paths[1:2], jobs=1).groups
+        assert bool(group.edges.explained_m2ps4) == (name == "moving")
+        seen.append(group)
+    moving, still = seen
+    assert still.edge_errors_mps2 is None
+    assert moving.edge_errors_mps2 is not None
+    count = sum(block.count for block in moving.blocks)
+    stated = np.square(np.abs(moving.edge_errors_mps2[:, 2, 5:30])).sum()
+    assert stated > 3.0 * still.variance[2, 5:30].sum() / count
+    # The scatter of the orders themselves is that of corrected revolutions.
+    assert moving.variance[2, 5:30].sum() < 0.3 * count * stated

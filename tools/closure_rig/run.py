@@ -157,7 +157,11 @@ def line_of(found: Mapping[str, Any], label: Mapping[str, Any], case: Case) -> d
         "effects": found["effects"],
         "unexplained": found["unexplained"],
         "held_out": found["held_out"],
-        "numbers": _numbers(found["estimates"], case, {effect["name"] for effect in found["effects"]}),
+        "numbers": _numbers(
+            found["estimates"],
+            case,
+            {effect["name"] for effect in found["effects"] if effect["verdict"] != "refused"},
+        ),
         "parameters": _parameters(found["effects"], case),
         "revolutions": found["revolutions"],
         "rejected": found["rejected"],

@@ -72,6 +72,11 @@ class EdgeTiming:
         mean = sum(f * p for f, p in zip(self.freedom, self.power_rad2, strict=True)) / total
         return max(0.0, mean - self.noise_rad2)
 
+    @property
+    def explains(self) -> bool:
+        """Whether moving edges explain more of the scatter near them than they leave."""
+        return self.left_m2ps4 < self.explained_m2ps4
+
     def deviances(self, scatter_rad2: float) -> tuple[float, ...]:
         """Return for every fold -2 ln likelihood of normal scatter of a mean square, up to a constant of the data."""
         expected = self.noise_rad2 + scatter_rad2
@@ -147,6 +152,8 @@ class Group:
             (scaled with omega^2 if the speed drifts), uniformly sampled in time; NaN rows for absent axes.
         deviation_rate_hz: its rate.
         edges: jitter of the contact's edges; blocks and deviations are corrected for it where it is evident.
+        edge_errors_mps2: (m, 3, ORDERS) changes of the group's mean by one standard error of its mean edge angles each,
+            independent; NaN as in `Block`; None where the edges do not jitter.
         by_angle: power of the deviations by angle; None for too few revolutions.
         repeats: repeated samples of the group's recording; None without.
         sensor_doubted: True where the pipeline raised an alarm about the sensor that makes every shape doubtful.
@@ -168,6 +175,7 @@ class Group:
     deviations_mps2: tuple[FloatArray, ...] = ()
     deviation_rate_hz: float = 0.0
     edges: EdgeTiming = EdgeTiming()
+    edge_errors_mps2: ComplexArray | None = None
     by_angle: AngleScatter | None = None
     repeats: Repeats | None = None
     sensor_doubted: bool = False

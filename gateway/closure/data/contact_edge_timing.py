@@ -63,6 +63,33 @@ class Edges:
         """Whether the edges jitter measurably."""
         return bool(self.early_rad.any())
 
+    def errors_of_mean(self, mean_mps2: ComplexArray, index: IntArray) -> ComplexArray:
+        """Return changes of the mean waveform by errors of its mean edge angles, (m, 3, ORDERS), NaN as given.
+
+        The edges are corrected to their mean over n contacts, which differs from that of all contacts by 1 / sqrt(n) of
+        their scatter. Each row is the change by one standard error, independent of the others.
+
+        Args:
+            mean_mps2: (3, ORDERS) mean of the corrected revolutions.
+            index: (n,) running numbers of the revolutions.
+        """
+        follows = np.flatnonzero(np.diff(index) == 1)
+        if len(follows) < _LEAST or not self.evident:
+            return np.empty((0, *mean_mps2.shape), dtype=np.complex128)
+        # Both edges of one contact: the leading one ends a revolution, the trailing one begins the next.
+        leading, trailing = slice(0, TERMS, 2), slice(1, TERMS, 2)
+        contacts = np.empty((len(follows), TERMS))
+        contacts[:, leading], contacts[:, trailing] = (
+            self.early_rad[follows, leading],
+            self.early_rad[follows + 1, trailing],
+        )
+        values, vectors = np.linalg.eigh(np.cov(contacts.T) / len(self.early_rad))
+        known = np.isfinite(mean_mps2)
+        shapes = _shapes(np.where(known, mean_mps2, 0.0), self.half_angle_rad)
+        result: ComplexArray = np.tensordot((vectors * np.sqrt(np.maximum(values, 0.0))).T, shapes, axes=1)
+        result[:, ~known] = complex(math.nan, math.nan)
+        return result
+
 
 def bent_back(waveforms: FloatArray, theta_rad: FloatArray, early_rad: FloatArray, half_angle_rad: float) -> FloatArray:
     """Return waveforms with both edges moved to their mean angles.
@@ -156,6 +183,12 @@ def compare_edges(
             if timing.chi2 < _EVIDENT:
                 return replace(nothing, timing=timing)
         orders = orders_bent_back(raw, early, half_angle_rad)
+    # By chance, some of the jitter goes with the regressors and was taken for a dependence on speed. Within a group the
+    # waveform changes with omega^2 alone by more than that.
+    steady, _ = regress(orders, rows[:, :1], usual)
+    along, _ = regress(_amplitudes(orders - steady, shapes, weight).astype(np.complex128), rows, usual)
+    early = early + along.real - along.real.mean(axis=0)
+    orders = orders_bent_back(raw, early, half_angle_rad)
     own = np.square(noise).mean(axis=(0, 1))
     known = np.maximum(0.0, 1.0 - own / np.square(early).mean(axis=0))
     share, share_std = _leading_share(early, noise, follows, period_s * omega_radps.mean())

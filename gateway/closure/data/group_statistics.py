@@ -130,17 +130,20 @@ def _group(
         folds=folds,
     )
     early = np.zeros((len(places), TERMS))
-    variance = settled.variance
+    edge_errors, by_edges = None, 0.0
     if edges.evident:
         # Jittering edges smear the mean and dominate the scatter.
         early[usual] = edges.early_rad
         bent = orders_bent_back(orders, early, half_angle_rad)
-        taken = (orders - bent)[usual]
+        if edges.timing.explains:
+            mean = bent[usual].mean(axis=0)
+            edge_errors = edges.errors_of_mean(mean, table["index"][places[usual]].astype(np.intp))
+        else:
+            # What was taken is no displacement alone, and its error has no shape of its own.
+            by_edges = _ONE_COEFFICIENT * (orders - bent)[usual].var(axis=0)
         orders = bent
         settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
         usual = np.flatnonzero(~settled.wild)
-        # The uncertainty of the mean edge angles is that of their jitter.
-        variance = settled.variance + _ONE_COEFFICIENT * taken.var(axis=0)
     if settled.wild.any():
         reject(WILD, int(settled.wild.sum()))
     used = places[usual]
@@ -156,7 +159,7 @@ def _group(
         state=0,
         conditions=conditions,
         blocks=tuple(blocks),
-        variance=variance,
+        variance=settled.variance + by_edges,
         half_angle_rad=half_angle_rad,
         scatter_profile=settled.profile,
         load_known=bool(np.isfinite(table["load_n"][used]).all()),
@@ -168,6 +171,7 @@ def _group(
         deviations_mps2=left.runs,
         deviation_rate_hz=left_hz,
         edges=edges.timing,
+        edge_errors_mps2=edge_errors,
         by_angle=left.by_angle,
     )
 

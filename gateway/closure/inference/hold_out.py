@@ -218,7 +218,8 @@ def _without(
             predicted.append(None)
             whole.append(None)
             continue
-        base = _predicted(fit, data, index, step) + deviations[index][fold]
+        by_edges = data.by_edges(index, there.weighted[index][-1], key)
+        base = _predicted(fit, data, index, step) + deviations[index][fold] + by_edges
         predicted.append(base)
         own = base.copy()
         for state, axis, coefficients in left:

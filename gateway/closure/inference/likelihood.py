@@ -28,6 +28,8 @@ _SMOOTHED: Final = 5
 # Blocks from which their scatter is compared with that of revolutions, and the least ratio of the two.
 _LEAST_BLOCKS: Final = 3
 _LEAST_DEPENDENCE: Final = 0.5
+# The mean edge angles of a recording are no farther from those of all contacts: what would need more has another cause.
+_MOST_SIGMAS: Final = 3.0
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 
 ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL, dtype=np.float64)
@@ -55,6 +57,8 @@ class Whitened:
         factors: of each group for every axis the matrix (m, REAL) that whitens the error of the group's mean.
         weights: (blocks, 3, ORDERS) of each group, 1 / standard deviation of a real coefficient by the scatter, 0 for
             unused orders.
+        edge_errors: (k, 3, REAL) of each group, changes by errors of its mean edge angles, one standard error each;
+            part of what `factors` whiten, not of the weights.
     """
 
     orders: tuple[ComplexArray, ...]
@@ -62,6 +66,7 @@ class Whitened:
     used: tuple[BoolArray, ...]
     factors: tuple[tuple[FloatArray, ...], ...]
     weights: tuple[FloatArray, ...]
+    edge_errors: tuple[FloatArray, ...]
 
     @property
     def size(self) -> int:
@@ -113,6 +118,18 @@ class Whitened:
             factors.append(tuple(loose))
         return replace(self, factors=tuple(factors))
 
+    def by_edges(self, group: int, weighted: FloatArray, share: float = 1.0) -> ComplexArray:
+        """Return what a group's residual owes to the error of its mean edge angles, (3, ORDERS).
+
+        Args:
+            group: index.
+            weighted: (3, REAL) C^-1 times the residual, C its covariance.
+            share: of the revolutions whose mean the residual is.
+        """
+        errors = self.edge_errors[group]
+        sizes = np.clip(np.einsum("kan,an->ka", errors, weighted) / share, -_MOST_SIGMAS, _MOST_SIGMAS)
+        return as_complex(np.einsum("ka,kan->an", sizes, errors))
+
     def mean(self, group: int, values: ComplexArray) -> ComplexArray:
         """Return the mean (3, ORDERS) of the blocks' values (blocks, 3, ORDERS) over revolutions."""
         share = self.counts[group] / self.counts[group].sum()
@@ -139,13 +156,15 @@ def whiten(campaign: Campaign, core: Core) -> Whitened:
     The covariance of a group's mean is the scatter of revolutions over their number, times what neighbouring blocks
     differ by more than that (scatter that is not independent from revolution to revolution). The scatter has a power
     over the orders and one over the angle: its covariance is D F D, with D the root of the power over the angle and F
-    diagonal in the orders.
+    diagonal in the orders. Where the contact's edges jitter, the error of their mean angles is added, which changes the
+    orders of all axes together. Axes are independent here: each has so large an error that their average has the true
+    one.
 
     Args:
         campaign: the data.
         core: baseline model. Without a mean, order 0 is left out; the error of its equations is that of the data too.
     """
-    orders, counts, used, factors, weights = [], [], [], [], []
+    orders, counts, used, factors, weights, edge_errors = [], [], [], [], [], []
     for group in campaign.groups:
         data = np.stack([block.orders_mps2 for block in group.blocks])
         count = np.array([block.count for block in group.blocks], dtype=np.float64)
@@ -159,33 +178,50 @@ def whiten(campaign: Campaign, core: Core) -> Whitened:
         orders.append(np.where(known, np.nan_to_num(data), 0.0))
         counts.append(count)
         used.append(known)
+        errors = _edge_errors(group, known)
         factors.append(
-            tuple(_factor(known[a], variance[a] / count.sum(), floor[a], _profile(group, a)) for a in range(3))
+            tuple(
+                _factor(known[a], variance[a] / count.sum(), floor[a], _profile(group, a), errors[:, a])
+                for a in range(3)
+            )
         )
         spread = variance / count[:, None, None] + _floor(group, _OWN_SHARE)
         weights.append(np.where(known, 1.0 / np.sqrt(np.where(known, spread, 1.0)), 0.0))
-    return Whitened(tuple(orders), tuple(counts), tuple(used), tuple(factors), tuple(weights))
+        edge_errors.append(errors)
+    return Whitened(tuple(orders), tuple(counts), tuple(used), tuple(factors), tuple(weights), tuple(edge_errors))
 
 
 def _profile(group: Group, axis: int) -> FloatArray | None:
     return None if group.scatter_profile is None else group.scatter_profile[axis]
 
 
-def _factor(known: BoolArray, variance: FloatArray, floor: FloatArray, profile: FloatArray | None) -> FloatArray:
-    """Return the whitening matrix of one axis, (m, REAL)."""
+def _edge_errors(group: Group, known: BoolArray) -> FloatArray:
+    """Return real coefficients of the errors of a group's mean by its mean edge angles, (k, 3, REAL)."""
+    if group.edge_errors_mps2 is None:
+        return np.zeros((0, 3, REAL))
+    return math.sqrt(known.any(axis=1).sum()) * as_real(np.where(known, np.nan_to_num(group.edge_errors_mps2), 0.0))
+
+
+def _factor(
+    known: BoolArray, variance: FloatArray, floor: FloatArray, profile: FloatArray | None, errors: FloatArray
+) -> FloatArray:
+    """Return the whitening matrix of one axis, (m, REAL); `errors` (k, REAL) are one standard error each."""
     chosen = np.flatnonzero(np.concatenate([known, known[1:]]))
     if not len(chosen):
         return np.zeros((0, REAL))
     spread = np.concatenate([variance, variance[1:]])
     least = np.concatenate([floor, floor[1:]])
     result = np.zeros((len(chosen), REAL))
-    if profile is None:
+    if profile is None and not len(errors):
         result[np.arange(len(chosen)), chosen] = (spread + least)[chosen] ** -0.5
         return result
-    angle = -np.pi + 2.0 * np.pi / PROFILE_SIZE * np.arange(PROFILE_SIZE + 1)
-    root = np.interp(ANGLES, angle, np.sqrt(np.append(profile, profile[0])))
-    placed = FROM_FIELD @ (root[:, None] * TO_FIELD)
-    covariance = (placed * spread) @ placed.T + np.diag(least)
+    covariance = np.diag(spread)
+    if profile is not None:
+        angle = -np.pi + 2.0 * np.pi / PROFILE_SIZE * np.arange(PROFILE_SIZE + 1)
+        root = np.interp(ANGLES, angle, np.sqrt(np.append(profile, profile[0])))
+        placed = FROM_FIELD @ (root[:, None] * TO_FIELD)
+        covariance = (placed * spread) @ placed.T
+    covariance += np.diag(least) + errors.T @ errors
     lower = cholesky(covariance[np.ix_(chosen, chosen)], lower=True)
     result[:, chosen] = solve_triangular(lower, np.eye(len(chosen)), lower=True)
     return result

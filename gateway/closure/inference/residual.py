@@ -46,7 +46,8 @@ class GroupResidual:
     """Mean residual of one group.
 
     Attributes:
-        orders_mps2: (3, ORDERS) data less prediction, mean over blocks; 0 where nothing is known.
+        orders_mps2: (3, ORDERS) data less prediction, mean over blocks, without what it owes to the error of the
+            contact's mean edge angles; 0 where nothing is known.
         variance: (3, ORDERS) of one real coefficient by noise and computation; 0 where unknown.
     """
 
@@ -71,7 +72,8 @@ def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
         total = np.square(data.weights[index]).sum(axis=0)
         known = total > 0.0
         scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
-        mean = np.where(known, data.mean(index, data.orders[index]) - predicted, 0.0)
+        by_edges = data.by_edges(index, fit.weighted[index][-1])
+        mean = np.where(known, data.mean(index, data.orders[index]) - predicted - by_edges, 0.0)
         residuals.append(GroupResidual(mean, scale))
     return tuple(residuals)
 
