@@ -14,6 +14,7 @@ from closure_rig.draw import Kind, Order, draw
 from closure_rig.judge import ALWAYS, CANNOT_TELL, Outcome, judge
 
 from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.inference.nonsynchronous_diagnosis import UNKNOWN
 
 
 def finding(name: str, verdict: str = "named", *rivals: str) -> dict[str, Any]:
@@ -58,6 +59,8 @@ NOTHING = draw(Order(Kind.NOTHING, 1)).label
         (NOTHING, diagnosis(finding("gain")), Outcome.FALSE_ALARM),
         (NOTHING, diagnosis(finding("gain", "indistinguishable", "run-out")), Outcome.FALSE_ALARM),
         (OUTSIDE, diagnosis(unexplained=2), Outcome.LEFT),
+        (OUTSIDE, diagnosis(finding("gain", "indistinguishable", UNKNOWN), unexplained=1), Outcome.LEFT),
+        (NOTHING, diagnosis(finding("gain", "indistinguishable", UNKNOWN)), Outcome.FALSE_ALARM),
         (OUTSIDE, diagnosis(), Outcome.MISSED),
         (OUTSIDE, diagnosis(finding("tread pitch"), unexplained=1), Outcome.WRONG),
     ],

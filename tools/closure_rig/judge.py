@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final
 
+from gateway.closure.inference.nonsynchronous_diagnosis import UNKNOWN
+
 
 class Outcome(StrEnum):
     """Outcome of a case; the first four are correct."""
@@ -129,7 +131,8 @@ def _outcome(
     for group in left_open:
         hit = group & pending
         if not hit:
-            if not group & truth:
+            # What is not in the catalogue is among the explanations.
+            if not group & truth and not (label["outside"] and UNKNOWN in group):
                 return Outcome.WRONG if drawn or label["outside"] else Outcome.FALSE_ALARM
             continue
         first = min(hit)
