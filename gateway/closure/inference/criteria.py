@@ -132,6 +132,9 @@ EDGE_SPREAD: Final = 0.3
 EDGE_SHAPE: Final = 0.25
 """Share of the scatter near the contact edges that moving them back may leave: more is scatter of another shape."""
 
+EDGE_SIGMAS: Final = 3.0
+"""Standard errors by which a recording's mean edge angles may differ from those of all contacts."""
+
 RARE: Final = 5.6
 """Standard deviations of a normal variate beyond which scatter is listed as unexplained: noise reaches it once in 1e8,
 and some thousand places are looked at."""

@@ -13,6 +13,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import gammaincinv
 
 from gateway.closure.data.campaign_data import ORDERS, PROFILE_SIZE, Campaign, Group
+from gateway.closure.inference import criteria
 from gateway.closure.model.baseline import Core
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
@@ -28,8 +29,6 @@ _SMOOTHED: Final = 5
 # Blocks from which their scatter is compared with that of revolutions, and the least ratio of the two.
 _LEAST_BLOCKS: Final = 3
 _LEAST_DEPENDENCE: Final = 0.5
-# The mean edge angles of a recording are no farther from those of all contacts: what would need more has another cause.
-_MOST_SIGMAS: Final = 3.0
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 
 ANGLES: Final[FloatArray] = -np.pi + 2.0 * np.pi / REAL * np.arange(REAL, dtype=np.float64)
@@ -127,7 +126,7 @@ class Whitened:
             share: of the revolutions whose mean the residual is.
         """
         errors = self.edge_errors[group]
-        sizes = np.clip(np.einsum("kan,an->ka", errors, weighted) / share, -_MOST_SIGMAS, _MOST_SIGMAS)
+        sizes = np.clip(np.einsum("kan,an->ka", errors, weighted) / share, -criteria.EDGE_SIGMAS, criteria.EDGE_SIGMAS)
         return as_complex(np.einsum("ka,kan->an", sizes, errors))
 
     def mean(self, group: int, values: ComplexArray) -> ComplexArray:
