@@ -814,7 +814,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "order from a fixed frequency"
     ),
     Code.BESIDE_SOMETHING_LARGER: (
-        "its {own_mps2:.2f m/s²} may be part of something unknown in the same band, {larger_mps2:.2f m/s²}"
+        "its {own_mps2:.2f m/s²} may be part of something unknown beside it, {larger_mps2:.2f m/s²}"
     ),
     # Diagnosis: deciding recordings
     Code.RECORD_AT_SPEED: "record again at {speed_ratio:g} times the speed",
