@@ -79,3 +79,12 @@ def test_change_by_an_option_does_not_depend_on_earlier_ones() -> None:
     shapes = [core.shape(state, conditions, stretched, 0.0) for core in (first, again)]
     assert np.array_equal(np.array(shapes[0].waveform), np.array(shapes[1].waveform))
     assert shapes[0].trailing_edge_rad == shapes[1].trailing_edge_rad
+
+
+def test_longest_trials_come_first() -> None:
+    """One that is begun last would keep the other processes waiting."""
+    fit, _ = fitted(campaign_of(ONE_SPEED))
+    effects = angle_effects(catalogue())
+    begun = [effect.name for effect in Scan(fit, [effects[name] for name in sorted(effects)], [0]).effects]
+    assert begun[0] == "tread block excitation"
+    assert begun.index("travelling edge waves") < begun.index("torsional ripple") < begun.index("gain")

@@ -114,7 +114,9 @@ class Scan:
             groups: indices of the groups in which they are tried.
         """
         self.fit = fit
-        self._wanted = self.effects = tuple(effects)
+        self._wanted = tuple(effects)
+        # The longest trials first: one that is begun last keeps the others waiting.
+        self.effects = tuple(sorted(effects, key=lambda effect: (-effect.refinements, -_starts(fit, effect))))
         self.shapes: Mapping[int, Shape] = {}
         self._counters: _Counters | None = None
         self._number = 0
@@ -223,6 +225,10 @@ class Helpers:
             scan.share(self._counters, self._scans, [pool.submit(_tried, order) for pool in self._pools])
             self._scans += 1
         return scan
+
+
+def _starts(fit: Fit, effect: AngleEffect) -> int:
+    return len(effect.starts(tuple(group.conditions for group in fit.model.campaign.groups)))
 
 
 def _ordered(number: int, scan: Scan) -> _Order:

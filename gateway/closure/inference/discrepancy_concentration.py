@@ -95,10 +95,12 @@ def _evident(one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], 
     """Return what a concentration gains: at every place the part of the larger gain."""
     curves = one.curves()
     inside = np.flatnonzero(np.abs(curves).max(axis=1) > 1e-3)
+    everywhere = len(inside) == len(PLACES)
     curves = curves[inside]
     amplitudes, gains, powers = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[0])
     for each in seen:
-        values, vectors = np.linalg.eigh(curves.T @ each.information[np.ix_(inside, inside)] @ curves)
+        information = each.information if everywhere else each.information[np.ix_(inside, inside)]
+        values, vectors = np.linalg.eigh(curves.T @ information @ curves)
         values = np.maximum(values, 0.0)
         if values[-1] <= 0.0:
             continue

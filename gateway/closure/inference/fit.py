@@ -176,6 +176,8 @@ class Fit:
 
     def under(self, applied: Applied | None) -> Fit:
         """Return the same linearised model with another discrepancy in the covariance."""
+        if applied is self.applied and self.scale == 1.0:
+            return self
         return replace(self, applied=applied, scale=1.0)
 
     def moved(self, change: FloatArray) -> Fit:

@@ -48,7 +48,7 @@ class Evaluated:
 
 
 def evaluate(
-    fit: Fit, data: Whitened, discrepancy: Discrepancy, amplitudes: FloatArray | None, enough: float = -math.inf
+    fit: Fit, data: Whitened, discrepancy: Discrepancy, near: Applied | None, enough: float = -math.inf
 ) -> Evaluated:
     """Return the evidence of a fitted set.
 
@@ -56,14 +56,14 @@ def evaluate(
         fit: of the set, in any covariance.
         data: whitened.
         discrepancy: of the campaign.
-        amplitudes: of the discrepancy of a similar set; None if none is known.
+        near: discrepancy as a similar set has it; None if none is known.
         enough: a set that is still below this after the first step of the amplitudes is not worked out.
 
     Raises:
         FitFailedError: the fit fails with the discrepancy in.
     """
-    applied = discrepancy.applied(discrepancy.start(fit.residual) if amplitudes is None else amplitudes)
-    if amplitudes is not None:
+    applied = discrepancy.applied(discrepancy.start(fit.residual)) if near is None else near
+    if near is not None:
         fit, applied = _settled(fit, applied, 1)
         rough = log_evidence(fit.moved(_limited(fit)))
         if rough < enough:

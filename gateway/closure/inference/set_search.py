@@ -19,14 +19,13 @@ from gateway.closure.data.condition_groups import far_apart, telling
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers, Scan
 from gateway.closure.inference.candidate_trial import Trial, refit, start_of
-from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.discrepancy_concentration import most_evident
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_prior_odds
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
-from gateway.types import FloatArray
 
 Names = frozenset[str]
 
@@ -134,12 +133,16 @@ class SetSearch:
         if evident is None:
             return False
         before, smoother = self.found, self.discrepancy
-        self.found, self.discrepancy = {}, smoother.concentrated(evident.concentration)
-        amplitudes = np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2)
+        concentrated = smoother.concentrated(evident.concentration)
+        try:
+            begin = concentrated.applied(np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2))
+        except np.linalg.LinAlgError:
+            return False
+        self.found, self.discrepancy = {}, concentrated
         for one in sorted(before.values(), key=lambda one: (-one.log_evidence, sorted(one.names))):
             # Even without time left, the best set and the empty one are needed.
             if not (self.found and one.names and self._stop()):
-                self._evaluate(one.fit, _amplitudes(self.best) if self.found else amplitudes)
+                self._evaluate(one.fit, self.best.fit.applied if self.found else begin)
         if frozenset() not in self.found:
             self.found, self.discrepancy = before, smoother
             return False
@@ -160,7 +163,7 @@ class SetSearch:
             self.complete = False
         return not self.complete
 
-    def _evaluate(self, fit: Fit, amplitudes: FloatArray | None) -> Evaluated | None:
+    def _evaluate(self, fit: Fit, near: Applied | None) -> Evaluated | None:
         names = _names(fit)
         if names in self.rejected:
             return None
@@ -168,13 +171,13 @@ class SetSearch:
             self.on_step(len(names))
             try:
                 enough = self.best.log_evidence - criteria.WORTH_WORK if self.found else -math.inf
-                self.found[names] = evaluate(fit, self.data, self.discrepancy, amplitudes, enough)
+                self.found[names] = evaluate(fit, self.data, self.discrepancy, near, enough)
             except (FitFailedError, np.linalg.LinAlgError):
                 self.rejected.add(names)
                 return None
         return self.found[names]
 
-    def _evaluate_anew(self, fit: Fit, amplitudes: FloatArray | None) -> None:
+    def _evaluate_anew(self, fit: Fit, near: Applied | None) -> None:
         """Evaluate a set, also a known one, and keep the better optimum.
 
         From a worse one, the effect that the set lacks would get the credit for leading out of it.
@@ -182,7 +185,7 @@ class SetSearch:
         names = _names(fit)
         known = self.found.get(names)
         self.found.pop(names, None)
-        found = self._evaluate(fit, amplitudes)
+        found = self._evaluate(fit, near)
         if known is not None and (found is None or found.log_evidence < known.log_evidence):
             self.found[names] = known
             self.rejected.discard(names)
@@ -261,8 +264,7 @@ class SetSearch:
         names = _names(fit)
         known = [one for of, one in self.found.items() if of < names]
         parent = max(known, key=lambda one: (len(one.names), sorted(one.names)))
-        applied = parent.fit.applied
-        self._evaluate(fit, None if applied is None else applied.amplitudes)
+        self._evaluate(fit, parent.fit.applied)
 
     def _fitted(self, fit: Fit) -> list[Fit]:
         """Return fits of a set with one more effect, by gain without a discrepancy; none without a gain."""
@@ -307,7 +309,7 @@ class SetSearch:
 
     def _neighbours(self, best: Evaluated) -> None:
         """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
-        amplitudes, near = _amplitudes(best), self.best.log_evidence - criteria.WITHIN
+        near = self.best.log_evidence - criteria.WITHIN
         for effect in best.fit.model.effects:
             if self._stop():
                 return
@@ -319,7 +321,7 @@ class SetSearch:
             self._begin(without, rivals)
             if len(best.names) < criteria.MOST_EFFECTS:
                 self._begin(best.fit, self.effects)
-            self._evaluate_anew(without, amplitudes)
+            self._evaluate_anew(without, best.fit.applied)
             self._add(without, best, rivals, near)
         if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
             self._add(best.fit, best, self.effects, near)
@@ -374,7 +376,7 @@ class SetSearch:
         except (NoShapeError, np.linalg.LinAlgError):
             self.rejected.add(frozenset(effect.name for effect in trial.model.effects))
             return
-        self._evaluate(after, _amplitudes(best))
+        self._evaluate(after, best.fit.applied)
 
 
 def is_taken(effect: AngleEffect, taken: Sequence[AngleEffect]) -> bool:
@@ -420,10 +422,6 @@ def _names(fit: Fit) -> Names:
 
 def _best(sets: Iterable[Evaluated]) -> Evaluated:
     return min(sets, key=lambda one: (-one.log_evidence, sorted(one.names)))
-
-
-def _amplitudes(one: Evaluated) -> FloatArray | None:
-    return None if one.fit.applied is None else one.fit.applied.amplitudes
 
 
 def _linear_score(fit: Fit) -> float:
