@@ -14,8 +14,9 @@ from gateway.simulator.time_series import Series, constant
 from gateway.types import FloatArray
 
 NO_SHIFT: Final = constant(0.0)
-# The shift of an edge fades out over this angle to either side.
-_REACH_RAD = 0.5
+# The shift of an edge fades out over this angle to either side, at the latest at the other edge.
+_REACH_RAD: Final = 0.5
+_LEAST_RAD: Final = 1e-6
 
 
 class EdgeJitter:
@@ -51,8 +52,10 @@ class EdgeJitter:
         self._draw(int(turns[0]), int(turns[-1]))
         within = angle_rad - 2.0 * math.pi * turn
         moved = angle_rad.copy()
-        for edge in (0, 1):
-            near = np.clip((within - edges_rad[edge]) / _REACH_RAD, -1.0, 1.0)
+        inside_rad = max(min(_REACH_RAD, edges_rad[1] - edges_rad[0]), _LEAST_RAD)
+        for edge, (before_rad, behind_rad) in enumerate(((_REACH_RAD, inside_rad), (inside_rad, _REACH_RAD))):
+            from_edge = within - edges_rad[edge]
+            near = np.clip(np.where(from_edge < 0.0, from_edge / before_rad, from_edge / behind_rad), -1.0, 1.0)
             shift = self._shifts[turns - self._from, edge]
             if edge == 0 and self._is_shifted:
                 # The shape of an edge that has moved forward is the undisturbed one a little earlier.

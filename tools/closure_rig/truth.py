@@ -22,6 +22,7 @@ from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 # The closure's own belt has this extension stiffness, and so has the rig's without the effect.
 _STIFF_N: Final = 2e10
 _HUB_WIDTH_HZ: Final = 8.0
+_PASSES: Final = 20
 # Step of the load for the vertical stiffness, as a share.
 _LOAD_STEP: Final = 0.02
 
@@ -185,14 +186,24 @@ def _of_the_belt(name: str, case: Case, tire: Mapping[str, Any], vibration: Mapp
         per = (1e-3 * case.bench.radius_mm / REFERENCE_MPS) ** 2
         return _wave(per * vibration["imbalance_mps2"], vibration["imbalance_deg"])
     if name == "torsional ripple" and forward:
-        shares = _wave(1e-2 * vibration["ripple_percent"], vibration["ripple_deg"])
-        return {"cosine": shares["cosine_m"], "sine": shares["sine_m"], "order": vibration["ripple_order"]}
+        share, order = 1e-2 * vibration["ripple_percent"], vibration["ripple_order"]
+        shares = _wave(share, math.degrees(_at_contact(share, math.radians(vibration["ripple_deg"]))))
+        return {"cosine": shares["cosine_m"], "sine": shares["sine_m"], "order": order}
     if name == "tread pitch":
         return {"order": case.tables["tread_pitch"]["blocks"]}
     if name == "tire-locked edge waves":
         waves = case.tables["edge_waves"]
         return {"before_order": waves["order_before"], "after_order": waves["order_after"]}
     return {}
+
+
+def _at_contact(share: float, phase_rad: float) -> float:
+    """Return a ripple's phase at the contact's centre, which it moves, from that at angle 0 without ripple."""
+    # The order times the angle without ripple at which the wheel's own angle is 0; the share is small.
+    early = 0.0
+    for _ in range(_PASSES):
+        early = -share * math.sin(early + phase_rad)
+    return phase_rad + early
 
 
 def _wave(size: float, phase_deg: float) -> dict[str, float]:
