@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from gateway.types import FloatArray
 
 # Step of load for the tire's vertical stiffness.
 _LOAD_STEP = 0.02
+# Shares of the load's swing by run-out at which the tire is solved: extrema of a polynomial that is nowhere far off.
+# The stiffness rises with the deflection, so the swing is somewhat larger than by the stiffness at the mean load.
+_SWING: Final = 1.05 * np.array([-1.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5), 1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +45,9 @@ def with_runout(
 ) -> SolvedPoint:
     """Return a tire whose radius is larger by height cos(psi) at material angle psi from its high spot.
 
-    The axle stays at its height, so the load swings by stiffness times height as the wheel turns; the sensor meets the
-    road under the same load each time (quadratic in the load, three solutions). Off the contact it rides on the
-    eccentric circle's radius.
+    The axle stays at its height, so the tire is deflected by more where the high spot meets the road; the sensor meets
+    the road with the same deflection each time, between those under the loads of `_SWING`. Off the contact it rides on
+    the eccentric circle's radius.
 
     Args:
         solve: the round tire under a load.
@@ -56,23 +59,19 @@ def with_runout(
     pressed = solve(load_n * (1.0 + _LOAD_STEP))
     stiffness_npm = _LOAD_STEP * load_n / (middle.ring.axle_height_m - pressed.ring.axle_height_m)
     swing_n = stiffness_npm * height_m
-    three = (solve(load_n - swing_n), middle, solve(load_n + swing_n))
+    points = [solve(load_n + swing_n * share) if share else middle for share in _SWING.tolist()]
     theta = np.linspace(-math.pi, math.pi, len(middle.planar))
-    weights = _parabola(np.cos(theta + offset_rad))
-    at_edges = _parabola(np.cos(middle.edges_rad + offset_rad))
-    planar = sum((w[:, None] * point.planar for w, point in zip(weights, three, strict=True)), np.zeros(1))
+    lower_m = np.array([middle.ring.axle_height_m - point.ring.axle_height_m for point in points])
+    weights = _lagrange(lower_m, height_m * np.cos(theta + offset_rad))
+    at_edges = _lagrange(lower_m, height_m * np.cos(middle.edges_rad + offset_rad))
+    planar = np.einsum("tp,ptc->tc", weights, np.stack([point.planar for point in points]))
     planar[:, 0] *= 1.0 + height_m / middle.ring.ring.radius_m * math.cos(offset_rad)
     return SolvedPoint(
         middle.ring,
         planar,
-        sum((w[:, None] * point.lateral for w, point in zip(weights, three, strict=True)), np.zeros(1)),
-        sum((w * point.edges_rad for w, point in zip(at_edges, three, strict=True)), np.zeros(1)),
+        np.einsum("tp,pts->ts", weights, np.stack([point.lateral for point in points])),
+        np.einsum("ep,pe->e", at_edges, np.stack([point.edges_rad for point in points])),
     )
-
-
-def _parabola(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the weights of values at -1, 0 and 1."""
-    return 0.5 * at * (at - 1.0), 1.0 - at * at, 0.5 * at * (at + 1.0)
 
 
 WaveformTable = NDArray[np.float32]
@@ -247,26 +246,23 @@ def _chebyshev(extent: Range, count: int) -> FloatArray:
     return 0.5 * (extent.low + extent.high) - 0.5 * (extent.high - extent.low) * np.cos(angles)
 
 
-def _lagrange(nodes: FloatArray, value: float) -> FloatArray:
-    """Return the weights of the nodes' values in their polynomial at `value`, held at the ends of the range."""
-    value = min(max(value, float(nodes[0])), float(nodes[-1]))
+def _lagrange(nodes: FloatArray, values: FloatArray | float) -> FloatArray:
+    """Return the weights of the nodes' values in their polynomial at `values`, held at the ends of the range.
+
+    Returns:
+        (..., nodes) for values (...).
+    """
+    at = np.clip(values, nodes[0], nodes[-1])[..., None, None]
     # Row i of the differences, with its own entry replaced by 1, holds the factors of weight i.
     own = np.eye(len(nodes), dtype=bool)
-    above = np.where(own, 1.0, value - nodes)
-    below = np.where(own, 1.0, nodes[:, None] - nodes)
-    weights: FloatArray = above.prod(axis=1) / below.prod(axis=1)
+    weights: FloatArray = np.where(own, 1.0, at - nodes).prod(axis=-1)
+    weights /= np.where(own, 1.0, nodes[:, None] - nodes).prod(axis=-1)
     return weights
 
 
 def load_weights(loads_n: FloatArray, at_n: FloatArray) -> NDArray[np.float32]:
     """Return (n, nodes) weights of the waveforms of `TireTable.by_load` at n loads, held at the ends of the range."""
-    value = np.clip(at_n, loads_n[0], loads_n[-1])
-    weights = np.ones((len(value), len(loads_n)))
-    for own in range(len(loads_n)):
-        for other in range(len(loads_n)):
-            if other != own:
-                weights[:, own] *= (value - loads_n[other]) / (loads_n[own] - loads_n[other])
-    return weights.astype(np.float32)
+    return _lagrange(loads_n, at_n).astype(np.float32)
 
 
 def _interpolated(coarse: FloatArray) -> FloatArray:

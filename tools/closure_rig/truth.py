@@ -16,15 +16,12 @@ from gateway.closure.model.lateral_response import (
 )
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.simulator.disturbances import REFERENCE_MPS
-from gateway.simulator.tire_model import TireModel
 from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 
 # The closure's own belt has this extension stiffness, and so has the rig's without the effect.
 _STIFF_N: Final = 2e10
 _HUB_WIDTH_HZ: Final = 8.0
 _PASSES: Final = 20
-# Step of the load for the vertical stiffness, as a share.
-_LOAD_STEP: Final = 0.02
 
 
 class State(NamedTuple):
@@ -58,7 +55,7 @@ def numbers_of(case: Case, *, rolling: bool = False) -> dict[State, dict[str, fl
         values |= {f"{name}/Cw": values[name] / values["Cw"] for name in ("Bs", "Rs", "Ts")}
         values["tread_stiffness_npm2"] = case.bench.tread_mpa * 1e6
         omega_radps = run.speed_kmh / 3.6 / plan.radius_m
-        values["contact_half_angle_rad"] = _half_angle_rad(plan.tire, state, omega_radps)
+        values["contact_half_angle_rad"] = _half_angle_rad(plan, state, omega_radps)
         found[state] = values
     return found
 
@@ -67,22 +64,10 @@ def _state(run: Run) -> State:
     return State(run.load_n, run.pressure_kpa * 1e3)
 
 
-def _half_angle_rad(tire: TireModel, state: State, omega_radps: float) -> float:
-    """Return half of the angle between the edges that the sensor meets, each under its load with run-out."""
-    round_tire = tire.solve(*state, omega_radps)
-    if not tire.runout_m:
-        return round_tire.half_angle_rad
-    heavier = tire.solve(state.load_n * (1.0 + _LOAD_STEP), state.pressure_pa, omega_radps)
-    stiffness_npm = _LOAD_STEP * state.load_n / (round_tire.axle_height_m - heavier.axle_height_m)
-    leading, trailing = (
-        tire.solve(
-            state.load_n + stiffness_npm * tire.runout_m * math.cos(edge_rad + tire.runout_rad),
-            state.pressure_pa,
-            omega_radps,
-        )
-        for edge_rad in (round_tire.leading_edge_rad, round_tire.trailing_edge_rad)
-    )
-    return 0.5 * (trailing.trailing_edge_rad - leading.leading_edge_rad)
+def _half_angle_rad(plan: WheelPlan, state: State, omega_radps: float) -> float:
+    """Return half of the angle between the edges that the sensor meets, each at its own deflection with run-out."""
+    leading_rad, trailing_rad = plan.table().edges_rad(*state, omega_radps)
+    return 0.5 * (trailing_rad - leading_rad)
 
 
 def parameters_of(case: Case) -> dict[str, dict[str, float]]:

@@ -14,7 +14,7 @@ import numpy as np
 from gateway.closure.effects.effect import FIELD_SIZE, BaselineModel, GroupConditions
 from gateway.closure.model.baseline import Shape, moved, slopes, stepped
 from gateway.closure.model.ring_options import RingOptions
-from gateway.closure.model.run_out_shape import LoadedShape, load_step, out_of_round
+from gateway.closure.model.run_out_shape import LoadedShape, load_steps, out_of_round
 from gateway.closure.model.shape_derivatives import Tangents
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS, TABLE_3_RADIUS_M
 from gateway.physics.rolling_ring import (
@@ -41,6 +41,8 @@ _GRIDS: Final = (960, 1440)
 _COARSE: Final = (480,)
 _ROUNDED: Final = 0.1
 _KEPT_COARSE: Final = 4096
+# Derivatives are those of run-out rounded to this.
+_ROUNDED_M: Final = 1e-4
 _NODES_PER_LAYER: Final = 8.0
 # The solver's error falls with the square of the step; it is measured on a grid twice as fine.
 _FINER: Final = 2
@@ -102,20 +104,31 @@ class ExactCore:
         half_angle_rad: float,  # noqa: ARG002 - the interface's; the exact ring finds its contact itself
     ) -> Shape:
         """Return the shape, minus the grid's error last measured by `refine`."""
-        if not (options.runout_cosine_m or options.runout_sine_m):
-            return self._round(parameters, conditions, options)
-        round_options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
-        share = load_step(options.runout_cosine_m, options.runout_sine_m)
-        # A softer ring has the same shape as one loaded more by the same factor.
-        lighter, middle, heavier = (
-            LoadedShape(
-                self._round(softer, conditions, round_options),
-                self._solve(softer, conditions, round_options, self._grid(conditions)).ring.axle_height_m,
-            )
-            for softer in (parameters - math.log1p(step) for step in (-share, 0.0, share))
+        coarse = self._on_grid(parameters, conditions, options, self._grid(conditions))
+        correction = self._corrections.get(_place(conditions))
+        if correction is None:
+            return coarse
+        fields = [field + part for field, part in zip(coarse.waveform, correction[0], strict=True)]
+        return Shape(
+            SensorWaveform(*fields),
+            coarse.leading_edge_rad + correction[1],
+            coarse.trailing_edge_rad + correction[2],
+            coarse.belt,
         )
+
+    def _on_grid(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions, nodes: int) -> Shape:
+        """Return the shape as a grid gives it."""
+        if not (options.runout_cosine_m or options.runout_sine_m):
+            return self._solve(parameters, conditions, options, nodes).shape
+        round_options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
         heights = options.runout_cosine_m, options.runout_sine_m
-        return out_of_round(lighter, middle, heavier, conditions.radius_m, *heights)
+        # A softer ring has the same shape as one loaded more by the same factor.
+        solved = [
+            self._solve(parameters - math.log1p(step), conditions, round_options, nodes)
+            for step in load_steps(*heights)
+        ]
+        loaded = [LoadedShape(one.shape, one.ring.axle_height_m) for one in solved]
+        return out_of_round(loaded, conditions.radius_m, *heights)
 
     def tangent(
         self,
@@ -125,8 +138,11 @@ class ExactCore:
         half_angle_rad: float,  # noqa: ARG002 - as above
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters, at a nearby point if one is known."""
-        # A tire with a millimetre of run-out has the derivatives of a round one, which needs a third of the solutions.
-        options = replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
+        # So little run-out changes derivatives by 0.5 %.
+        cosine_m, sine_m = (
+            _ROUNDED_M * round(x / _ROUNDED_M) for x in (options.runout_cosine_m, options.runout_sine_m)
+        )
+        options = replace(options, runout_cosine_m=cosine_m, runout_sine_m=sine_m)
         load, pressure, omega = _place(conditions)
         speed = omega if options.depends_on_speed else _ANY_OMEGA_RADPS
         place = load, pressure, speed, self._grid(conditions)
@@ -147,9 +163,21 @@ class ExactCore:
         return moved(there, here, -1.0)
 
     def _slopes(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> tuple[Shape, ...]:
-        """Return the derivatives of a round tire's shape by the state's parameters."""
-        nearby = self._nearby([parameters, *stepped(parameters, self.steps)], conditions, options)
-        here, *there = (_on_field(one, options) for one in nearby)
+        """Return the derivatives of a tire's shape by the state's parameters."""
+        every = [parameters, *stepped(parameters, self.steps)]
+        heights_m = options.runout_cosine_m, options.runout_sine_m
+        if not any(heights_m):
+            here, *there = (_on_field(one, options) for one in self._nearby(every, conditions, options))
+            return slopes(here, there, self.steps)
+        plain = _without_run_out(options)
+        by_load = [
+            [
+                LoadedShape(_on_field(one, plain), one.axle_height_m)
+                for one in self._nearby([each - math.log1p(step) for each in every], conditions, plain)
+            ]
+            for step in load_steps(*heights_m)
+        ]
+        here, *there = (out_of_round(loaded, conditions.radius_m, *heights_m) for loaded in zip(*by_load, strict=True))
         return slopes(here, there, self.steps)
 
     def _nearby(
@@ -171,20 +199,6 @@ class ExactCore:
             axle_torques_nm=torques_nm,
         )
 
-    def _round(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> Shape:
-        """Return the shape of a round tire."""
-        coarse = self._solve(parameters, conditions, options, self._grid(conditions)).shape
-        correction = self._corrections.get(_place(conditions))
-        if correction is None:
-            return coarse
-        fields = [field + part for field, part in zip(coarse.waveform, correction[0], strict=True)]
-        return Shape(
-            SensorWaveform(*fields),
-            coarse.leading_edge_rad + correction[1],
-            coarse.trailing_edge_rad + correction[2],
-            coarse.belt,
-        )
-
     def refine(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> None:
         """Measure the grid's error at these parameters; `shape` subtracts it from now on, for these conditions."""
         layer_rad = math.sqrt(
@@ -194,8 +208,7 @@ class ExactCore:
         nodes = next((nodes for nodes in self._grids if nodes >= wanted), self._grids[-1])
         # The grid never becomes coarser: a fit that alternates between grids does not converge.
         nodes = self._nodes[_place(conditions)] = max(nodes, self._grid(conditions))
-        coarse = self._solve(parameters, conditions, options, nodes).shape
-        fine = self._solve(parameters, conditions, options, _FINER * nodes).shape
+        coarse, fine = (self._on_grid(parameters, conditions, options, grid) for grid in (nodes, _FINER * nodes))
         change = np.array(fine.waveform) - np.array(coarse.waveform)
         self._corrections[_place(conditions)] = (
             _EXTRAPOLATION * change,
@@ -271,6 +284,10 @@ class ExactCore:
             return None
         free = self._solve(parameters, conditions, replace(options, traction=0.0), nodes).ring.axle_torque_nm
         return free + options.traction * conditions.load_n * conditions.radius_m
+
+
+def _without_run_out(options: RingOptions) -> RingOptions:
+    return replace(options, runout_cosine_m=0.0, runout_sine_m=0.0)
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,9 +13,13 @@ from gateway.closure.model.baseline import Shape
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
-# Shares of the load by which the shapes beside the middle one differ from it, and the height from which on it is the
-# larger: a millimetre swings the load of a car's tire by 5 %, and the parabola holds within its shapes.
-_STEP, _LARGE_STEP, _LARGE_M = 0.04, 0.1, 7e-4
+# Share of the load by which a metre of run-out swings it on a car's tire; on a truck's tire it is half of that.
+_SWING_PM: Final = 50.0
+# Largest shares by which the loads of the shapes may differ from the middle one. They are few, so that the solutions
+# for one height serve its neighbours. Below the first the grid's error would be seen.
+_LARGEST: Final[FloatArray] = 0.02 * np.sqrt(2.0) ** np.arange(9)
+# Parts of it, at which a polynomial is nowhere far off.
+_PARTS: Final = (-1.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5), 1.0)
 _THETA: Final[FloatArray] = -math.pi + (2.0 * math.pi / FIELD_SIZE) * np.arange(FIELD_SIZE, dtype=np.float64)
 
 
@@ -25,42 +30,44 @@ class LoadedShape(NamedTuple):
     axle_height_m: float
 
 
-def load_step(cosine_m: float, sine_m: float) -> float:
-    """Return the share of the load by which the shapes beside the middle one are to differ from it."""
-    return _STEP if math.hypot(cosine_m, sine_m) < _LARGE_M else _LARGE_STEP
+def load_steps(cosine_m: float, sine_m: float) -> list[float]:
+    """Return the shares of the load by which the five shapes are to differ from the middle one."""
+    swing = max(_SWING_PM * math.hypot(cosine_m, sine_m), float(_LARGEST[0]))
+    largest = float(_LARGEST[np.argmin(np.abs(np.log(_LARGEST / swing)))])
+    return [part * largest for part in _PARTS]
 
 
-def out_of_round(
-    lighter: LoadedShape, middle: LoadedShape, heavier: LoadedShape, radius_m: float, cosine_m: float, sine_m: float
-) -> Shape:
-    """Return the shape of a tire whose radius is larger by cosine cos(theta) + sine sin(theta) where it meets the road.
+def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float, sine_m: float) -> Shape:
+    """Return the shape of a tire whose radius is larger by cosine cos(theta) + sine sin(theta) where it meets a road.
 
-    The axle keeps its height, so that the load swings by the vertical stiffness times the height on the road when the
-    sensor is at theta; every angle has the shape under its own load, a parabola through three. Off the contact the
+    The axle keeps its height, so that a round tire with the same deflection has its axle lower by the height on the
+    road when the sensor is at theta. Every angle has the shape at its own axle height, a polynomial through those
+    given; a parabola would be off by up to 1 % of the change, since the contact's edges move. Off the contact the
     sensor rides on a radius that is larger by the cosine.
 
     Args:
-        lighter: the round tire at (1 - load step) of its load.
-        middle: at its load.
-        heavier: at (1 + load step) of it.
+        loaded: the round tire under five loads, the mean load's in the middle.
         radius_m: belt radius.
         cosine_m: height at the sensor.
         sine_m: height on the road a quarter of a turn after the sensor's bottom.
     """
-    # Load steps a metre: a lighter load lifts the axle.
-    steps_pm = 2.0 / (lighter.axle_height_m - heavier.axle_height_m)
-    shapes = (lighter.shape, middle.shape, heavier.shape)
-    weights = _parabola(steps_pm * (cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA)))
+    middle = loaded[len(loaded) // 2]
+    shapes = [one.shape for one in loaded]
+    lower_m = np.array([middle.axle_height_m - one.axle_height_m for one in loaded])
+    weights = _lagrange(lower_m, cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA))
     fields = np.einsum("sk,sfk->fk", weights, np.array([shape.waveform for shape in shapes]))
     fields[0] *= 1.0 + cosine_m / radius_m
     edges = []
     for angles in np.array([(shape.leading_edge_rad, shape.trailing_edge_rad) for shape in shapes]).T:
-        at = float(angles[1])
-        share = _parabola(np.array([steps_pm * (cosine_m * math.cos(at) + sine_m * math.sin(at))]))
+        at = float(angles[len(loaded) // 2])
+        share = _lagrange(lower_m, np.array([cosine_m * math.cos(at) + sine_m * math.sin(at)]))
         edges.append(float(share[:, 0] @ angles))
     return Shape(SensorWaveform(*fields), edges[0], edges[1], middle.shape.belt)
 
 
-def _parabola(at: FloatArray) -> FloatArray:
-    """Return the weights of values at -1, 0 and 1, (3, n)."""
-    return np.stack([0.5 * at * (at - 1.0), 1.0 - at * at, 0.5 * at * (at + 1.0)])
+def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:
+    """Return the weights of the values at the nodes in their polynomial, (nodes, n)."""
+    own = np.eye(len(nodes), dtype=bool)[:, :, None]
+    weights: FloatArray = np.where(own, 1.0, at - nodes[:, None]).prod(axis=1)
+    weights /= np.where(own, 1.0, (nodes[:, None] - nodes)[:, :, None]).prod(axis=1)
+    return weights
