@@ -18,8 +18,9 @@ from gateway.closure.effects.effect import (
     ModelledBlock,
     SignalEffect,
 )
-from gateway.closure.effects.lateral_loads import CarcassCompliance, Conicity, PlySteer
+from gateway.closure.effects.lateral_loads import STIFFNESSES, CarcassCompliance, Conicity, PlySteer
 from gateway.closure.effects.mounting import YawTilt
+from gateway.closure.inference.findings import fitted_parameter
 from gateway.closure.model.lateral_response import Load, Stiffness, unit_response
 from gateway.physics.laminate import crossed_coupling_length
 from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
@@ -191,3 +192,8 @@ def test_lateral_axis_matches_the_simulator(
     amount = crossed_coupling_length(math.radians(24.0), 1.2e-3) if isinstance(size, str) else size
     made = effect.contribution(block(reverse=direction == "reverse"), np.array([amount, 0.0, 0.0, 0.0]))[LATERAL]
     assert np.std(made - simulated) < 0.025 * simulated.std()
+
+
+def test_error_of_a_stiffness_includes_that_of_the_equation() -> None:
+    assert fitted_parameter(STIFFNESSES[0], 0.3, 0.08).std == pytest.approx(math.hypot(0.08, 0.15))
+    assert fitted_parameter(PlySteer.parameters[0], 1e-3, 2e-6).std == 2e-6

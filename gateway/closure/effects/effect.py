@@ -100,7 +100,8 @@ class Parameter:
             means absent. Tables show factor / value in that unit, under the name without its leading `inverse`.
         varies: True where the parameter may physically differ between recordings.
         shared_std: where effects share the parameter of this name, the standard deviation by which each may differ
-            from it, as their equations are models; None where it is the effect's own.
+            from it, as their equations are models. It is a part of the reported error. None where it is the effect's
+            own.
         whole: True for a whole number. Start values and scans try its values; a fit keeps the one that it starts from.
         other_stds: further prior standard deviations, each as likely as `prior_std`, which is the widest: 0 for an
             amplitude that may be zero while others of the effect are not, a small one where some products are far

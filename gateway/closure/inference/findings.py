@@ -190,8 +190,9 @@ def over_sets(
 
 
 def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
-    """Return a parameter's value in SI, with its display unit."""
+    """Return a parameter's value in SI, with its display unit; its error includes that of the effect's equation."""
     shown = parameter.factor, parameter.display_unit, parameter.inverse_display
+    std = math.hypot(std, parameter.shared_std or 0.0)
     # A whole number is tried, not fitted: it has no error.
     return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)
 
