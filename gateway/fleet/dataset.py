@@ -33,6 +33,7 @@ from gateway.fleet.content_keys import path_key
 from gateway.fleet.parquet_parts import FORMAT, PartFile
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
 from gateway.recording.file_content import FileContent
+from gateway.trends.trend_result import UNKNOWN_VEHICLE
 from gateway.views.output_file import write_whole
 from gateway.views.tables.campaign_columns import FAILURE_COLUMNS
 from gateway.views.wording import as_json, text
@@ -46,9 +47,6 @@ DESCRIPTION: Final = "treadlink-dataset.json"
 DIAGNOSES: Final = "diagnoses"
 FAILURES: Final = "failures"
 INCOMING: Final = ".incoming"
-UNKNOWN_VEHICLE: Final = "unknown"
-"""Partition of recordings whose configuration names no vehicle, or that have none."""
-
 _LOCK: Final = ".lock"
 _FINAL, _AGAIN = "final", "again"
 _LONGEST_NAME: Final = 80

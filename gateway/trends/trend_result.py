@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Final
 
 from gateway.estimators.estimator import Status
 from gateway.reasons import Reason
 from gateway.types import BoolArray, FloatArray
+
+UNKNOWN_VEHICLE: Final = "unknown"
+"""Name of the vehicle of recordings whose configuration names none, or that have no configuration."""
 
 
 class Quantity(StrEnum):

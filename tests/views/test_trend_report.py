@@ -12,7 +12,7 @@ import re
 import pytest
 
 from gateway.trends.fleet_analysis import analyse
-from gateway.trends.trend_result import FleetTrends, Quantity
+from gateway.trends.trend_result import UNKNOWN_VEHICLE, FleetTrends, Quantity
 from gateway.views.trend_report.trend_page import trends_page
 from gateway.views.trend_report.trend_tables import LABELS, SERIES_LABELS, trend_lines, trends_csv, trends_json
 from tests.testkit.tire_histories import history
@@ -41,6 +41,20 @@ def test_page_is_self_contained_and_escapes_names(trends):
     assert "loses" in page
     assert "3 recordings without results" in page
     assert "_0005.mcap" in page
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("a", "b"), "2 tires of 2 vehicles, 2 recordings, "),
+        (("a", UNKNOWN_VEHICLE), "2 tires of 1 vehicle and unknown ones, 2 recordings, "),
+        ((UNKNOWN_VEHICLE,), "1 tire of unknown vehicles, 1 recording, "),
+    ],
+)
+def test_an_unknown_vehicle_is_not_counted(names, said):
+    found = analyse([history(1, 40, vehicle=name) for name in names], recordings=len(names), failures=0)
+    assert next(trend_lines(found)).startswith(said)
+    assert said.split(" of ")[1].split(",")[0] in trends_page(found)
 
 
 def test_every_quantity_has_a_label(trends):

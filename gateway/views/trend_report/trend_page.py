@@ -14,6 +14,7 @@ from gateway.estimators.estimator import Status
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import inline_svg, report_style, require_report_packages
+from gateway.views.report.phrases import counted
 from gateway.views.text import clean
 from gateway.views.trend_report.trend_figures import tire_figure
 from gateway.views.trend_report.trend_tables import (
@@ -25,6 +26,7 @@ from gateway.views.trend_report.trend_tables import (
     shown,
     tire_name,
     unit_in,
+    vehicles_of,
 )
 from gateway.views.wording import joined, text
 
@@ -181,8 +183,7 @@ def _page(trends: FleetTrends) -> _Page:
 
 
 def _facts(trends: FleetTrends) -> str:
-    vehicles = len({trend.vehicle for trend in trends.tires})
-    parts = [f"{trends.recordings} recordings", f"{len(trends.tires)} tires", f"{vehicles} vehicles"]
+    parts = [counted(trends.recordings, "recording"), counted(len(trends.tires), "tire"), vehicles_of(trends)]
     if trends.tires:
         first, last = min(one.first_ns for one in trends.tires), max(one.last_ns for one in trends.tires)
         parts.append(f"{day(first)} to {day(last)} (UTC)")

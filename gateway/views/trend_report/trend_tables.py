@@ -12,8 +12,17 @@ import numpy as np
 from gateway import __version__
 from gateway.estimators.estimator import Status
 from gateway.reasons import Reason
-from gateway.trends.trend_result import FleetTrends, PairTrend, Quantity, TireTrend, TrendNumber, TrendOutlier
+from gateway.trends.trend_result import (
+    UNKNOWN_VEHICLE,
+    FleetTrends,
+    PairTrend,
+    Quantity,
+    TireTrend,
+    TrendNumber,
+    TrendOutlier,
+)
 from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error
+from gateway.views.report.phrases import counted
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.text import clean, pad, width
 from gateway.views.wording import as_json, joined, text
@@ -181,15 +190,21 @@ def trends_csv(trends: FleetTrends) -> bytes:
     return file.getvalue()
 
 
+def vehicles_of(trends: FleetTrends) -> str:
+    """Return `2 vehicles`, `1 vehicle and unknown ones` or `unknown vehicles`."""
+    names = {trend.vehicle for trend in trends.tires}
+    known = len(names - {UNKNOWN_VEHICLE})
+    if UNKNOWN_VEHICLE not in names:
+        return counted(known, "vehicle")
+    return f"{counted(known, 'vehicle')} and unknown ones" if known else "unknown vehicles"
+
+
 def trend_lines(trends: FleetTrends) -> Iterator[str]:
     """Yield the summary for a terminal."""
-    vehicles = len({trend.vehicle for trend in trends.tires})
     first = min(trend.first_ns for trend in trends.tires)
     last = max(trend.last_ns for trend in trends.tires)
-    yield (
-        f"{len(trends.tires)} tires of {vehicles} vehicles, {trends.recordings} recordings, "
-        f"{day(first)} to {day(last)} (UTC)"
-    )
+    tires, read = counted(len(trends.tires), "tire"), counted(trends.recordings, "recording")
+    yield f"{tires} of {vehicles_of(trends)}, {read}, {day(first)} to {day(last)} (UTC)"
     yield from (clean(text(note)) for note in trends.notes)
     yield ""
     units = {
