@@ -17,7 +17,7 @@ from gateway.closure.inference.candidate_scan import Helpers
 from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
-from gateway.closure.inference.findings import findings_of
+from gateway.closure.inference.findings import apart_from, findings_of
 from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
@@ -31,7 +31,7 @@ from gateway.closure.inference.outvoted_recordings import (
     unlike_signals,
 )
 from gateway.closure.inference.posterior import Posterior, posterior_of
-from gateway.closure.inference.reference_model import numbers_of_exact_ring
+from gateway.closure.inference.reference_model import on_exact_ring
 from gateway.closure.inference.residual import left_shares, unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
@@ -116,14 +116,17 @@ def _diagnose(
     errors = hold_out(posterior, data, also)
     held_out, noise = errors.summary, errors.noise_mps2
     over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
-    findings = doubted(findings_of(posterior, effects, errors.rms_of), tuple(effects.values()), campaign, over)
+    exact = on_exact_ring(best.fit)
+    found = findings_of(posterior, effects, errors.rms_of)
+    if exact is not None:
+        found = apart_from(found, exact.parameters)
+    findings = doubted(found, tuple(effects.values()), campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     time_locked = time_locked_result()
     edges = edge_findings(campaign.groups)
     on_progress(_TIME_LOCKED, "preparing figures")
-    exact = numbers_of_exact_ring(best.fit)
-    better = [exact] if exact is not None else []
+    better = [exact.numbers] if exact is not None else []
     if exact is None and posterior.impossible is not None:
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
     unlike = _unlike_contacts(campaign)

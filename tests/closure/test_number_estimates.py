@@ -7,17 +7,18 @@ import pytest
 
 from gateway.closure.effects.catalogue import candidates, corrections
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
+from gateway.closure.inference.findings import apart_from
 from gateway.closure.inference.fit import fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
-from gateway.closure.inference.reference_model import numbers_of_exact_ring
+from gateway.closure.inference.reference_model import on_exact_ring
 from gateway.closure.model.baseline import Shape, moved
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal, field_orders
-from gateway.closure.result import Fitted
+from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import (
@@ -197,12 +198,38 @@ def test_series_carries_the_error_of_its_equations() -> None:
     for effect in there.effects:
         start[there.layout.effect(effect.name)] = effect.start_values[0]
     fit = fit_model(there, whiten(campaign, core), start, from_afar=True)
-    exact = numbers_of_exact_ring(fit)
+    exact = on_exact_ring(fit)
     assert exact is not None
-    found, _ = estimates_of([(fit, 1.0)], [exact])
+    found, _ = estimates_of([(fit, 1.0)], [exact.numbers])
     for name in NUMBERS:
         assert found[name].value == pytest.approx(TRUTH[name], abs=2.0 * found[name].std), name
-    assert numbers_of_exact_ring(fitted(campaign)[0]) is None
+    assert on_exact_ring(fitted(campaign)[0]) is None
+
+
+def test_effects_of_a_series_carry_the_error_of_its_equations() -> None:
+    model, name = BaselineModel.SERIES, "sensor nonlinearity"
+    campaign, core = campaign_of(TWO_SPEEDS, noise_mps2=0.5), make_core(model)
+    effects = angle_effects(candidates(model))
+    there = ClosureModel(campaign, core, tuple(effects[one] for one in (*corrections(model), name)))
+    start, _ = there.priors()
+    for effect in there.effects:
+        start[there.layout.effect(effect.name)] = effect.start_values[0]
+    fit = fit_model(there, whiten(campaign, core), start, from_afar=True)
+    exact = on_exact_ring(fit)
+    assert exact is not None
+    assert set(exact.parameters) == {name}
+    places = range(*there.layout.effect(name).indices(len(fit.vector)))
+    own = {
+        parameter.name: Fitted(float(fit.vector[place]), float(np.sqrt(fit.covariance[place, place])))
+        for parameter, place in zip(effects[name].parameters, places, strict=True)
+    }
+    given = [Finding(one, Verdict.NAMED, own, 1.0, 1.0) for one in (name, "gravity")]
+    found, unknown = apart_from(given, exact.parameters)
+    for one, there_value in zip(own, exact.parameters[name].tolist(), strict=True):
+        assert found.parameters[one].value == own[one].value
+        assert found.parameters[one].std == pytest.approx(np.hypot(own[one].std, own[one].value - there_value))
+        assert found.parameters[one].std > 1.05 * own[one].std
+    assert unknown == given[1]
 
 
 def test_number_worse_than_a_third_is_not_determined() -> None:

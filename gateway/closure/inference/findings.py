@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -54,6 +55,26 @@ def findings_of(
             seen.add(name)
     found += _impossible(posterior, seen)
     return found
+
+
+def apart_from(findings: Sequence[Finding], other: Mapping[str, FloatArray]) -> list[Finding]:
+    """Return findings whose parameters' errors contain the distance to those of a better model on the same data.
+
+    Args:
+        findings: of effects.
+        other: parameters of each effect by name, (K,); findings of others stay.
+    """
+    return [
+        replace(one, parameters=_apart(one.parameters, other[one.name])) if one.name in other else one
+        for one in findings
+    ]
+
+
+def _apart(parameters: Mapping[str, Fitted], other: FloatArray) -> dict[str, Fitted]:
+    return {
+        name: replace(one, std=math.hypot(one.std, one.value - there))
+        for (name, one), there in zip(parameters.items(), other.tolist(), strict=True)
+    }
 
 
 def _impossible(posterior: Posterior, seen: set[str]) -> list[Finding]:

@@ -1,8 +1,9 @@
-"""Numbers of the exact ring on the same data: the error of the reference models' equations."""
+"""The exact ring on the same data: the error of the reference models' equations."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel
@@ -14,12 +15,27 @@ from gateway.closure.inference.set_evidence import evaluate
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.result import Fitted
+from gateway.types import FloatArray
 
 
-def numbers_of_exact_ring(fit: Fit) -> Mapping[str, Fitted] | None:
-    """Return the estimates of the exact ring with the effects of a fit that starts from a series.
+@dataclass(frozen=True, slots=True)
+class OnExactRing:
+    """What the exact ring gives on the same data.
 
-    A series leaves errors of its equations, which its parameters absorb where no residual shows them.
+    Attributes:
+        numbers: estimates.
+        parameters: of each effect by name, (K,).
+    """
+
+    numbers: Mapping[str, Fitted]
+    parameters: Mapping[str, FloatArray]
+
+
+def on_exact_ring(fit: Fit) -> OnExactRing | None:
+    """Return what the exact ring gives with the effects of a fit that starts from a series.
+
+    A series leaves errors of its equations, which its parameters and those of effects absorb where no residual shows
+    them.
 
     Returns:
         None if the fit is one of the exact ring, or the exact ring cannot be fitted.
@@ -41,4 +57,5 @@ def numbers_of_exact_ring(fit: Fit) -> Mapping[str, Fitted] | None:
     except FitFailedError:
         return None
     estimates, _ = estimates_of([(found.fit, 1.0)])
-    return estimates
+    layout = there.layout
+    return OnExactRing(estimates, {one.name: found.fit.vector[layout.effect(one.name)] for one in there.effects})
