@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from gateway.closure.model.baseline import Shape
+from gateway.closure.model.baseline import Shape, slopes, stepped
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.run_out_shape import LoadedShape, load_steps, out_of_round
@@ -37,3 +37,28 @@ def test_each_angle_has_the_shape_under_its_own_load(height_mm: float, phase_deg
     expected = at * (1.0 + cosine_m / CONDITIONS.radius_m)
     change = expected - loaded[2].shape.waveform.radial_m
     assert rms(found - expected) < 2e-3 * rms(change)
+
+
+OPTIONS = RingOptions(runout_cosine_m=-1.5e-3, runout_sine_m=4e-4)
+
+
+def test_grid_error_is_measured_with_the_run_out() -> None:
+    parameters, coarse, fine = np.zeros(5), ExactCore(), ExactCore((2880,))
+    coarse.refine(parameters, CONDITIONS, OPTIONS)
+    found = coarse.shape(parameters, CONDITIONS, OPTIONS, 0.24).waveform.radial_m
+    expected = fine.shape(parameters, CONDITIONS, OPTIONS, 0.24).waveform.radial_m
+    coarse.refine(parameters, CONDITIONS, RingOptions())
+    as_round = coarse.shape(parameters, CONDITIONS, OPTIONS, 0.24).waveform.radial_m
+    assert rms(found - expected) < 0.3 * rms(as_round - expected)
+
+
+def test_derivatives_are_those_with_run_out() -> None:
+    parameters, core = np.zeros(5), ExactCore()
+    here = core.shape(parameters, CONDITIONS, OPTIONS, 0.24)
+    there = [core.shape(one, CONDITIONS, OPTIONS, 0.24) for one in stepped(parameters, core.steps)]
+    round_slopes = core.tangent(parameters, CONDITIONS, RingOptions(), 0.24)
+    found = core.tangent(parameters, CONDITIONS, OPTIONS, 0.24)
+    for expected, own, as_round in zip(slopes(here, there, core.steps), found, round_slopes, strict=True):
+        wanted, got, plain = (one.waveform.radial_m for one in (expected, own, as_round))
+        assert rms(got - wanted) < 0.01 * rms(wanted)
+        assert rms(plain - wanted) > 0.03 * rms(wanted)
