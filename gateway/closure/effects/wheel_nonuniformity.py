@@ -45,8 +45,8 @@ class RunOut(RingEffect):
     summary = (
         "The tire's radius varies once a revolution: the sensor's own radius, and more load when the high spot comes."
     )
-    equation = "s (1 + x / R) at load Q + kz (x cos(theta) + y sin(theta)), the axle keeping its height"
-    source = "exact rolling ring with a load that varies with the first harmonic"
+    equation = "s (1 + x / R), s that of the round tire with its axle lower by x cos(theta) + y sin(theta)"
+    source = "exact rolling ring with a deflection that varies with the first harmonic: the axle keeps its height"
     parameters = (
         _harmonic("cosine", _MAX_RUNOUT_M, 1e-3, 1e-5),
         _harmonic("sine", _MAX_RUNOUT_M, 1e-3, 1e-5),
