@@ -24,7 +24,7 @@ _CONTRADICTED: Final = 3.0
 _HALF_ANGLE: Final = "contact_half_angle_rad"
 _TREAD: Final = "tread_stiffness_npm2"
 # Errors due to contact edges between the nodes of the solver's grid, as shares: rms over rings drawn at random.
-_GRID_SHARES: Final = {"Bs": 1e-4, "Cw": 1.5e-4, "Rs": 1e-4, "Ts": 5e-4, _TREAD: 7e-4, _HALF_ANGLE: 4e-4}
+_GRID_SHARES: Final = {"Bs": 5e-5, "Cw": 8e-5, "Rs": 5e-5, "Ts": 2.5e-4, _TREAD: 3.5e-4, _HALF_ANGLE: 4e-4}
 # In proportion to the load that was stated.
 _OF_LOAD: Final = frozenset({*NUMBERS, _TREAD})
 _UNITS: Final = {_TREAD: "N/m^2", _HALF_ANGLE: "rad"}
