@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.closure.effects.catalogue import candidates, corrections
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.catalogue import candidates, catalogue, corrections
 from gateway.closure.effects.effect import BaselineModel, GroupConditions
 from gateway.closure.inference.findings import apart_from
-from gateway.closure.inference.fit import fit_model
+from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
 from gateway.closure.inference.reference_model import on_exact_ring
@@ -188,16 +189,21 @@ def test_distance_to_the_farthest_better_model_is_part_of_the_error() -> None:
         assert abs(before[name].value - TRUTH[name]) < 2.0 * before[name].std, name
 
 
-def test_series_carries_the_error_of_its_equations() -> None:
-    """A series with all its corrections matches the ring to the noise; its numbers are off by many of their errors."""
+def fit_of_series(campaign: Campaign, *others: str) -> Fit:
+    """Return the fit of the series with all its corrections and other effects."""
     model = BaselineModel.SERIES
-    campaign, core = campaign_of(TWO_SPEEDS, noise_mps2=0.5), make_core(model)
-    effects = angle_effects(candidates(model))
-    there = ClosureModel(campaign, core, tuple(effects[name] for name in corrections(model)))
+    core, effects = make_core(model), angle_effects(candidates(model))
+    there = ClosureModel(campaign, core, tuple(effects[name] for name in (*corrections(model), *others)))
     start, _ = there.priors()
     for effect in there.effects:
         start[there.layout.effect(effect.name)] = effect.start_values[0]
-    fit = fit_model(there, whiten(campaign, core), start, from_afar=True)
+    return fit_model(there, whiten(campaign, core), start, from_afar=True)
+
+
+def test_series_carries_the_error_of_its_equations() -> None:
+    """A series with all its corrections matches the ring to the noise; its numbers are off by many of their errors."""
+    campaign = campaign_of(TWO_SPEEDS, noise_mps2=0.5)
+    fit = fit_of_series(campaign)
     exact = on_exact_ring(fit)
     assert exact is not None
     found, _ = estimates_of([(fit, 1.0)], [exact.numbers])
@@ -207,21 +213,16 @@ def test_series_carries_the_error_of_its_equations() -> None:
 
 
 def test_effects_of_a_series_carry_the_error_of_its_equations() -> None:
-    model, name = BaselineModel.SERIES, "sensor nonlinearity"
-    campaign, core = campaign_of(TWO_SPEEDS, noise_mps2=0.5), make_core(model)
-    effects = angle_effects(candidates(model))
-    there = ClosureModel(campaign, core, tuple(effects[one] for one in (*corrections(model), name)))
-    start, _ = there.priors()
-    for effect in there.effects:
-        start[there.layout.effect(effect.name)] = effect.start_values[0]
-    fit = fit_model(there, whiten(campaign, core), start, from_afar=True)
+    name = "sensor nonlinearity"
+    fit = fit_of_series(campaign_of(TWO_SPEEDS, noise_mps2=0.5), name)
     exact = on_exact_ring(fit)
     assert exact is not None
     assert set(exact.parameters) == {name}
-    places = range(*there.layout.effect(name).indices(len(fit.vector)))
+    layout = fit.model.layout
+    places = range(*layout.effect(name).indices(len(fit.vector)))
     own = {
         parameter.name: Fitted(float(fit.vector[place]), float(np.sqrt(fit.covariance[place, place])))
-        for parameter, place in zip(effects[name].parameters, places, strict=True)
+        for parameter, place in zip(catalogue()[name].parameters, places, strict=True)
     }
     given = [Finding(one, Verdict.NAMED, own, 1.0, 1.0) for one in (name, "gravity")]
     found, unknown = apart_from(given, exact.parameters)
