@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.physics.polynomial_weights import polynomial_weights
 from gateway.physics.rolling_ring import RingSolution
 from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.simulator.tire_model import TireModel
@@ -62,8 +63,8 @@ def with_runout(
     points = [solve(load_n + swing_n * share) if share else middle for share in _SWING.tolist()]
     theta = np.linspace(-math.pi, math.pi, len(middle.planar))
     lower_m = np.array([middle.ring.axle_height_m - point.ring.axle_height_m for point in points])
-    weights = _lagrange(lower_m, height_m * np.cos(theta + offset_rad))
-    at_edges = _lagrange(lower_m, height_m * np.cos(middle.edges_rad + offset_rad))
+    weights = _held(lower_m, height_m * np.cos(theta + offset_rad))
+    at_edges = _held(lower_m, height_m * np.cos(middle.edges_rad + offset_rad))
     planar = np.einsum("tp,ptc->tc", weights, np.stack([point.planar for point in points]))
     planar[:, 0] *= 1.0 + height_m / middle.ring.ring.radius_m * math.cos(offset_rad)
     return SolvedPoint(
@@ -171,7 +172,7 @@ class TireTable:
     ) -> WaveformTable:
         """Return the waveform under given conditions."""
         weights = self._weights((load_n, pressure_pa, omega_radps))
-        both = np.outer(weights, _lagrange(self._slips, slip_angle_rad)).reshape(-1)
+        both = np.outer(weights, _held(self._slips, slip_angle_rad)).reshape(-1)
         wave: WaveformTable = np.empty((TABLE_ANGLES + 1, COLUMNS), np.float32)
         wave[:, :LATERAL] = _mixed(weights, self._planar).reshape(-1, LATERAL)
         wave[:, LATERAL] = _mixed(both, self._lateral)
@@ -193,7 +194,7 @@ class TireTable:
         """Return the weight of every solved point."""
         weights = np.ones(1)
         for axis, value in zip(self._axes, at, strict=True):
-            weights = np.outer(weights, _lagrange(axis, value)).reshape(-1)
+            weights = np.outer(weights, _held(axis, value)).reshape(-1)
         return weights
 
 
@@ -246,23 +247,14 @@ def _chebyshev(extent: Range, count: int) -> FloatArray:
     return 0.5 * (extent.low + extent.high) - 0.5 * (extent.high - extent.low) * np.cos(angles)
 
 
-def _lagrange(nodes: FloatArray, values: FloatArray | float) -> FloatArray:
-    """Return the weights of the nodes' values in their polynomial at `values`, held at the ends of the range.
-
-    Returns:
-        (..., nodes) for values (...).
-    """
-    at = np.clip(values, nodes[0], nodes[-1])[..., None, None]
-    # Row i of the differences, with its own entry replaced by 1, holds the factors of weight i.
-    own = np.eye(len(nodes), dtype=bool)
-    weights: FloatArray = np.where(own, 1.0, at - nodes).prod(axis=-1)
-    weights /= np.where(own, 1.0, nodes[:, None] - nodes).prod(axis=-1)
-    return weights
+def _held(nodes: FloatArray, values: FloatArray | float) -> FloatArray:
+    """Return the weights of the nodes' values at `values`, held at the ends of the range, (..., nodes)."""
+    return polynomial_weights(nodes, np.clip(values, nodes[0], nodes[-1]))
 
 
 def load_weights(loads_n: FloatArray, at_n: FloatArray) -> NDArray[np.float32]:
     """Return (n, nodes) weights of the waveforms of `TireTable.by_load` at n loads, held at the ends of the range."""
-    return _lagrange(loads_n, at_n).astype(np.float32)
+    return _held(loads_n, at_n).astype(np.float32)
 
 
 def _interpolated(coarse: FloatArray) -> FloatArray:

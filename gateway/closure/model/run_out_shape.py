@@ -10,6 +10,7 @@ import numpy as np
 
 from gateway.closure.effects.effect import FIELD_SIZE
 from gateway.closure.model.baseline import Shape
+from gateway.physics.polynomial_weights import polynomial_weights
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
 from gateway.types import FloatArray
 
@@ -54,20 +55,12 @@ def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float
     middle = loaded[len(loaded) // 2]
     shapes = [one.shape for one in loaded]
     lower_m = np.array([middle.axle_height_m - one.axle_height_m for one in loaded])
-    weights = _lagrange(lower_m, cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA))
-    fields = np.einsum("sk,sfk->fk", weights, np.array([shape.waveform for shape in shapes]))
+    weights = polynomial_weights(lower_m, cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA))
+    fields = np.einsum("ks,sfk->fk", weights, np.array([shape.waveform for shape in shapes]))
     fields[0] *= 1.0 + cosine_m / radius_m
     edges = []
     for angles in np.array([(shape.leading_edge_rad, shape.trailing_edge_rad) for shape in shapes]).T:
         at = float(angles[len(loaded) // 2])
-        share = _lagrange(lower_m, np.array([cosine_m * math.cos(at) + sine_m * math.sin(at)]))
-        edges.append(float(share[:, 0] @ angles))
+        share = polynomial_weights(lower_m, cosine_m * math.cos(at) + sine_m * math.sin(at))
+        edges.append(float(share @ angles))
     return Shape(SensorWaveform(*fields), edges[0], edges[1], middle.shape.belt)
-
-
-def _lagrange(nodes: FloatArray, at: FloatArray) -> FloatArray:
-    """Return the weights of the values at the nodes in their polynomial, (nodes, n)."""
-    own = np.eye(len(nodes), dtype=bool)[:, :, None]
-    weights: FloatArray = np.where(own, 1.0, at - nodes[:, None]).prod(axis=1)
-    weights /= np.where(own, 1.0, (nodes[:, None] - nodes)[:, :, None]).prod(axis=1)
-    return weights
