@@ -40,7 +40,7 @@ from gateway.closure.inference.unexplained_revolutions import unexplained_revolu
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
-from gateway.closure.result import Diagnosis, Fitted, Unexplained, Verdict
+from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained, Verdict
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
 
@@ -106,7 +106,7 @@ def _diagnose(
     effects = angle_effects(candidates(model))
     discrepancy = Discrepancy(campaign, data)
     helpers.begin(campaign, core, data, effects, discrepancy)
-    time_locked_result = helpers.ahead(_time_locked, campaign)
+    edges_found, time_locked_result = helpers.ahead(_edges, campaign), helpers.ahead(_time_locked, campaign)
     steps = _Steps(on_progress)
     search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
     posterior = _searched(campaign, core, data, model, search, on_progress)
@@ -124,7 +124,7 @@ def _diagnose(
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     time_locked = time_locked_result()
-    edges = edge_findings(campaign.groups)
+    edges = edges_found()
     on_progress(_TIME_LOCKED, "preparing figures")
     better = [exact.numbers] if exact is not None else []
     if exact is None and posterior.impossible is not None:
@@ -232,6 +232,10 @@ def _searched(
 
 def _time_locked(campaign: Campaign) -> TimeLocked:
     return diagnose_time_locked(campaign.groups)
+
+
+def _edges(campaign: Campaign) -> tuple[Finding, ...]:
+    return edge_findings(campaign.groups)
 
 
 def baseline_fits(campaign: Campaign, model: BaselineModel = BaselineModel.EXACT) -> bool:

@@ -76,7 +76,8 @@ def read_campaign(
         raise ValueError("a campaign needs at least one recording and two folds")
     orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
     found: dict[int, RecordingRead] = {}
-    with closing(work_on_recordings(read_recording, orders, jobs, on_bytes or (lambda _: None))) as done:
+    work = work_on_recordings(read_recording, orders, jobs, on_bytes or (lambda _: None), sizes=_sizes(orders))
+    with closing(work) as done:
         for place, read in done:
             found[place] = _checked_for_one_wheel(orders[place], read)
     reads = [found[place] for place in range(len(orders))]
@@ -141,7 +142,7 @@ def read_usable(
     orders = _orders(paths, vehicle, wheel, folds, (), key_file)
     refused: dict[int, Reason] = {}
     reads = [RecordingRead(())] * len(orders)
-    with closing(work_on_recordings(_read_or_refuse, orders, jobs, lambda _: None)) as done:
+    with closing(work_on_recordings(_read_or_refuse, orders, jobs, lambda _: None, sizes=_sizes(orders))) as done:
         for place, read in done:
             why = read if isinstance(read, Reason) else _why_unusable(read, wheel)
             if why is not None:
@@ -209,6 +210,10 @@ def _orders(
         )
         for index, path in enumerate(paths)
     ]
+
+
+def _sizes(orders: Sequence[ReadOrder]) -> list[int]:
+    return [order.path.stat().st_size if order.path.is_file() else 0 for order in orders]
 
 
 def _checked_for_one_wheel(order: ReadOrder, read: RecordingRead) -> RecordingRead:

@@ -24,6 +24,7 @@ def work_on_recordings(
     jobs: int,
     on_bytes: Callable[[int], None],
     begin: Callable[[], object] | None = None,
+    sizes: Sequence[int] = (),
 ) -> Generator[tuple[int, _Result]]:
     """Yield the place and the result of each order as it is done.
 
@@ -35,12 +36,15 @@ def work_on_recordings(
         jobs: maximum number of processes; with one job or one order the work is done here, in order.
         on_bytes: called with the number of bytes of all files read since the last call.
         begin: called first in each process.
+        sizes: of each order; processes take the largest first, so that none is left alone with it at the end. Without
+            them, in order.
 
     Raises:
         TreadlinkError: a process was terminated from outside.
     """
     if jobs > 1 and len(orders) > 1:
-        yield from _in_processes(work, orders, min(jobs, len(orders)), on_bytes, begin)
+        turns = sorted(range(len(orders)), key=lambda place: -sizes[place] if sizes else place)
+        yield from _in_processes(work, orders, turns, min(jobs, len(orders)), on_bytes, begin)
         return
     for place, order in enumerate(orders):
         read = 0
@@ -56,6 +60,7 @@ def work_on_recordings(
 def _in_processes(
     work: Work[_Order, _Result],
     orders: Sequence[_Order],
+    turns: Sequence[int],
     jobs: int,
     on_bytes: Callable[[int], None],
     begin: Callable[[], object] | None,
@@ -65,7 +70,7 @@ def _in_processes(
     read = 0
     with Processes(jobs, _begin, (positions, begin)) as pool:
         places: dict[Future[_Result], int] = {
-            pool.submit(partial(_work_in_process, work), order, place): place for place, order in enumerate(orders)
+            pool.submit(partial(_work_in_process, work), orders[place], place): place for place in turns
         }
         waiting = set(places)
         while waiting:

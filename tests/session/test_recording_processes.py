@@ -19,6 +19,14 @@ def test_work_gives_each_result_and_all_bytes(jobs):
     assert sum(read) == 7
 
 
+def test_processes_take_the_largest_first():
+    """One process stays alone with the largest order from the start, so the other does all the rest."""
+    work = work_on_recordings(own_process, [1, 2, 3], 2, lambda _: None, sizes=[1, 5, 2])
+    places = [place for place, _ in work]
+    assert places[0] != 0
+    assert sorted(places) == [0, 1, 2]
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_work_error_keeps_its_remedy(jobs):
     with pytest.raises(RecordingError, match="three") as caught:

@@ -5,12 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
 from gateway.closure.inference import criteria
-from gateway.closure.inference.discrepancy_kernels import FROM_PLACES, PLACES, Concentration, concentrations
+from gateway.closure.inference.discrepancy_kernels import (
+    FROM_PLACES,
+    PLACES,
+    Concentration,
+    OrderLine,
+    concentrations,
+)
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.residual import group_residuals, residual_ratio
@@ -56,14 +62,14 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
     answers = fit.applied.answers(fit.weighted, fit.precision)
     # At PLACES in place of orders, where a burst is narrow.
     seen = [
-        _Seen(answer @ FROM_PLACES, FROM_PLACES.T @ information @ FROM_PLACES, at, part, float(np.square(scale).sum()))
+        _Seen.of(answer, information, at, part, float(np.square(scale).sum()))
         for (at, (_, _, place)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
         for part, ((answer, information), scale) in enumerate(zip(parts, place.scales, strict=True))
     ]
     power = sum(float(np.square(residual.rms_mps2()).sum()) for residual in group_residuals(fit, data))
     for number, one in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
         for each in seen:
-            weights = fit.applied.amplitudes[each.place, each.part, -number] * (one.curves().T @ each.answer)
+            weights = fit.applied.amplitudes[each.place, each.part, -number] * (one.curves().T @ each.at_places.answer)
             power -= each.power * float(np.square(one.curves() @ weights).mean())
     every = [_evident(one, seen, fit.applied.amplitudes.shape[:2], power) for one in possible if one not in known]
     best = max(every, key=lambda one: one.gain)
@@ -73,38 +79,59 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
 
 
 @dataclass(frozen=True, slots=True)
-class _Seen:
-    """C^-1 r (2 REAL,) and C^-1 (2 REAL, 2 REAL) at PLACES as one part of one place sees them.
+class _Answer:
+    """C^-1 r (n,) and C^-1 (n, n) in some basis.
 
     Attributes:
         answer: C^-1 r.
         information: C^-1.
+    """
+
+    answer: FloatArray
+    information: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """C^-1 r and C^-1 as one part of one place sees them.
+
+    Attributes:
+        by_order: in the real coefficients.
+        at_places: at PLACES.
         place: index.
         part: index.
         power: sum over groups of the part's squared size.
     """
 
-    answer: FloatArray
-    information: FloatArray
+    by_order: _Answer
+    at_places: _Answer
     place: int
     part: int
     power: float
+
+    @classmethod
+    def of(cls, answer: FloatArray, information: FloatArray, place: int, part: int, power: float) -> Self:
+        """Return them from C^-1 r (REAL,) and C^-1 (REAL, REAL) of the real coefficients."""
+        at_places = _Answer(answer @ FROM_PLACES, FROM_PLACES.T @ information @ FROM_PLACES)
+        return cls(_Answer(answer, information), at_places, place, part, power)
 
 
 def _evident(one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float) -> Evident:
     """Return what a concentration gains: at every place the part of the larger gain."""
     curves = one.curves()
-    inside = np.flatnonzero(np.abs(curves).max(axis=1) > 1e-3)
-    everywhere = len(inside) == len(PLACES)
-    curves = curves[inside]
+    # An order has two coefficients, a burst few places.
+    in_orders = isinstance(one, OrderLine)
+    narrow = FROM_PLACES @ curves if in_orders else curves
+    inside = np.flatnonzero(np.abs(narrow).max(axis=1) > 1e-3)
+    narrow = narrow[inside]
     amplitudes, gains, powers = np.zeros(shape), np.zeros(shape[0]), np.zeros(shape[0])
     for each in seen:
-        information = each.information if everywhere else each.information[np.ix_(inside, inside)]
-        values, vectors = np.linalg.eigh(curves.T @ information @ curves)
+        given = each.by_order if in_orders else each.at_places
+        values, vectors = np.linalg.eigh(narrow.T @ given.information[np.ix_(inside, inside)] @ narrow)
         values = np.maximum(values, 0.0)
         if values[-1] <= 0.0:
             continue
-        along = vectors.T @ (curves.T @ each.answer[inside])
+        along = vectors.T @ (narrow.T @ given.answer[inside])
         tried = _POWERS[:, None] / values[-1]
         gained = 0.5 * (tried * np.square(along) / (1.0 + tried * values) - np.log1p(tried * values)).sum(axis=1)
         top = int(np.argmax(gained))

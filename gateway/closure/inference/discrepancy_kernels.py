@@ -110,10 +110,12 @@ def _windowed(angles: FloatArray, window: FloatArray, length_rad: float) -> Floa
 
 @lru_cache(maxsize=16)
 def _centred(width_rad: float, length_rad: float) -> FloatArray:
-    """Return the curves of a burst in the middle of PLACES."""
+    """Return the curves of a burst in the middle of PLACES, those left out of which no compared order sees anything."""
     window = np.exp(-0.5 * np.square((PLACES - PLACES[REAL]) / width_rad))
     values, vectors = np.linalg.eigh(_windowed(PLACES, window, length_rad))
     kept = values > 1e-6 * values[-1]
-    curves: FloatArray = vectors[:, kept] * np.sqrt(values[kept])
+    every: FloatArray = vectors[:, kept] * np.sqrt(values[kept])
+    _, sizes, combinations = np.linalg.svd(FROM_PLACES @ every, full_matrices=False)
+    curves: FloatArray = every @ combinations[sizes > 1e-3 * sizes[0]].T
     curves.setflags(write=False)
     return curves

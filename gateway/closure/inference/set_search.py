@@ -310,6 +310,8 @@ class SetSearch:
     def _neighbours(self, best: Evaluated) -> None:
         """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
         near = self.best.log_evidence - criteria.WITHIN
+        if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
+            self._begin(best.fit, self.effects)
         for effect in best.fit.model.effects:
             if self._stop():
                 return
@@ -319,8 +321,6 @@ class SetSearch:
             worth = best.log_evidence - self._score(without)
             rivals = rivals_of(effect.name, worth, self.effects, self.promises)
             self._begin(without, rivals)
-            if len(best.names) < criteria.MOST_EFFECTS:
-                self._begin(best.fit, self.effects)
             self._evaluate_anew(without, best.fit.applied)
             self._add(without, best, rivals, near)
         if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
