@@ -84,6 +84,7 @@ class Code(StrEnum):
     CONTACTS_MISSED = "contacts_missed"
     ERROR_COVERS = "error_covers"
     GAIN_WOULD_FIT = "gain_would_fit"
+    GRAVITY_ABSENT = "gravity_absent"
     GRAVITY_CONTRADICTED = "gravity_contradicted"
     MAY_CHANGE_BY = "may_change_by"
     NO_SINGLE_CAUSE = "no_single_cause"
@@ -347,6 +348,7 @@ class Code(StrEnum):
     TOPICS_BEHIND = "topics_behind"
     VIEW_BEHIND = "view_behind"
     # - Recordings of a campaign
+    AXES_LEFT_OUT = "axes_left_out"
     AXIS_CONSTANT = "axis_constant"
     SAMPLES_STUCK = "samples_stuck"
     DIFFERENT_SENSORS = "different_sensors"

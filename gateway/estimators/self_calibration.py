@@ -36,7 +36,7 @@ from gateway.signal.sensor_mounting import (
     belt_kinematics,
     mounting_rows,
 )
-from gateway.types import FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 NAMES: Final = (
     "gain",
@@ -78,6 +78,16 @@ _LEAST_REVOLUTIONS: Final = 8
 # Ratio of squared residuals from which the circumferential axis points against the rolling direction: gravity of twice
 # its size then remains in order 1.
 _AGAINST: Final = 4.0
+# Share of gravity below which an axis is not along the belt, and the standard errors by which it must be: a yaw of 45
+# deg leaves 0.7.
+_LEAST_GRAVITY: Final = 0.5
+_CERTAIN: Final = 3.0
+# R Omega^2 up to which gravity is looked for: belt stretch and drive add order 1 of up to 1e-3 of it.
+_GRAVITY_SHOWS_MPS2: Final = 1500.0
+# Of earlier revolutions in which gravity was looked for, at each further one.
+_KEPT_OF_GRAVITY: Final = 0.9
+# Largest order of an axis that stands still.
+_STILL_MPS2: Final = 1e-6
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
 
@@ -95,6 +105,23 @@ _SUMS: Final = MOUNTING_SIZE + 34
 class _Found(NamedTuple):
     value: float
     std: float
+
+
+class AlongGravity(NamedTuple):
+    """Gravity that the circumferential axis shows.
+
+    Attributes:
+        share: of g; negative for an axis that points against the rolling direction.
+        std: its standard error.
+    """
+
+    share: float
+    std: float
+
+    @property
+    def is_absent(self) -> bool:
+        """Whether the axis cannot be the one along the belt."""
+        return abs(self.share) + _CERTAIN * self.std < _LEAST_GRAVITY
 
 
 class Equations(NamedTuple):
@@ -122,6 +149,7 @@ class Measured(NamedTuple):
             order 1.
         contact_gain: gain of an AC-coupled sensor and its standard error, from the depth of the contact; None without.
         offset_m: sensor below the neutral layer and its standard error; None without a circumferential axis.
+        along_gravity: gravity that the circumferential axis shows; None where nothing tells.
     """
 
     revolutions: int
@@ -133,6 +161,7 @@ class Measured(NamedTuple):
     by_gravity: Equations
     contact_gain: tuple[float, float] | None
     offset_m: tuple[float, float] | None
+    along_gravity: AlongGravity | None = None
 
 
 class _Step(NamedTuple):
@@ -188,6 +217,9 @@ class SelfCalibrationEstimator:
         self._ratio = 0.0
         self._belt: BeltKinematics | None = None
         self._centre_rad = self._scatter_mps2 = math.nan
+        # Squared residuals with gravity ahead, with gravity back and without any, and the number of equations.
+        self._with_gravity: FloatArray = np.zeros(4)
+        self._along_gravity: AlongGravity | None = None
         self._last = _START
         self._steps: list[_Step] = []
 
@@ -284,33 +316,45 @@ class SelfCalibrationEstimator:
         return None
 
     def _look_at_direction(self, block: RevolutionBlock, index: int) -> None:
-        """Start again where a revolution shows that the circumferential axis points the other way than assumed.
+        """Start again where a revolution shows that the circumferential axis points elsewhere than assumed.
 
         A tire that rolls in reverse, or an axis of the wrong sign, turns gravity and the reading of the offset round.
+        An axis that is not connected, or not the one along the belt, has no gravity.
         """
         spectra = block.arrays.in_plane_mps2[index]
-        if not np.isfinite(spectra[0, 0].real):
+        if not (np.isfinite(spectra[0, 0].real) and _measures(spectra[0])):
             return
-        belt = self._belt
+        belt, radius_m = self._belt, block.conditions[index].radius_m
         assert belt is not None
         revolution = block.revolutions[index]
+        weightless = spectra.copy()
+        weightless[0] += STANDARD_GRAVITY_MPS2 * belt.known_spectra[0]
         rows = mounting_rows(
-            np.stack([spectra, spectra * _TURNED]),
+            np.stack([spectra, spectra * _TURNED, weightless]),
             belt,
-            np.full(2, revolution.omega_radps),
-            np.full(2, revolution.omega_dot_radps2),
-            block.conditions[index].radius_m,
-            np.full(2, revolution.order_max),
+            np.full(3, revolution.omega_radps),
+            np.full(3, revolution.omega_dot_radps2),
+            radius_m,
+            np.full(3, revolution.order_max),
             with_mean=not revolution.ac_coupled,
         )
-        ahead, back = rows.squared_residuals().tolist()
-        against = self._last.against
-        if _AGAINST * (ahead if against else back) < (back if against else ahead):
-            self._last = _START._replace(against=not against, floor=self._last.floor)
-            self._is_calibrated = False
+        ahead, back, without = rows.squared_residuals().tolist()
+        against, absent = self._last.against, self._is_absent
+        turned = _AGAINST * (ahead if against else back) < (back if against else ahead)
+        if not revolution.ac_coupled and radius_m * revolution.omega_radps**2 < _GRAVITY_SHOWS_MPS2:
+            self._with_gravity *= 0.0 if turned else _KEPT_OF_GRAVITY
+            self._with_gravity += (ahead, back, without, float(rows.sums[0, -1]))
+            self._along_gravity = _gravity_of(*self._with_gravity.tolist())
+        if turned or self._is_absent is not absent:
+            self._last = _START._replace(against=against is not turned, floor=self._last.floor)
+            self._is_calibrated = self._has_along = False
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
+
+    @property
+    def _is_absent(self) -> bool:
+        return self._along_gravity is not None and self._along_gravity.is_absent
 
     def _offset_ratio(self, conditions: TireConditions) -> float:
         """Return e / R: as measured once its error is below 1 mm, else as stated, else 0."""
@@ -333,7 +377,9 @@ class SelfCalibrationEstimator:
         if self._last.against:
             spectra = spectra * _TURNED
         omega, omega_dot = block.arrays.omega_radps[at], block.arrays.omega_dot_radps2[at]
-        along = np.isfinite(spectra[:, 0, 0].real)
+        along = np.isfinite(spectra[:, 0, 0].real) & _measures(spectra[:, 0])
+        if self._is_absent:
+            along[:] = False
         if along.any():
             order_max = np.array([block.revolutions[index].order_max for index in taken])
             with_mean = not first.ac_coupled
@@ -453,10 +499,30 @@ class SelfCalibrationEstimator:
                 by_gravity=Equations(*equations[place][5:]),
                 contact_gain=contact,
                 offset_m=offset if count >= _LEAST_OF_OFFSET else None,
+                along_gravity=self._along_gravity,
             )
             steps.append(_Step(None, count, sums[place], pitch, offset, warm[place], floor, measured, against))
         self._last = steps[-1]
         return steps
+
+
+def _measures(spectra: ComplexArray) -> BoolArray:
+    """Return which spectra (..., orders) are not those of an axis that stands still."""
+    moving: BoolArray = np.abs(spectra[..., 1:]).max(axis=-1) > _STILL_MPS2
+    return moving
+
+
+def _gravity_of(ahead: float, back: float, without: float, count: float) -> AlongGravity | None:
+    """Return the gravity in an axis from the squares that are left with gravity ahead, with gravity back and without.
+
+    They are a parabola in the share of gravity.
+    """
+    bend = 0.5 * (ahead + back) - without
+    if not bend > 0.0:
+        return None
+    share = (back - ahead) / (4.0 * bend)
+    left = max(without - bend * share**2, 0.0)
+    return AlongGravity(share, math.sqrt(left / max(count, 1.0) / bend))
 
 
 @lru_cache(maxsize=64)
@@ -483,7 +549,7 @@ def _mounting(solution: Sequence[float], stds: Sequence[float], axes_std: float)
 
 def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) -> tuple[Estimate, Estimate]:
     if step.pitch is None or step.offset is None:
-        reason = step.refused or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_CIRCUMFERENTIAL])
+        reason = step.refused or _why_without(step.measured)
         return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
     doubt = step.refused or _unsettled(step)
     value, std = step.offset
@@ -494,6 +560,19 @@ def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) 
     if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
         offset = offset._replace(reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
     return _estimate(NAMES[4], step.pitch, doubt), offset
+
+
+def _why_without(measured: Measured | None) -> Reason:
+    """Return why there is no estimate from the circumferential axis."""
+    gravity = None if measured is None else measured.along_gravity
+    if gravity is not None and gravity.is_absent:
+        return gravity_absent(gravity)
+    return Reason(Code.AXIS_MISSING, axis=_ALONG_NAME)
+
+
+def gravity_absent(gravity: AlongGravity) -> Reason:
+    """Return the statement that the circumferential axis does not turn in gravity."""
+    return Reason(Code.GRAVITY_ABSENT, axis=_ALONG_NAME, share=abs(gravity.share), std=gravity.std)
 
 
 def _roll_estimate(revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Found | None) -> Estimate:

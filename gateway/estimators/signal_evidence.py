@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.self_calibration import Equations, Measured, speed_errors
+from gateway.estimators.self_calibration import Equations, Measured, gravity_absent, speed_errors
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
 from gateway.reasons import Code, Reason
 
@@ -62,6 +62,7 @@ _ZERO_MEASURED: Final = 0.3
 class Cause(StrEnum):
     """Statement that may be wrong."""
 
+    AXES = "axes"
     GAIN = "gain"
     OFFSET = "offset"
     RADIUS = "radius"
@@ -89,8 +90,10 @@ _EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
     "zero_g_offset_mps2": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},
     **{name: {Cause.RADIUS: -2.0} for name in RING_NUMBERS},
 }
-_SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0}
+_SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0, Cause.AXES: 1.0}
 _SLOPES: Final = ("ply_steer_", "slip_", "conicity_")
+# Share of the true signal in an axis that is not the one it is taken for.
+_OF_ANOTHER_AXIS: Final = 0.0
 # Estimates that are the stated radius times something measured much better.
 _OF_RADIUS: Final = frozenset({"speed_mps", "distance_m", "contact_length_m"})
 # Estimates that rest on the shape of the belt, which offset and zero of the sensor change.
@@ -100,6 +103,7 @@ _OF_SHAPE: Final = frozenset({*RING_NUMBERS, *RING_RATIOS, "half_angle_rad"})
 class Subject(StrEnum):
     """What a contradiction is about, one or two words."""
 
+    AXES = "axes"
     GRAVITY = "gravity"
     OFFSET = "sensor offset"
     STEADY = "steady value"
@@ -273,6 +277,9 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
             zero_std = abs(zero.value)
         else:
             zero_std = math.hypot(zero.value, zero.std)
+    gravity = None if measured is None else measured.along_gravity
+    if gravity is not None and gravity.is_absent:
+        contradictions.append(Contradiction(Subject.AXES, gravity_absent(gravity), {Cause.AXES: _OF_ANOTHER_AXIS}))
     offset_m, offset_std_m, known = _offset(measured, conditions, offset_error, contradictions)
     if ac_coupled:
         # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.

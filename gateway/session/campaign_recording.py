@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.block_decoder import FrameBatch, SampleGroup
-from firmware_protocol.messages import Hello, MessageType
+from firmware_protocol.messages import Axis, Hello, MessageType
 from gateway.closure.data.campaign_data import Group, Remark, Repeats
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
+from gateway.constants import AXIS_NAMES
 from gateway.errors import ConfigError
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.pipeline.revolution import SensorReading
@@ -49,6 +50,7 @@ _SENSOR_FAULTS: Final = frozenset(
 )
 # Alarms that make every shape doubtful. What is stuck or dead does not turn, or is left out by axis.
 _DOUBTS: Final = frozenset({Code.SENSOR_LOOSE, Code.SENSOR_TILTED})
+_NOT_RADIAL: Final = (Axis.CIRCUMFERENTIAL, Axis.LATERAL)
 _NOT_OF_SENSORS: Final = frozenset({*SILENCES, *THRESHOLDS, AlarmName.LINK})
 # Links whose arrival times are derived from the times of the samples.
 _WITHOUT_HOST_TIME: Final = ("import:", "dump:")
@@ -268,6 +270,10 @@ def _reduced(
     position = last.position
     wheel = configured(vehicle, position)
     store = collected.store
+    # Where one axis is another, so may be the third; the steady value proves the radial one.
+    misplaced = any(fault.code is Code.GRAVITY_ABSENT for fault in faults)
+    if misplaced:
+        store.leave_out(_NOT_RADIAL)
     table = store.table()
     declared = _declared(order, vehicle, wheel, last, store)
     groups = make_groups(table, declared, order.folds, store.reject) if len(table) else []
@@ -275,6 +281,8 @@ def _reduced(
     address = wheel_address(vehicle, position)
     repeats = collected.repeats(address)
     remarks = [*(Reason(Code.SENSOR_ALARM, reason=fault) for fault in faults), *store.notes()]
+    if misplaced:
+        remarks.append(Reason(Code.AXES_LEFT_OUT, axes=tuple(AXIS_NAMES[axis] for axis in _NOT_RADIAL)))
     if (clipped := int(table["cut_off"].sum())) > 0:
         remarks.append(Reason(Code.REVOLUTIONS_CLIPPED, count=clipped, total=len(table)))
     elif saturated := collected.saturated.get(position, 0):

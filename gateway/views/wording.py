@@ -136,6 +136,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.CONTACTS_MISSED: "a contact found in one of {every:.0f} revolutions only would fit",
     Code.ERROR_COVERS: "{why}; the standard error covers the difference",
     Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
+    Code.GRAVITY_ABSENT: (
+        "the {axis} axis shows {share:.2f} ± {std:.2f} of gravity as it turns: it is not connected, or not the axis "
+        "along the belt"
+    ),
     Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
     Code.MAY_CHANGE_BY: "may be wrong by {effect:.1%}: {why}",
     Code.NO_SINGLE_CAUSE: "no single cause fits",
@@ -581,6 +585,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.VIEW_BEHIND: "the screen is too slow: lines are left out. Dropped data is counted",
     # - Recordings of a campaign
+    Code.AXES_LEFT_OUT: "left out: the {axes} axes, which may not be what they are taken for",
     Code.AXIS_CONSTANT: "the {axis} axis reads one value throughout {count} revolutions, dead or stuck: left out",
     Code.SAMPLES_STUCK: (
         "data fault: {samples} samples ({share:.2%}) repeat the one before on every axis, in {runs} stretches of three "

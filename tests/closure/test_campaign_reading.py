@@ -315,6 +315,17 @@ class TestSensors:
             note["recording"] == "dead.mcap" and note["reason"].code is Code.AXIS_CONSTANT for note in campaign.notes
         )
 
+    def test_only_the_radial_axis_is_kept_where_gravity_is_elsewhere(self, folder):
+        path = write_recording(folder / "turned.mcap", AT_60, wheels=("[wheel.sensor]\nyaw_deg = 90.0",))
+        campaign = read_campaign([path])
+        (group,) = campaign.groups
+        assert np.isnan(group.blocks[0].orders_mps2[:2]).all()
+        assert np.isfinite(group.blocks[0].orders_mps2[2]).all()
+        assert not group.sensor_doubted
+        codes = [note["reason"].code for note in campaign.notes if note.code is Code.ABOUT_RECORDING]
+        assert Code.AXES_LEFT_OUT in codes
+        assert Code.SENSOR_ALARM in codes
+
     def test_clipped_revolutions_are_used_if_all_are(self, folder):
         """Up to 140 g at 60 km/h are cut at 95 g."""
         path = write_recording(folder / "cut.mcap", AT_60, wheels=("[wheel.defect]\nclip_g = 95.0",))

@@ -141,6 +141,25 @@ def test_change_of_direction_starts_calibration_again() -> None:
     assert within(offset, 0.005)
 
 
+@pytest.mark.parametrize("yaw_deg", [40.0, -40.0])
+def test_yawed_axis_still_turns_in_gravity(yaw_deg: float) -> None:
+    found = last(simulated(f"[sensor]\nyaw_deg = {yaw_deg}\n[motion]\nspeed_kmh = 50", 4.0, SETUP, ESTIMATORS)[0])
+    assert found["sensor_offset_m"].status is Status.VALID
+
+
+def test_axis_without_gravity_gives_no_offset() -> None:
+    """A sensor that is turned by 90 deg has its circumferential and lateral axes swapped."""
+    tables = "[sensor]\noffset_mm = 5\nyaw_deg = 90\n[motion]\nspeed_kmh = 50"
+    results, _ = simulated(tables, 4.0, SETUP, (*ESTIMATORS, "ply-steer"))
+    found = last(results)
+    for name in ("sensor_offset_m", "pitch_tilt_rad"):
+        assert codes_of(found[name].reasons) == (Code.GRAVITY_ABSENT,)
+        assert found[name].status is Status.INVALID
+    assert found["ply_steer_peak_rad"].status is Status.INVALID
+    assert Code.MAY_CHANGE_BY in codes_of(found["ply_steer_peak_rad"].reasons)
+    assert found["contact_length_m"].status is not Status.INVALID
+
+
 def test_errors_cover_road_noise() -> None:
     tables = "[sensor]\noffset_mm = 8\nrange_g = 1000\n[road]\nrms_mps2 = 5\n[motion]\nspeed_kmh = [[0, 50], [16, 90]]"
     found = last(simulated(tables, 16.0, SETUP, ESTIMATORS)[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -115,6 +116,14 @@ class RevolutionStore:
     def reject(self, reason: Reason, count: int = 1) -> None:
         """Count rejected revolutions."""
         self.rejected[reason] = self.rejected.get(reason, 0) + count
+
+    def leave_out(self, axes: Sequence[int]) -> None:
+        """Take axes as absent in all revolutions kept."""
+        rows = list(axes)
+        for orders in self._orders:
+            orders[rows] = math.nan
+        for waveform in self._waveforms.values():
+            waveform[rows] = math.nan
 
     def notes(self) -> list[Reason]:
         """Return a reason for each axis that is not measuring."""
