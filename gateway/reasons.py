@@ -356,6 +356,8 @@ class Code(StrEnum):
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
     RECORDING_WITHOUT_DATA = "recording_without_data"
     RECORDING_WITHOUT_WHEEL = "recording_without_wheel"
+    LEFT_WHEN_ENDED = "left_when_ended"
+    NUMBERS_CONTRADICT = "numbers_contradict"
     NOT_A_RING = "not_a_ring"
     REVOLUTIONS_CLIPPED = "revolutions_clipped"
     SENSOR_ALARM = "sensor_alarm"

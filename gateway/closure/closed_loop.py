@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -31,6 +31,7 @@ from gateway.closure.inference.outvoted_recordings import (
     unlike_signals,
 )
 from gateway.closure.inference.posterior import Posterior, posterior_of
+from gateway.closure.inference.recordings_apart import Apart, recordings_apart
 from gateway.closure.inference.reference_model import on_exact_ring
 from gateway.closure.inference.residual import left_shares, unexplained
 from gateway.closure.inference.rolling_direction import turned_round
@@ -130,8 +131,13 @@ def _diagnose(
     if exact is None and posterior.impossible is not None:
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
     unlike = _unlike_contacts(campaign)
+    # Only where much is left: it costs a fit of each recording.
+    differing = recordings_apart(campaign, core) if posterior.temperature >= criteria.TEMPERED else []
     doubted_states = {group.state for group in campaign.groups if group.sensor_doubted}
-    contradicted = frozenset(campaign.groups[first].state for first, _ in unlike) | doubted_states
+    doubted_states |= {campaign.groups[first].state for first, _ in unlike} | {one.state for one in differing}
+    if _is_cut_short(search, posterior):
+        doubted_states = {group.state for group in campaign.groups}
+    contradicted = frozenset(doubted_states)
     strange, strange_before = (_not_a_ring(one.fit, data) for one in (best, posterior.baseline))
     considered = [(one.fit, weight) for one, weight in posterior.considered]
     after, determined = estimates_of(considered, better, contradicted | _states_of(campaign, strange))
@@ -193,10 +199,11 @@ def _diagnose(
             ),
             *_contradictions(campaign, unlike),
             *_apart(apart),
+            *_differing(campaign, differing),
             *_in_doubt(campaign),
             *_no_ring(campaign, strange),
             *_notes(campaign, with_mean=core.mean),
-            *_tempered(posterior),
+            *(_cut_short(search, posterior) or _tempered(posterior)),
             *time_locked.notes,
         ),
         folds_of=_folds_of(campaign),
@@ -350,6 +357,30 @@ def _apart(widths: tuple[Fitted, Fitted] | None) -> tuple[Reason, ...]:
         return ()
     low, high = widths
     return (Reason(Code.LOADS_CONTRADICT, low=low.value, high=high.value, share=math.log(high.value / low.value)),)
+
+
+def _is_cut_short(search: SetSearch, posterior: Posterior) -> bool:
+    """Return whether the search ended with so much unexplained that effects that move the numbers may be missing."""
+    return not search.complete and posterior.temperature >= criteria.TEMPERED
+
+
+def _cut_short(search: SetSearch, posterior: Posterior) -> tuple[Reason, ...]:
+    if not _is_cut_short(search, posterior):
+        return ()
+    return (Reason(Code.LEFT_WHEN_ENDED, residual_ratio=posterior.temperature),)
+
+
+def _differing(campaign: Campaign, pairs: Sequence[Apart]) -> Iterator[Reason]:
+    """Yield the note on recordings of one state whose numbers contradict each other."""
+    for pair in pairs:
+        yield Reason(
+            Code.NUMBERS_CONTRADICT,
+            number=pair.low.quantity,
+            low=pair.low.value,
+            recording=campaign.recordings[pair.low_recording],
+            high=pair.high.value,
+            other=campaign.recordings[pair.high_recording],
+        )
 
 
 def _ended(search: SetSearch) -> tuple[Reason, ...]:

@@ -797,6 +797,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LEAVES_MORE_THAN_WITHOUT: (
         "with it the fit leaves {with_it:.3g} times the noise of the means, without it {without:.3g} times"
     ),
+    Code.LEFT_WHEN_ENDED: (
+        "the search ended with {residual_ratio:.3g} times the rms of the noise of the means unexplained: no number is "
+        "determined"
+    ),
     Code.EVIDENCE_TEMPERED: (
         "what is left unexplained has {residual_ratio:.3g} times the rms of the noise of the means; evidence counts "
         "less by that factor"
@@ -869,6 +873,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.CONTACTS_CONTRADICT: (
         "contact half angle {short_rad:.1f deg} in {short}, {long_rad:.1f deg} in {long}: load, pressure or tire is "
         "not as stated"
+    ),
+    Code.NUMBERS_CONTRADICT: (
+        "{number} is {low:.3g} in {recording} alone and {high:.3g} in {other}, beyond their errors: tire, load or "
+        "pressure is not as stated; no number is determined"
     ),
     Code.LATERAL_OPPOSITE_TO_OTHERS: (
         "its lateral waveform is the opposite of that of {count} others: its lateral axis is reversed, or its sensor "

@@ -94,6 +94,10 @@ def test_expired_budget_reports_what_is_known() -> None:
     assert int(str(note["sets"])) >= 1
     assert found.estimates_after["Cw"].std > 0.0
     assert found.held_out.folds == 5
+    # A tilt of 1.7 deg is left unexplained: what moves the lateral axis may move the numbers.
+    assert Code.LEFT_WHEN_ENDED in [note.code for note in found.notes]
+    assert not any(found.determined.values())
+    assert not any(found.determined_before.values())
 
 
 def test_single_fold_has_a_remedy() -> None:

@@ -28,6 +28,10 @@ TEMPERED: Final = 2.0
 """Power of what a set leaves over that of the noise from which an effect must reduce it to count, and ratio of their
 rms from which a note says that the evidence was divided by it."""
 
+NUMBERS_APART: Final = 0.1
+"""Logarithm by which a number must differ between recordings of one state, besides three errors, where much is left
+unexplained: effects that are not modelled move numbers of one tire by some percent from speed to speed."""
+
 NO_RING: Final = 0.5
 """Share of the signal's rms about its mean that a set may leave of it: beyond, what is left is as large as what the
 ring explains, and no number is that of a ring."""

@@ -229,16 +229,25 @@ def undetermined(diagnosis: Diagnosis) -> list[str]:
     return [name for name, known in diagnosis.determined.items() if not known]
 
 
+_CONTRADICTED: Final = "the recordings contradict each other: see the notes"
+# Notes by which numbers are not determined, the weightiest first.
+_NOTHING_DETERMINED: Final = {
+    Code.CONTACTS_CONTRADICT: _CONTRADICTED,
+    Code.NUMBERS_CONTRADICT: _CONTRADICTED,
+    Code.SENSOR_IN_DOUBT: "the sensor is in doubt: see the notes",
+    Code.NOT_A_RING: "the signal is not that of a ring: see the notes",
+    Code.LEFT_WHEN_ENDED: "the search ended before it had explained the signal: allow it more time",
+}
+
+
 def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     """Return the main reason why some estimates are not determined, and the remedy; empty for none."""
     if not names:
         return ""
-    if any(isinstance(note, Reason) and note.code is Code.CONTACTS_CONTRADICT for note in diagnosis.notes):
-        return "the recordings contradict each other: see the notes"
-    if any(isinstance(note, Reason) and note.code is Code.SENSOR_IN_DOUBT for note in diagnosis.notes):
-        return "the sensor is in doubt: see the notes"
-    if any(isinstance(note, Reason) and note.code is Code.NOT_A_RING for note in diagnosis.notes):
-        return "the signal is not that of a ring: see the notes"
+    noted = {note.code for note in diagnosis.notes if isinstance(note, Reason)}
+    for code, why in _NOTHING_DETERMINED.items():
+        if code in noted:
+            return why
     known = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
     assumed = [quantity for quantity, stated in known if not stated]
     if assumed:
