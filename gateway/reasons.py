@@ -354,6 +354,7 @@ class Code(StrEnum):
     DIFFERENT_SENSORS = "different_sensors"
     RECORDING_DAMAGED = "recording_damaged"
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
+    RECORDING_REPEATS = "recording_repeats"
     RECORDING_WITHOUT_DATA = "recording_without_data"
     RECORDING_WITHOUT_WHEEL = "recording_without_wheel"
     LEFT_WHEN_ENDED = "left_when_ended"

@@ -15,6 +15,7 @@ import numpy as np
 from gateway.closure.data.campaign_data import Campaign, Group, Remark
 from gateway.closure.data.condition_groups import telling, tire_states
 from gateway.closure.data.group_statistics import FEW, label
+from gateway.closure.data.shared_noise import repeated_recordings
 from gateway.closure.effects.effect import GroupConditions
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import RecordingError, TreadlinkError
@@ -68,8 +69,8 @@ def read_campaign(
         key_file: keys of signed frames, where the configuration asks for them.
 
     Raises:
-        TreadlinkError: a recording cannot be read, contains nothing usable, or contains several wheels and none was
-            chosen.
+        TreadlinkError: a recording cannot be read, contains nothing usable, repeats another, or contains several wheels
+            and none was chosen.
         ValueError: fewer than two folds, or no path.
     """
     if folds < 2 or not paths:
@@ -81,7 +82,12 @@ def read_campaign(
         for place, read in done:
             found[place] = _checked_for_one_wheel(orders[place], read)
     reads = [found[place] for place in range(len(orders))]
-    return _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
+    campaign = _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
+    for number, first in repeated_recordings(campaign.groups).items():
+        raise RecordingError(
+            f"'{orders[number].path}' holds the same revolutions as '{orders[first].path}'", "Give each recording once."
+        )
+    return campaign
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +159,9 @@ def read_usable(
         lines = (f"'{order.path}': {text(refused[order.index])}" for order in orders)
         raise RecordingError(f"no recording of wheel {wheel} can be used:\n" + "\n".join(lines))
     every = WheelRecordings(wheel, tuple(orders), tuple(reads))
+    groups = [group for number, read in enumerate(reads) if number not in refused for group in read.groups]
+    for number, first in repeated_recordings(groups).items():
+        refused[number] = Reason(Code.RECORDING_REPEATS, other=str(orders[first].path))
     return every.chosen(range(len(orders)) - refused.keys()), refused
 
 

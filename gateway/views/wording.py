@@ -596,6 +596,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORDING_ORDER_UNKNOWN: (
         "the recordings' times do not give their order: taken one after another, in the order given"
     ),
+    Code.RECORDING_REPEATS: "holds the same revolutions as {other}",
     Code.RECORDING_WITHOUT_DATA: "contains nothing that can be used",
     Code.RECORDING_WITHOUT_WHEEL: "contains no revolution of wheel {wheel}",
     Code.SENSOR_ALARM: "alarm of the sensor: {reason}",

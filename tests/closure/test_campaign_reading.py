@@ -18,7 +18,7 @@ from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session.batch_estimation import estimate_items
-from gateway.session.campaign import MAX_GROUPS, SPARE, read_campaign
+from gateway.session.campaign import MAX_GROUPS, SPARE, read_campaign, read_usable
 from gateway.views.wording import text
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
@@ -283,6 +283,24 @@ class TestConditions:
         for other in (Path(slow.name), tmp_path / "link.mcap"):
             for one, reverse in ((slow, other), (other, slow)):
                 assert read_campaign([one], reverse=[reverse]).groups[0].conditions.reverse
+
+
+class TestRepetition:
+    def test_the_same_revolutions_count_once(self, folder, slow):
+        """The same drive under another name, with other times and without its last fifth of a second."""
+        later = START_NS + 300 * 10**9
+        copy = write_recording(folder / "copy.mcap", AT_60, duration_s=15.8, start_ns=later)
+        with pytest.raises(RecordingError, match=r"copy\.mcap' holds the same revolutions as '.*slow\.mcap'"):
+            read_campaign([slow, copy])
+        used, refused = read_usable([slow, copy], "W0")
+        assert len(used) == 1
+        assert {number: (why.code, why["other"]) for number, why in refused.items()} == {
+            1: (Code.RECORDING_REPEATS, str(slow))
+        }
+
+    def test_another_drive_at_the_same_speed_is_no_repetition(self, folder, slow):
+        again = write_recording(folder / "other.mcap", AT_60, seed=7, start_ns=START_NS + 300 * 10**9)
+        assert len(read_campaign([slow, again]).groups) == 2
 
 
 class TestSensors:
