@@ -89,6 +89,9 @@ _EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
     "gain": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},
     "zero_g_offset_mps2": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},
     **{name: {Cause.RADIUS: -2.0} for name in RING_NUMBERS},
+    # By the width: Q0 Cw_new / Cw.
+    "load_n": {Cause.RADIUS: 2.0},
+    "load_by_width_n": {Cause.RADIUS: 2.0},
 }
 _SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0, Cause.AXES: 1.0}
 _SLOPES: Final = ("ply_steer_", "slip_", "conicity_")
@@ -129,10 +132,10 @@ class Contradiction:
     def effect_on(self, estimate: Estimate) -> float:
         """Return the largest relative change of an estimate by one of the causes; NaN where its error contains it."""
         name = estimate.name
-        if name in _OF_SHAPE and self.ratios.keys() & {Cause.OFFSET, Cause.ZERO}:
-            return math.nan
         exponents = _SLOPE if name.startswith(_SLOPES) else _EXPONENTS.get(name, {})
         changes = [abs(self.ratios[cause] ** power - 1.0) for cause, power in exponents.items() if cause in self.ratios]
+        if not changes and name in _OF_SHAPE and self.ratios.keys() & {Cause.OFFSET, Cause.ZERO}:
+            return math.nan
         return max(changes, default=0.0)
 
 

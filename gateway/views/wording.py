@@ -137,7 +137,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ERROR_COVERS: "{why}; the standard error covers the difference",
     Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
     Code.GRAVITY_ABSENT: (
-        "the {axis} axis shows {share:.2f} ± {std:.2f} of gravity as it turns: it is not connected, or not the axis "
+        "the {axis} axis shows {share:.2f} ± {std:.1g} of gravity as it turns: it is not connected, or not the axis "
         "along the belt"
     ),
     Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
@@ -168,7 +168,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the car's wheel turns {ratio:.3f} ± {std:.3f} times as fast as the contacts in the signal say: {causes}"
     ),
     Code.WIDTH_CONTRADICTED: (
-        "Cw is {ratio:.2f} ± {std:.2f} times that of the new tire, and wear does not change it: load, pressure or belt "
+        "Cw is {ratio:.3g} ± {std:.1g} times that of the new tire, and wear does not change it: load, pressure or belt "
         "radius are not as stated"
     ),
     Code.WIDTH_DISAGREES: (

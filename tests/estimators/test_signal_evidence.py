@@ -11,7 +11,7 @@ from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.self_calibration import Equations, Measured
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
-from gateway.estimators.signal_evidence import assess
+from gateway.estimators.signal_evidence import Cause, Contradiction, Subject, assess
 from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, restated, simulated
@@ -232,3 +232,14 @@ def test_agreeing_depths_are_averaged() -> None:
 def test_contradicted_gain_widens_the_measured_depth() -> None:
     evidence = assess(measured(1.1, gain=1.1, offset_m=0.01), CONDITIONS, 1000.0, ac_coupled=False)
     assert evidence.sensor_offset_std_m == pytest.approx(0.01 * (1.0 - 1.0 / 1.1), rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["Bs", "load_by_width_n"])
+def test_error_of_a_number_does_not_cover_a_wrong_radius(name: str) -> None:
+    """A zero-g offset, which the errors cover, is another possible cause."""
+    ratios = {Cause.RADIUS: 0.93, Cause.ZERO: math.nan}
+    contradiction = Contradiction(Subject.STEADY, Reason(Code.NO_STEADY_VALUE), ratios)
+    estimate = Estimate(name, 1.0, 0.004, Status.VALID)
+    change = 0.93**-2.0 - 1.0 if name == "Bs" else 1.0 - 0.93**2.0
+    assert contradiction.effect_on(estimate) == pytest.approx(change)
+    assert math.isnan(contradiction.effect_on(Estimate("Bs/Cw", 1.0, 0.004, Status.VALID)))

@@ -56,7 +56,7 @@ class ClockError(SignalEffect):
     equation = "adds ((1 + share)^2 - 1) (a - gravity): the true omega is (1 + share) times the measured one"
     source = "kinematics: inertia grows with omega^2, gravity does not"
     # Crystals 1e-4, ceramic resonators 5e-3, a sensor's own unmeasured oscillator or a wrongly noted rate 2 %.
-    parameters = (Parameter("share", "", -0.06, 0.06, 0.02, 1e-5, factor=1e6, display_unit="ppm", other_stds=(0.005,)),)
+    parameters = (Parameter("share", "", -0.06, 0.06, 0.02, 1e-5, factor=1e6, display_unit="ppm"),)
     axes = (CIRCUMFERENTIAL, RADIAL)
     observed_in = (
         "the hub's clock against the host's; radial axis at any speed, where it is the same as the rolling radius"
