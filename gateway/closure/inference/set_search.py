@@ -310,20 +310,27 @@ class SetSearch:
     def _neighbours(self, best: Evaluated) -> None:
         """Evaluate the sets that differ from one by a removal, an addition or an exchange of one effect."""
         near = self.best.log_evidence - criteria.WITHIN
-        if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
+        bare = [without for effect in best.fit.model.effects if (without := self._bare(best, effect)) is not None]
+        worths = [best.log_evidence - self._score(without) for without in bare]
+        grows = len(best.names) < criteria.MOST_EFFECTS
+        if grows and not self._stop() and min(worths, default=math.inf) > criteria.LOOKED_AT:
             self._begin(best.fit, self.effects)
-        for effect in best.fit.model.effects:
+        for place in np.argsort(worths, kind="stable").tolist():
             if self._stop():
                 return
-            without = self._bare(best, effect)
-            if without is None:
-                continue
-            worth = best.log_evidence - self._score(without)
-            rivals = rivals_of(effect.name, worth, self.effects, self.promises)
-            self._begin(without, rivals)
-            self._evaluate_anew(without, best.fit.applied)
-            self._add(without, best, rivals, near)
-        if not self._stop() and len(best.names) < criteria.MOST_EFFECTS:
+            self._evaluate_anew(bare[place], best.fit.applied)
+            if self._score(bare[place]) > best.log_evidence:
+                # From there on: the other neighbours of a set that can do with less are not worth the work.
+                return
+        for without, worth in zip(bare, worths, strict=True):
+            (effect,) = best.names - _names(without)
+            self._begin(without, rivals_of(effect, worth, self.effects, self.promises))
+        for without, worth in zip(bare, worths, strict=True):
+            if self._stop():
+                return
+            (effect,) = best.names - _names(without)
+            self._add(without, best, rivals_of(effect, worth, self.effects, self.promises), near)
+        if grows and not self._stop():
             self._add(best.fit, best, self.effects, near)
             self._regrow(best)
 
