@@ -243,12 +243,12 @@ def _transfer(
     force: bool,
 ) -> None:
     """Report the error with the effects of a file, as found before."""
-    from gateway.config.effects_file import load_effects
     from gateway.session.campaign_diagnosis import transfer_effects
+    from gateway.session.effects_opening import open_effects_file
     from gateway.views.progress import progress_bar
     from gateway.views.report.transfer_report import transfer_json, transfer_lines
 
-    table = load_effects(known_path)
+    table = open_effects_file(known_path)
     with progress_bar(" " * _LABEL_CELLS) as bar:
         result = transfer_effects(
             recordings,

@@ -37,6 +37,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.EFFECTS_OUTSIDE_SPEEDS: (
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
     ),
+    Code.EFFECTS_ENLARGE_ERROR: (
+        "the effects make the error larger ({before_mps2:.3g} -> {after_mps2:.3g m/s²}): they are not those of this "
+        "tire and sensor"
+    ),
     Code.EFFECTS_OF_OTHER_OFFSET: (
         "the effects were found with the sensor {found_m:z.2f mm} below the neutral layer, but here {offset_m:z.2f mm} "
         "is in use: the effects may count the difference twice"
