@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gateway.cli import exit_status
-from gateway.cli.options import config_option, effects_option, keys_option
+from gateway.cli.options import FiniteRange, config_option, effects_option, keys_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
@@ -68,7 +68,7 @@ _GB: Final = 1e9
 @click.option(
     "--memory",
     "memory_gb",
-    type=click.FloatRange(min=0.3),
+    type=FiniteRange(min=0.3),
     default=2.0,
     show_default=True,
     metavar="GB",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from gateway.cli.options import config_option, force_option, keys_option
+from gateway.cli.options import FiniteRange, config_option, force_option, keys_option
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
@@ -105,7 +105,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
 @click.option(
     "--budget",
     "budget_s",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=FiniteRange(min=0.0, min_open=True),
     metavar="SECONDS",
     help="Time for reading and the search for effects; what is known by then is reported. The first fit and the errors "
     "on held-out revolutions are computed in any case; a note says how long each took.  [default: no limit]",
