@@ -223,8 +223,9 @@ def diagnose(
             on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
         )
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
-    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() and not outputs_to_stdout else 0
-    for line in closure_summary_lines(diagnosis, columns):
+    on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
+    columns = shutil.get_terminal_size().columns if on_terminal else 0
+    for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
         click.echo(clean(line), err=outputs_to_stdout)
     _write(diagnosis, json_path, html_path, effects_path, force=force)
 

@@ -1,0 +1,17 @@
+"""Probabilities as text."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+# From here on a third digit counts: the limits of decisions are here.
+_NEARLY: Final = 0.9
+
+
+def probability_text(probability: float) -> str:
+    """Return a finite probability, near 1 rounded down: one that misses a limit of 0.99 is not shown as reaching it."""
+    if probability <= _NEARLY:
+        return f"{probability:.2g}" if 0.0 < probability < 0.01 else f"{probability:.2f}"
+    # Products such as 0.957 * 1000 lie just below the whole number.
+    return f"{math.floor(1e3 * probability + 1e-9) / 1e3:.3f}"
