@@ -930,7 +930,7 @@ class _Template(string.Formatter):
         if isinstance(value, tuple):
             return ", ".join(self.format_field(item, format_spec) for item in value)
         if format_spec == "probability":
-            return probability_text(value)
+            return probability_text(value, ".2g")
         if format_spec == " ":
             return f" {value}" if value else ""
         if isinstance(value, str) and not value.isprintable():

@@ -20,8 +20,7 @@ from gateway.views.wording import text
         (1.0, "1.000"),
         (0.83, "0.83"),
         (0.0, "0.00"),
-        (0.004, "0.004"),
-        (1.2e-7, "1.2e-07"),
+        (0.053, "0.05"),
     ],
 )
 def test_probability_near_one_is_rounded_down(probability: float, shown: str) -> None:
@@ -31,3 +30,5 @@ def test_probability_near_one_is_rounded_down(probability: float, shown: str) ->
 def test_reason_does_not_reach_its_own_limit() -> None:
     said = text(Reason(Code.PROBABILITY_TOO_LOW, probability=0.98996, needed=0.99))
     assert said == "its probability is 0.989, and 0.99 is needed"
+    said = text(Reason(Code.PROBABILITY_TOO_LOW, probability=0.053, needed=0.99))
+    assert said == "its probability is 0.053, and 0.99 is needed"
