@@ -85,7 +85,7 @@ HELLO: Final = c.Struct(
     "boot_count" / c.Int32ul * "number of starts of the hub",
     "rate_hz" / _real(wire.MIN_RATE_HZ, wire.MAX_RATE_HZ) * "sampling rate in Hz",
     "highpass_hz" / _real(0.0) * "corner of the AC coupling in Hz, 0 when DC or not known",
-    "range_mps2" / c.Array(3, _real(0.0)) * "full scale in m/s² of axes 0, 1, 2; 0 where absent",
+    "range_mps2" / c.Array(3, _real(0.0)) * "full scale in m/s² of axes 0, 1, 2; 0 where absent or not known",
     "scale_mps2"
     / c.Array(3, _real())
     * "m/s² per count, not 0 on a present axis; its sign turns the axis into the protocol's direction",

@@ -86,7 +86,7 @@ class Hello(NamedTuple):
         axes: axis mask, bit numbers of `Axis`.
         coupling: AC or DC.
         highpass_hz: corner of the AC coupling, 0 when DC.
-        range_mps2: (3,) full scale per axis (indexed by `Axis`), 0 for absent axes.
+        range_mps2: (3,) full scale per axis (indexed by `Axis`), 0 for absent axes and where it is not known.
         scale_mps2: (3,) m/s^2 per count and axis; the sign turns the axis into the protocol's direction.
         offset_counts: (3,) counts at zero acceleration per axis.
         saturation_counts: |count| at or above which a sample is saturated.

@@ -27,6 +27,7 @@ class Code(StrEnum):
     EFFECTS_OUTSIDE_LOADS = "effects_outside_loads"
     EFFECTS_OUTSIDE_PRESSURES = "effects_outside_pressures"
     EFFECTS_OUTSIDE_SPEEDS = "effects_outside_speeds"
+    EFFECTS_ENLARGE_ERROR = "effects_enlarge_error"
     EFFECTS_OF_OTHER_OFFSET = "effects_of_other_offset"
     EFFECTS_OF_OTHER_RADIUS = "effects_of_other_radius"
     EFFECTS_OF_OTHER_SENSOR = "effects_of_other_sensor"

@@ -21,7 +21,7 @@ from gateway.api.signal_tables import (
     Revolutions,
     Samples,
 )
-from gateway.config.effects_file import open_effects
+from gateway.config.effects_file import effects_doubts
 from gateway.config.validation import nearest
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
 from gateway.errors import RecordingError, TreadlinkError
@@ -32,6 +32,7 @@ from gateway.recording.recorded_file import RecordedFile, open_recorded_file
 from gateway.security.guard import Guard, open_guard
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimated_results
+from gateway.session.effects_opening import open_effects
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.recorded_signals import (
     EnvironmentReading,
@@ -474,6 +475,7 @@ class Recording(Mapping[str, "Wheel"]):
         counts = {link: FrameCounts(counted.frames, counted.refused) for link, counted in links.items()}
         notices: list[Notice] = guard.take_notices() if guard is not None else []
         notices = [*(notices or sensors.mismatches(vehicle, heard)), *watch.found()]
+        notices += effects_doubts(self._settings.effects, vehicle)
         notices += [*missing_frames(counts), *missing_revolutions(states, counts)]
         return _Estimated(
             estimates=rows.table(self.name),

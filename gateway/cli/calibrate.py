@@ -74,7 +74,9 @@ def load(
     from gateway.cli.calibration_points import ESTIMATOR, MIN_REVOLUTIONS, calibration_toml, fit_lines, recording_points
     from gateway.config.vehicle import load_vehicle
     from gateway.estimators.tire_fit import fit_load_calibration, reference_numbers
+    from gateway.recording.file_content import check_distinct
 
+    check_distinct(recordings)
     fallback = load_vehicle(config_path) if config_path is not None else None
     points = [point for path in recordings for point in recording_points(path, fallback, positions)]
     if not points:
@@ -129,12 +131,14 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
     gives the slip angle itself, constant slip included. Runs that do not determine it, or contradict each other, are
     refused with the reason.
     """
-    from gateway.config.known_runs import load_runs
+    from gateway.config.known_runs import load_runs, run_recordings
     from gateway.config.slip_runs import SlipRunsFile
+    from gateway.recording.file_content import check_distinct
 
     runs_file = load_runs(SlipRunsFile, runs_path)
-    read = (runs_path, config_path, *(runs_path.parent / run.recording for run in runs_file.run))
-    check_outputs((out_path,), read, force=force)
+    recordings = run_recordings(runs_path, runs_file.run)
+    check_outputs((out_path,), (runs_path, config_path, *recordings), force=force)
+    check_distinct(recordings)
     from gateway.cli.slip_runs import measured_runs, slip_lines, slip_toml
     from gateway.estimators.slip_fit import fit_slip_calibration
 
@@ -159,11 +163,13 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
     `side-force` gives side force and aligning moment. Runs that do not determine it are refused with the reason.
     """
     from gateway.config.force_runs import ForceRunsFile
-    from gateway.config.known_runs import load_runs
+    from gateway.config.known_runs import load_runs, run_recordings
+    from gateway.recording.file_content import check_distinct
 
     runs_file = load_runs(ForceRunsFile, runs_path)
-    read = (runs_path, config_path, *(runs_path.parent / run.recording for run in runs_file.run))
-    check_outputs((out_path,), read, force=force)
+    recordings = run_recordings(runs_path, runs_file.run)
+    check_outputs((out_path,), (runs_path, config_path, *recordings), force=force)
+    check_distinct(recordings)
     from gateway.cli.force_runs import fit_side_force, force_lines, force_toml, measured_force_runs
 
     runs = measured_force_runs(runs_path, runs_file, config_path)

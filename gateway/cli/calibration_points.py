@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -18,11 +19,14 @@ from gateway.estimators.tire_fit import LoadFit, TirePoint
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch_estimation import estimate_items
+from gateway.signal.contact_edges import error_beyond_definition
 
 ESTIMATOR: Final = "weak-form"
 MIN_REVOLUTIONS: Final = 20
 # Share of the assumed error below which the loss of stiffness with temperature counts as measured.
 _MEASURED_SHARE: Final = 0.8
+# From here on the scatter of the recordings is hardly by chance, also of two.
+_NOTED_SCATTER: Final = 2.0
 # The first revolutions of a wheel are timed without a running average to compare them with.
 _SKIPPED_REVOLUTIONS: Final = 5
 
@@ -79,18 +83,37 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
         ),
         numbers={found.name: found for found in good[-1].estimates},
         temperature_degc=float(np.mean(temperatures)) if temperatures else None,
+        half_angle_std_rad=_half_angle_std_rad(good),
     )
+
+
+def _half_angle_std_rad(good: Sequence[RevolutionResult]) -> float:
+    """Return the error of a half angle that a recording's median still has.
+
+    Noise moves an edge in the same direction in every revolution, so that the error of one revolution does not fall
+    with their number.
+    """
+    stds = [
+        0.5
+        * math.hypot(
+            error_beyond_definition(result.revolution.leading_edge_std_rad),
+            error_beyond_definition(result.revolution.trailing_edge_std_rad),
+        )
+        for result in good
+    ]
+    known = [std for std in stds if math.isfinite(std)]
+    return float(np.median(known)) if known else 0.0
 
 
 def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNumbers) -> list[str]:
     """Return the fit as a table with its validity, and the softening with temperature."""
     width = max(len("recording and wheel"), *(len(point.name) for point in points))
-    lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad  fit err  left out"]
+    lines = [f"{'recording and wheel':<{width}}   load N  p kPa  half rad      std  fit err  left out"]
     for point, residual, left_out in zip(points, fit.residuals, fit.left_out, strict=True):
         other = f"{left_out:+8.1%}" if np.isfinite(left_out) else "       -"
         lines.append(
             f"{point.name:<{width}} {point.load_n:8.0f} {1e-3 * point.pressure_pa:6.1f} {point.half_angle_rad:9.4f} "
-            f"{residual:+8.1%}  {other}"
+            f"{point.half_angle_std_rad:8.4f} {residual:+8.1%}  {other}"
         )
     found = fit.calibration
     low, high = (found.load_at(half, found.pressure_pa) for half in found.half_angle_range_rad)
@@ -99,14 +122,44 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
         f"ln(load / {found.load_n:.0f} N) = {found.angle_exponent:.3f} x {found.angle_curvature:+.3f} x^2 "
         f"{found.pressure_exponent:+.3f} ln(pressure / {1e-3 * found.pressure_pa:.1f} kPa), "
         f"x = ln(half angle / {found.half_angle_rad:.4f} rad)",
+        *_exponent_lines(fit),
         f"standard error {found.relative_std:.1%}"
-        + ("" if len(points) >= 3 else " (assumed; three recordings with different loads are needed to estimate it)"),
+        + (
+            ""
+            if fit.is_error_measured
+            else " (assumed; three recordings with different loads are needed to measure it)"
+        ),
         f"valid for {low:.0f} to {high:.0f} N at {1e-3 * found.pressure_pa:.0f} kPa, "
         f"{1e-3 * found.pressure_range_pa[0]:.0f} to {1e-3 * found.pressure_range_pa[1]:.0f} kPa, at the present wear",
         f"bending stiffness falls by {reference.softening_per_k:.2%} ± {reference.softening_std_per_k:.2%} per kelvin"
         + ("" if is_softening_measured(reference) else " (assumed; recordings 20 K apart are needed to measure it)"),
     ]
     return lines
+
+
+def _exponent_lines(fit: LoadFit) -> Iterator[str]:
+    """Yield the exponents with their errors, and a note on each that the recordings do not determine."""
+    found = fit.calibration
+    yield (
+        f"exponent {found.angle_exponent:.2f} ± {fit.angle_exponent_std:.2f}, curvature {found.angle_curvature:.2f} ± "
+        f"{fit.angle_curvature_std:.2f}, exponent of the pressure {found.pressure_exponent:.2f} ± "
+        f"{fit.pressure_exponent_std:.2f}"
+    )
+    if fit.scatter > _NOTED_SCATTER:
+        yield (
+            f"the recordings scatter {fit.scatter:.1f} times as much as their errors say. Check that loads and "
+            "pressures are right and that all are of tires of one kind"
+        )
+    if not fit.is_angle_exponent_determined:
+        yield (
+            "the recordings do not determine the exponent: its usual value counts as much. Add recordings at other "
+            "loads, further apart and with less noise"
+        )
+    if not fit.is_pressure_exponent_determined:
+        yield (
+            "the recordings do not determine the exponent of the pressure: its usual value counts as much. Add "
+            "recordings at another pressure to use the calibration over pressures"
+        )
 
 
 def is_softening_measured(reference: ReferenceNumbers) -> bool:

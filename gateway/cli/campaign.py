@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gateway.cli import exit_status
-from gateway.cli.options import config_option, effects_option, keys_option
+from gateway.cli.options import FiniteRange, config_option, effects_option, keys_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
@@ -68,7 +68,7 @@ _GB: Final = 1e9
 @click.option(
     "--memory",
     "memory_gb",
-    type=click.FloatRange(min=0.3),
+    type=FiniteRange(min=0.3),
     default=2.0,
     show_default=True,
     metavar="GB",
@@ -116,7 +116,6 @@ def campaign(
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()
-    from gateway.config.effects_file import load_effects
     from gateway.config.vehicle import load_vehicle
     from gateway.fleet.campaign_run import CampaignRun, find_recordings
     from gateway.fleet.content_keys import estimators_version
@@ -125,6 +124,7 @@ def campaign(
     from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
     from gateway.fleet.worker_cluster import local_workers, scheduler_workers
     from gateway.fleet.worker_tasks import WorkerTasks
+    from gateway.session.effects_opening import open_effects_file
 
     found = find_recordings(paths)
     key_file = key_file.resolve() if key_file is not None else None  # workers have other working folders
@@ -134,7 +134,7 @@ def campaign(
         columns=estimate_names(chosen),
         rows=RowsKept(rows),
         vehicle=load_vehicle(config_path) if config_path is not None else None,
-        effects=tuple(map(load_effects, effects_paths)),
+        effects=tuple(map(open_effects_file, effects_paths)),
         key_file=key_file,
         code=estimators_version(),
     )

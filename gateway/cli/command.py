@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
-from gateway.cli.options import keys_option
+from gateway.cli.options import FiniteRange, keys_option
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
 
@@ -53,7 +53,7 @@ def stop(source: str, key_file: Path | None) -> None:
 
 @command.command()
 @click.argument("source")
-@click.argument("rate_hz", type=click.FloatRange(MIN_RATE_HZ, MAX_RATE_HZ), metavar="HZ")
+@click.argument("rate_hz", type=FiniteRange(MIN_RATE_HZ, MAX_RATE_HZ), metavar="HZ")
 @keys_option
 def rate(source: str, rate_hz: float, key_file: Path | None) -> None:
     """Set the sampling rate to HZ until the hub restarts.

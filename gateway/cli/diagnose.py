@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from gateway.cli.options import config_option, force_option, keys_option
+from gateway.cli.options import FiniteRange, config_option, force_option, keys_option
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
@@ -105,7 +105,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
 @click.option(
     "--budget",
     "budget_s",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=FiniteRange(min=0.0, min_open=True),
     metavar="SECONDS",
     help="Time for reading and the search for effects; what is known by then is reported. The first fit and the errors "
     "on held-out revolutions are computed in any case; a note says how long each took.  [default: no limit]",
@@ -223,8 +223,9 @@ def diagnose(
             on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
         )
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
-    columns = shutil.get_terminal_size().columns if sys.stdout.isatty() and not outputs_to_stdout else 0
-    for line in closure_summary_lines(diagnosis, columns):
+    on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
+    columns = shutil.get_terminal_size().columns if on_terminal else 0
+    for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
         click.echo(clean(line), err=outputs_to_stdout)
     _write(diagnosis, json_path, html_path, effects_path, force=force)
 
@@ -243,12 +244,12 @@ def _transfer(
     force: bool,
 ) -> None:
     """Report the error with the effects of a file, as found before."""
-    from gateway.config.effects_file import load_effects
     from gateway.session.campaign_diagnosis import transfer_effects
+    from gateway.session.effects_opening import open_effects_file
     from gateway.views.progress import progress_bar
     from gateway.views.report.transfer_report import transfer_json, transfer_lines
 
-    table = load_effects(known_path)
+    table = open_effects_file(known_path)
     with progress_bar(" " * _LABEL_CELLS) as bar:
         result = transfer_effects(
             recordings,

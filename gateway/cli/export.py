@@ -73,7 +73,7 @@ def export(
     from gateway.views.output_file import check_outputs, is_stdout
     from gateway.views.progress import progress_bar
     from gateway.views.text import clean
-    from gateway.views.wording import text
+    from gateway.views.wording import notice_text, text
 
     name = format_of(out, format_name)
     chosen = tuple(dict.fromkeys(contents)) or (
@@ -95,6 +95,8 @@ def export(
             force=force,
             on_progress=bar.show,
         )
+    for doubt in report.doubts:
+        click.echo(clean(notice_text(doubt)), err=is_stdout(out))
     if not is_stdout(out):
         size = f", {file_size(out.stat().st_size)}" if out.is_file() else ""
         columns = ", ".join(f"{count} columns of {what}" for what, count in report.columns.items())

@@ -112,9 +112,13 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
             yield from _time_line(source, begin, end)
 
 
+def _range_text(range_mps2: float) -> str:
+    return f" ±{range_mps2 / STANDARD_GRAVITY_MPS2:.0f} g" if range_mps2 else " of unknown range"
+
+
 def _hello_text(hello: Hello) -> str:
     axes = [axis for axis in Axis if hello.axes >> axis & 1]
-    names = ", ".join(f"{axis.name.lower()} ±{hello.range_mps2[axis] / STANDARD_GRAVITY_MPS2:.0f} g" for axis in axes)
+    names = ", ".join(f"{axis.name.lower()}{_range_text(hello.range_mps2[axis])}" for axis in axes)
     highpass = f" above {hello.highpass_hz:g} Hz" if hello.coupling and hello.highpass_hz else ""
     firmware = ".".join(map(str, hello.firmware))
     return (

@@ -2,11 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import Any
 
 import click
 
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names
+
+
+class FiniteRange(click.FloatRange):
+    """A finite number within a range: comparisons alone let NaN pass, and infinity where a side is open."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number; fails with a usage error."""
+        number = click.FLOAT.convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return super().convert(value, param, ctx)
+
 
 config_option = click.option(
     "--config",
@@ -18,7 +32,7 @@ config_option = click.option(
 duration_option = click.option(
     "--duration",
     "duration_s",
-    type=click.FloatRange(min=0.1),
+    type=FiniteRange(min=0.1),
     metavar="SECONDS",
     help="Stop after this many seconds of data. They are the seconds of a recording or a simulation, however fast it "
     "is played, and of the arrival of data from a hub; a silent hub is waited for no longer.",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.options import config_option, effects_option, force_option, keys_option
+from gateway.cli.options import FiniteRange, config_option, effects_option, force_option, keys_option
 
 _DEFAULT_ORDERS = 12
 _SPEED_STEP_KMH = 5.0
@@ -26,7 +26,7 @@ _SPEED_STEP_KMH = 5.0
 @click.option(
     "--speed-step",
     "speed_step_kmh",
-    type=click.FloatRange(min=0.5, max=100.0),
+    type=FiniteRange(min=0.5, max=100.0),
     default=_SPEED_STEP_KMH,
     show_default=True,
     metavar="KMH",

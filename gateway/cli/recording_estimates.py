@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.cli.estimate_order import EstimateOrder, RecordingEstimated
-from gateway.config.effects_file import open_effects
+from gateway.config.effects_file import effects_doubts
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, choose_vehicle
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.reasons import Code
@@ -20,6 +20,7 @@ from gateway.recording.reference_topic import ReferenceItems
 from gateway.security.guard import open_guard
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
+from gateway.session.effects_opening import open_effects
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.reference_check import ReferenceCheck
 from gateway.session.signal_decoding import open_decoder
@@ -100,7 +101,8 @@ def estimate_recording(
         watch.counters(link, counted)
     # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
     notices = of_guard or sensors.mismatches(vehicle, [wheel.position for wheel in wheels])
-    lines += [f"  {clean(notice_text(notice))}" for notice in (*notices, *watch.found())]
+    doubts = effects_doubts(effects, vehicle)
+    lines += [f"  {clean(notice_text(notice))}" for notice in (*notices, *watch.found(), *doubts)]
     for table in effects:
         effect_names = [effect.name for effect in table.effects]
         for one in wheels:

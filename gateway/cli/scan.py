@@ -10,6 +10,7 @@ import click
 
 from gateway.cli import exit_status
 from gateway.cli.doctor_checks import Level, check_device
+from gateway.cli.options import FiniteRange
 
 if TYPE_CHECKING:
     from gateway.io.ble_hub import Sighting
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 @click.option(
     "--timeout",
     "seconds",
-    type=click.FloatRange(0.1, 120.0),
+    type=FiniteRange(0.1, 120.0),
     default=5.0,
     show_default=True,
     metavar="SECONDS",

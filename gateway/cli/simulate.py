@@ -7,6 +7,7 @@ from urllib.parse import quote
 
 import click
 
+from gateway.cli.options import FiniteRange
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
 
@@ -50,7 +51,7 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.option(
     "--duration",
     "duration_s",
-    type=click.FloatRange(min=0.01),
+    type=FiniteRange(min=0.01),
     metavar="SECONDS",
     help="Length.  [default: the scenario's]",
 )

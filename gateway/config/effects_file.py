@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -16,24 +17,39 @@ from gateway.config.validation import Section, read_text
 from gateway.config.vehicle import POSITION_PATTERN, VehicleConfig
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import (
-    OFFSET_TOLERANCE_M,
-    RADIUS_TOLERANCE,
     CorrectedEffect,
+    CorrectedSignal,
     CorrectionTable,
     EffectParameter,
     WheelSetup,
 )
-from gateway.reasons import Code, Notice, Reason
+from gateway.reasons import Code, Level, Notice, Reason, Value
 
-VERSION: Final = 2
-"""Of files that are written: 2 adds vehicle and tire. Both versions are read."""
+VERSION: Final = 3
+"""Of files that are written and read. Earlier ones have no digest, so that nothing shows whether they were edited."""
 
 _KEY: Final = "treadlink_effects"
+_DIGEST: Final = "digest"
 _LISTED_FAULTS: Final = 8
 _MAX_BYTES: Final = 16 << 20
 _SIGNIFICANT_DIGITS: Final = 7
 
 Range = tuple[float, float]
+
+# Differences with which subtracting would be wrong, and what they are.
+_REFUSED: Final[Mapping[Code, Callable[[Reason], str]]] = {
+    Code.EFFECTS_OF_OTHER_OFFSET: lambda found: (
+        f"were found with the sensor {_mm(found['found_m'])} mm below the neutral layer, but the configuration states "
+        f"{_mm(found['offset_m'])} mm"
+    ),
+    Code.EFFECTS_OF_OTHER_RADIUS: lambda found: (
+        f"were found with a belt radius of {_mm(found['found_m'])} mm, but the configuration states "
+        f"{_mm(found['radius_m'])} mm"
+    ),
+    Code.EFFECTS_OF_OTHER_SENSOR: lambda found: (
+        f"belong to sensor {found['found_on']}, but the configuration names {found['sensor']}"
+    ),
+}
 
 
 class _Parameter(Section):
@@ -61,9 +77,9 @@ class _Table(Section):
 
 
 class _EffectsFile(Section):
-    treadlink_effects: Literal[1, 2]
-    vehicle: str = ""
-    tire: str = ""
+    treadlink_effects: Literal[3]
+    vehicle: str
+    tire: str
     wheel: str = Field(pattern=POSITION_PATTERN)
     sensor_id: str | None = Field(default=None, pattern=r"^[0-9a-fA-F]{1,8}$")
     radius_mm: float = Field(ge=100, le=1200)
@@ -72,6 +88,7 @@ class _EffectsFile(Section):
     valid: _Valid
     effects: tuple[_Effect, ...] = Field(min_length=1, max_length=100)
     table: _Table
+    digest: str
 
     def correction(self) -> CorrectionTable:
         """Return the table in SI; raises ValueError when it is inconsistent."""
@@ -152,44 +169,43 @@ def effects_text(table: CorrectionTable) -> str:
             "sine_mps2": rounded((-table.orders_mps2.imag).tolist()),
         },
     }
+    document[_DIGEST] = _digest(document)
     head = json.dumps({key: value for key, value in document.items() if key != "table"}, indent=2, ensure_ascii=False)
     # Indented, each number of the table would take a line.
     return head[:-2] + ',\n  "table": ' + json.dumps(document["table"], allow_nan=False) + "\n}\n"
 
 
 def load_effects(path: Path) -> CorrectionTable:
-    """Return the table of an effects file.
+    """Return the table of an effects file; `gateway.session.effects_opening` also checks its effects.
 
     Raises:
-        ConfigError: the file cannot be read, or is not an effects file of a supported version.
+        ConfigError: the file cannot be read, is not an effects file of this version, or was edited.
     """
     text = read_text(path, "the effects file", max_bytes=_MAX_BYTES)
-    version = _version(text, path)
-    if version not in range(1, VERSION + 1):
-        raise ConfigError(
-            f"{path}: effects file of version {version}, but this treadlink supports versions 1 to {VERSION}",
-            "Update treadlink, or create the file again with `treadlink diagnose --save-effects`.",
-        )
+    document = _document(text, path)
+    version = document[_KEY]
     remedy = "Create the file again with `treadlink diagnose --save-effects`."
+    if version in (1, 2):
+        raise ConfigError(f"{path}: effects file of version {version}, which has no digest against edits", remedy)
+    if version != VERSION:
+        raise ConfigError(
+            f"{path}: effects file of version {version}, but this treadlink supports version {VERSION}",
+            f"Update treadlink, or do without: {remedy[0].lower()}{remedy[1:]}",
+        )
     try:
-        return _EffectsFile.model_validate_json(text).correction()
+        file = _EffectsFile.model_validate_json(text)
+        if file.digest != _digest(document):
+            raise ConfigError(
+                f"{path} was edited after diagnose wrote it: its digest does not match",
+                "Run `treadlink diagnose --save-effects` again.",
+            )
+        return file.correction()
     except ValidationError as error:
         faults = [f"{path}: {_key(fault['loc'])}: {fault['msg'].lower()}" for fault in error.errors()]
         more = [f"{path}: and {len(faults) - _LISTED_FAULTS} more"] if len(faults) > _LISTED_FAULTS else []
         raise ConfigError("\n".join(faults[:_LISTED_FAULTS] + more), remedy) from error
     except ValueError as error:
         raise ConfigError(f"{path}: {error}", remedy) from error
-
-
-def open_effects(paths: Sequence[Path], vehicle: VehicleConfig | None) -> tuple[CorrectionTable, ...]:
-    """Return the tables of effects files.
-
-    Raises:
-        ConfigError: a file cannot be read, or does not belong to the vehicle.
-    """
-    tables = tuple(map(load_effects, paths))
-    check_effects(tables, vehicle)
-    return tables
 
 
 def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> None:
@@ -202,8 +218,7 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
     seen: set[str] = set()
     for table in tables:
         name = table.position
-        wheel = wheels.get(name)
-        if vehicle is None or wheel is None:
+        if vehicle is None or name not in wheels:
             known = f"the configuration has {', '.join(wheels)}" if wheels else "there is no configuration"
             raise ConfigError(
                 f"the effects belong to wheel {name}, but {known}",
@@ -212,27 +227,28 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
         if name in seen:
             raise ConfigError(f"two effects files belong to wheel {name}", "Give one file per wheel.")
         seen.add(name)
-        again = "Run `treadlink diagnose --save-effects` again with this configuration."
-        stated_m = wheel.mounting.offset_m
-        if stated_m is not None and abs(stated_m - table.sensor_offset_m) > OFFSET_TOLERANCE_M:
-            raise ConfigError(
-                f"the effects of wheel {name} were found with the sensor {table.sensor_offset_m * 1e3:g} mm below the "
-                f"neutral layer, but the configuration states {stated_m * 1e3:g} mm",
-                again,
-            )
-        radius_m = vehicle.tire_of(wheel).radius_m
-        if radius_m is not None and abs(radius_m / table.radius_m - 1.0) > RADIUS_TOLERANCE:
-            raise ConfigError(
-                f"the effects of wheel {name} were found with a belt radius of {table.radius_m * 1e3:g} mm, but "
-                f"the configuration states {radius_m * 1e3:g} mm",
-                again,
-            )
-        if table.sensor_id is not None and wheel.sensor_number not in (None, table.sensor_id):
-            raise ConfigError(
-                f"the effects of wheel {name} belong to sensor {table.sensor_id:08x}, but the configuration names "
-                f"{wheel.sensor_number:08x}",
-                again,
-            )
+        for difference in _differences(table, vehicle):
+            if difference.code in _REFUSED:
+                raise ConfigError(
+                    f"the effects of wheel {name} {_REFUSED[difference.code](difference)}",
+                    "Run `treadlink diagnose --save-effects` again with this configuration.",
+                )
+
+
+def _differences(table: CorrectionTable, vehicle: VehicleConfig) -> tuple[Reason, ...]:
+    """Return what the configuration states of a table's wheel otherwise than the recordings of its diagnosis."""
+    wheel = next(wheel for wheel in vehicle.wheel if wheel.position == table.position)
+    tire = vehicle.tire_of(wheel)
+    radius_m, offset_m = tire.radius_m, wheel.mounting.offset_m
+    return table.differences(
+        CorrectedSignal(
+            sensor_id=wheel.sensor_number,
+            vehicle=vehicle.vehicle.name,
+            tire=tire.size or "",
+            radii_m=() if radius_m is None else (radius_m,),
+            offsets_m=() if offset_m is None else (offset_m,),
+        )
+    )
 
 
 def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]) -> tuple[WheelSetup, ...]:
@@ -241,9 +257,18 @@ def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]
     return tuple(replace(setup, correction=known.get(setup.position)) for setup in setups)
 
 
-def effects_notices(tables: Sequence[CorrectionTable]) -> list[Notice]:
-    """Return a notice for each wheel with known effects: which are subtracted, and under which conditions."""
+def effects_doubts(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> list[Notice]:
+    """Return a notice for all that differs from the recordings of the diagnosis without being a reason to refuse."""
     return [
+        Notice(table.position, difference, Level.WARNING)
+        for table in tables
+        for difference in (_differences(table, vehicle) if vehicle is not None else ())
+    ]
+
+
+def effects_notices(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> list[Notice]:
+    """Return notices on each wheel with known effects: which are subtracted, under which conditions, and doubts."""
+    subtracted = [
         Notice(
             table.position,
             Reason(
@@ -254,6 +279,7 @@ def effects_notices(tables: Sequence[CorrectionTable]) -> list[Notice]:
         )
         for table in tables
     ]
+    return [*subtracted, *effects_doubts(tables, vehicle)]
 
 
 def _ranges(table: CorrectionTable) -> Iterator[Reason]:
@@ -265,7 +291,18 @@ def _ranges(table: CorrectionTable) -> Iterator[Reason]:
         yield Reason(Code.PRESSURE_RANGE, low_pa=table.pressure_range_pa[0], high_pa=table.pressure_range_pa[1])
 
 
-def _version(text: str, path: Path) -> object:
+def _digest(document: Mapping[str, Any]) -> str:
+    """Return the SHA-256 of all that a file states, whatever its line breaks and the order of its keys."""
+    stated = {key: value for key, value in document.items() if key != _DIGEST}
+    return hashlib.sha256(json.dumps(stated, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def _mm(length_m: Value) -> str:
+    assert isinstance(length_m, float)
+    return f"{length_m * 1e3:g}"
+
+
+def _document(text: str, path: Path) -> dict[str, Any]:
     try:
         document = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -277,7 +314,7 @@ def _version(text: str, path: Path) -> object:
             f"{path}: not an effects file: the key '{_KEY}' is missing",
             "Give a file created by `treadlink diagnose --save-effects`.",
         )
-    return document[_KEY]
+    return document
 
 
 def _key(location: tuple[int | str, ...]) -> str:

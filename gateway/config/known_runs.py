@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -42,6 +43,11 @@ def load_runs(kind: type[RunsT], path: Path) -> RunsT:
     return parse_document(kind, read_text(path, "the runs file"), str(path), _faults)
 
 
+def run_recordings(path: Path, runs: Sequence[KnownRun]) -> tuple[Path, ...]:
+    """Return the recordings of a runs file, each once, although several runs may be parts of it."""
+    return tuple(dict.fromkeys(path.parent / run.recording for run in runs))
+
+
 def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     runs = data.get("run")
     for index, run in enumerate(runs if isinstance(runs, list) else ()):
@@ -50,3 +56,21 @@ def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         begin, end = run.get("from_s", 0.0), run.get("to_s")
         if isinstance(begin, int | float) and isinstance(end, int | float) and not begin < end:
             yield Fault(f"run[#{index + 1}].to_s", show(end), f"allowed: more than from_s = {show(begin)}")
+        for earlier, other in enumerate(runs[:index] if isinstance(runs, list) else ()):
+            if isinstance(other, Mapping) and _overlap(other, run):
+                yield Fault(
+                    f"run[#{index + 1}].from_s",
+                    show(begin),
+                    f"allowed: a part of {show(run.get('recording'))} that run[#{earlier + 1}] does not have",
+                )
+
+
+def _overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """Return whether two runs have revolutions in common, which would count twice."""
+    if any(one.get(key) != other.get(key) for key in ("recording", "wheel")):
+        return False
+    begin, begin_other = one.get("from_s", 0.0), other.get("from_s", 0.0)
+    end, end_other = one.get("to_s", math.inf), other.get("to_s", math.inf)
+    if not all(isinstance(time, int | float) for time in (begin, begin_other, end, end_other)):
+        return False
+    return bool(max(begin, begin_other) < min(end, end_other))

@@ -21,7 +21,7 @@ from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration, TireData
 from gateway.estimators.wear import bending_since_reference
 from gateway.reasons import Code, Reason
-from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD
+from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, error_beyond_definition
 
 NAMES: Final = ("load_n", "load_by_angle_n", "load_by_width_n", "pressure_number")
 
@@ -79,8 +79,8 @@ class LoadEstimator:
             return tuple(Estimate.invalid(name, Reason(Code.NEEDS_PRESSURE)) for name in NAMES)
         half = 0.5 * (revolution.trailing_edge_rad - revolution.leading_edge_rad)
         half_std = 0.5 * math.hypot(
-            _error_beyond_definition(revolution.leading_edge_std_rad),
-            _error_beyond_definition(revolution.trailing_edge_std_rad),
+            error_beyond_definition(revolution.leading_edge_std_rad),
+            error_beyond_definition(revolution.trailing_edge_std_rad),
         )
         by_angle = _compared(_by_angle(revolution, conditions, half, half_std, pressure), conditions)
         by_width = _compared(self._by_width(block, index), conditions)
@@ -282,10 +282,3 @@ def _pressure_number(
         unsure,
     )
     return Estimate(NAMES[3], number, number * relative, status, reasons)
-
-
-def _error_beyond_definition(edge_std_rad: float) -> float:
-    """Return the error of an edge without that of its definition, which the calibration has absorbed."""
-    if not math.isfinite(edge_std_rad):
-        return math.nan
-    return math.sqrt(max(0.0, edge_std_rad**2 - EDGE_MODEL_STD_RAD**2))

@@ -30,8 +30,12 @@ from gateway.types import FloatArray
 # Exponent of the half angle, curvature and exponent of the pressure on the exact ring, and their variation.
 _EXPONENTS: Final = (1.4, 0.1, 0.5)
 _EXPONENT_STDS: Final = (0.15, 0.1, 0.15)
-# Points from which leaving one out gives the error.
-_LEAST_POINTS: Final = 3
+# Share of the usual variation below which the points determine an exponent.
+_DETERMINED_SHARE: Final = 0.8
+# Weights depend on the exponent and on the scatter of the points, which these passes settle.
+_PASSES: Final = 8
+# Points of equal weight from which leaving one out gives the error; a little less, as weights are hardly ever equal.
+_LEAST_POINTS: Final = 2.5
 # Sidewall numbers change with pressure: they are averaged over points within this share of the reference pressure.
 _SAME_PRESSURE: Final = 0.05
 
@@ -48,6 +52,8 @@ class TirePoint:
         half_angle_rad: median contact half angle.
         numbers: estimates of the four numbers at the end of the recording, by name.
         temperature_degc: mean inner-liner temperature; None when not known.
+        half_angle_std_rad: standard error of the half angle, without that of the definition of an edge, which all
+            points share and the calibration absorbs.
     """
 
     name: str
@@ -57,6 +63,7 @@ class TirePoint:
     half_angle_rad: float
     numbers: dict[str, Estimate]
     temperature_degc: float | None = None
+    half_angle_std_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,48 +74,94 @@ class LoadFit:
         calibration: the power law.
         residuals: (k,) relative error of the calibrated load at each point.
         left_out: (k,) relative error at each point of a calibration without it; NaN for a single point.
+        angle_exponent_std: standard error; that of the usual variation where the points do not determine it.
+        angle_curvature_std: likewise.
+        pressure_exponent_std: likewise.
+        scatter: of the points over what their errors say, at least 1; the errors contain it.
+        is_error_measured: False where the standard error of the calibration is assumed.
     """
 
     calibration: LoadCalibration
     residuals: FloatArray
     left_out: FloatArray
+    angle_exponent_std: float
+    angle_curvature_std: float
+    pressure_exponent_std: float
+    scatter: float
+    is_error_measured: bool
+
+    @property
+    def is_angle_exponent_determined(self) -> bool:
+        """Whether the points say more about the exponent of the half angle than the usual variation."""
+        return _is_determined(self.angle_exponent_std, 0)
+
+    @property
+    def is_pressure_exponent_determined(self) -> bool:
+        """Likewise for the exponent of the pressure."""
+        return _is_determined(self.pressure_exponent_std, 2)
+
+
+def _is_determined(std: float, exponent: int) -> bool:
+    return std < _DETERMINED_SHARE * _EXPONENT_STDS[exponent]
 
 
 def fit_load_calibration(points: Sequence[TirePoint]) -> LoadFit:
     """Fit load = f(half angle, pressure) to at least one point.
 
-    The calibration's standard error is the root mean square error of leaving each point out in turn, and at least that
-    of the law on the exact ring, since a few points may agree by chance. With fewer than three points it is the error
-    that the prior of the exponents leaves over a factor of two in load, and at least 5 %.
+    Load and half angle of each point have errors; a point weighs by both. The calibration's standard error is the root
+    mean square error of leaving each point out in turn, by the same weights, and at least that of the law on the exact
+    ring, since a few points may agree by chance. With fewer than three points, or where they do not determine the
+    exponent of the half angle, it is the error that the fit leaves over a factor of two in load, and at least 5 %.
     """
-    calibration = _fit(points)
+    calibration, weight, stds, scatter = _fit(points)
     load = np.array([point.load_n for point in points])
     fitted = np.array([calibration.load_at(point.half_angle_rad, point.pressure_pa) for point in points])
     left_out = np.full(len(points), math.nan)
     for index, point in enumerate(points if len(points) > 1 else ()):
-        others = _fit([*points[:index], *points[index + 1 :]])
+        others, *_ = _fit([*points[:index], *points[index + 1 :]])
         left_out[index] = others.load_at(point.half_angle_rad, point.pressure_pa) / point.load_n - 1.0
-    if len(points) >= _LEAST_POINTS:
-        error = math.hypot(math.sqrt(float(np.square(left_out).mean())), LOAD_LAW_STD)
+    effective = float(np.square(weight).sum()) ** 2 / float((weight**4).sum())
+    is_measured = effective >= _LEAST_POINTS and _is_determined(stds[1], 0)
+    if is_measured:
+        error = math.hypot(math.sqrt(float(np.average(np.square(left_out), weights=np.square(weight)))), LOAD_LAW_STD)
     else:
-        error = math.hypot(0.05, _EXPONENT_STDS[0] * 0.5 * math.log(2.0))
-    return LoadFit(replace(calibration, relative_std=error), fitted / load - 1.0, left_out)
+        error = math.hypot(0.05, stds[0], stds[1] * 0.5 * math.log(2.0))
+    return LoadFit(
+        replace(calibration, relative_std=error), fitted / load - 1.0, left_out, *stds[1:], scatter, is_measured
+    )
 
 
-def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
-    """Return the calibration by least squares with prior exponents, without its standard error."""
+def _fit(points: Sequence[TirePoint]) -> tuple[LoadCalibration, FloatArray, tuple[float, float, float, float], float]:
+    """Fit by least squares with prior exponents.
+
+    Returns:
+        the calibration without its standard error; the weights of the points (k,); the standard errors of the logarithm
+        of the load in the middle, the exponent of the half angle, its curvature and the exponent of the pressure; and
+        the scatter of the points over what their errors say, at least 1, by which their errors are enlarged.
+    """
     half = np.array([point.half_angle_rad for point in points])
     pressure = np.array([point.pressure_pa for point in points])
     load = np.array([point.load_n for point in points])
-    weight = 1.0 / np.hypot(LOAD_LAW_STD, [point.load_std_n / point.load_n for point in points])
+    load_error = np.hypot(LOAD_LAW_STD, [point.load_std_n / point.load_n for point in points])
+    angle_error = np.array([point.half_angle_std_rad / point.half_angle_rad for point in points])
     middle = float(np.exp(np.log(half).mean())), float(np.exp(np.log(pressure).mean()))
     angle = np.log(half / middle[0])
     rows = np.stack([np.ones(len(half)), angle, np.square(angle), np.log(pressure / middle[1])], axis=1)
     prior = np.diag([0.0, *(1.0 / std for std in _EXPONENT_STDS)])
-    left = np.concatenate([rows * weight[:, np.newaxis], prior[1:]])
-    right = np.concatenate([np.log(load) * weight, prior[1:] @ np.array([0.0, *_EXPONENTS])])
-    scale, angle_exponent, curvature, pressure_exponent = np.linalg.lstsq(left, right, rcond=None)[0].tolist()
-    return LoadCalibration(
+    solution = np.array([0.0, *_EXPONENTS])
+    expected = prior[1:] @ solution
+    scatter = 1.0
+    for _ in range(_PASSES):
+        weight = 1.0 / scatter / np.hypot(load_error, (solution[1] + 2.0 * solution[2] * angle) * angle_error)
+        left = np.concatenate([rows * weight[:, np.newaxis], prior[1:]])
+        right = np.concatenate([np.log(load) * weight, expected])
+        solution = np.linalg.lstsq(left, right, rcond=None)[0]
+        missed = left @ solution - right
+        # The usual exponents count as three measurements of the four unknowns.
+        scatter *= math.sqrt(max(1.0, float(missed @ missed) / max(len(points) - 1, 1)))
+    errors = np.sqrt(np.diag(np.linalg.inv(left.T @ left)))
+    scale, angle_exponent, curvature, pressure_exponent = solution.tolist()
+    calibration = LoadCalibration(
         load_n=math.exp(scale),
         half_angle_rad=middle[0],
         pressure_pa=middle[1],
@@ -120,6 +173,7 @@ def _fit(points: Sequence[TirePoint]) -> LoadCalibration:
         pressure_range_pa=(float(pressure.min()), float(pressure.max())),
         temperature_degc=_median_degc(points),
     )
+    return calibration, weight, tuple(errors.tolist()), scatter
 
 
 def _median_degc(points: Sequence[TirePoint]) -> float | None:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from gateway.config.effects_file import open_effects
+from gateway.config.effects_file import effects_doubts
 from gateway.config.vehicle import choose_vehicle
 from gateway.errors import OutputError
 from gateway.exporting.export_file import ExportFile
@@ -15,9 +15,10 @@ from gateway.exporting.export_table import WheelTable
 from gateway.exporting.measured_tables import Source, measured
 from gateway.exporting.wheel_conditions import conditions, first_pass, on_hub_time
 from gateway.pipeline.results import RevolutionResult
-from gateway.reasons import Reason
+from gateway.reasons import Notice, Reason
 from gateway.recording.recorded_file import RecordedFile, open_recorded_file
 from gateway.security.guard import Guard, open_guard
+from gateway.session.effects_opening import open_effects
 from gateway.session.recorded_signals import SignalBlock, revolutions, sample_blocks
 
 
@@ -30,12 +31,14 @@ class ExportReport:
         rows: number of rows of all contents and wheels.
         columns: number of columns of each content, by its name.
         damage: first unreadable part of the recording; None when everything was read.
+        doubts: what speaks against the known effects that were subtracted.
     """
 
     wheels: tuple[str, ...]
     rows: int
     columns: dict[str, int]
     damage: Reason | None
+    doubts: tuple[Notice, ...] = ()
 
 
 def export_recording(
@@ -133,7 +136,7 @@ def export_recording(
                 )
             done += 1
     columns = {content.what: len(content.columns) for content in found}
-    return ExportReport(tuple(positions), file.rows, columns, damage)
+    return ExportReport(tuple(positions), file.rows, columns, damage, tuple(effects_doubts(effects, vehicle)))
 
 
 def _on_hub_time(result: RevolutionResult) -> RevolutionResult:

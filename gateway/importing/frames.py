@@ -178,9 +178,11 @@ def _runs(present: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _hello(sensor: Sensor, wheel: ImportedWheel, number: int, rate_hz: float, quantiser: Quantiser) -> Hello:
     axes = wheel.axis.present()
     scales, ranges = [0.0] * 3, [0.0] * 3
-    for axis, scale_mps2 in zip(axes, quantiser.scale_mps2.tolist(), strict=True):
+    for (axis, column), scale_mps2 in zip(axes.items(), quantiser.scale_mps2.tolist(), strict=True):
         scales[axis] = scale_mps2
-        ranges[axis] = scale_mps2 * min(quantiser.saturation_counts, 32767)
+        # The largest value of a file says nothing about the sensor.
+        if column.full_scale_mps2 is not None:
+            ranges[axis] = scale_mps2 * quantiser.saturation_counts
     return Hello(
         protocol_major=wire.VERSION_MAJOR,
         protocol_minor=wire.VERSION_MINOR,

@@ -19,6 +19,7 @@ from gateway.config.vehicle import (
     ASSUMED_RADIUS_MM,
     ASSUMED_RADIUS_STD_MM,
     POSITION_PATTERN,
+    Mounting,
     Tire,
     Vehicle,
     VehicleConfig,
@@ -253,7 +254,7 @@ class StatedConditions(Section):
 
 
 class ImportedWheel(Section):
-    """`[[wheel]]`: one of several wheels in the file; it replaces `[axis]`, `[environment]` and the position."""
+    """`[[wheel]]`: one of several wheels in the file; it replaces `[axis]`, `[environment]`, `[mounting]`, position."""
 
     position: str = Field(
         pattern=POSITION_PATTERN,
@@ -277,6 +278,7 @@ class ImportedWheel(Section):
     environment: EnvironmentColumns = Field(
         default=EnvironmentColumns(), description="columns of pressure and temperature"
     )
+    mounting: Mounting = Field(default=Mounting(), description="mounting of the sensor, as in the vehicle file")
 
     @property
     def radial(self) -> AxisColumn:
@@ -333,6 +335,9 @@ class ImportMap(Section):
     environment: EnvironmentColumns = Field(
         default=EnvironmentColumns(), description="columns of pressure and temperature of a single wheel"
     )
+    mounting: Mounting = Field(
+        default=Mounting(), description="mounting of the sensor of a single wheel, as in the vehicle file"
+    )
     conditions: StatedConditions = Field(default=StatedConditions(), description="stated conditions of the test")
     wheel: tuple[ImportedWheel, ...] = Field(default=(), strict=False, description="the wheels, if there are several")
     reference: tuple[ReferenceColumn, ...] = Field(
@@ -352,6 +357,7 @@ class ImportMap(Section):
                 load_std_n=stated.load_std_n,
                 axis=self.axis,
                 environment=self.environment,
+                mounting=self.mounting,
             ),
         )
 
@@ -396,6 +402,7 @@ class ImportMap(Section):
                 sensor_id=wheel.sensor_id,
                 load_n=wheel.load_n,
                 load_std_n=wheel.load_std_n,
+                mounting=wheel.mounting,
                 tire=_own_tire(wheel),
             )
             for number, wheel in enumerate(self.wheels())
@@ -443,6 +450,7 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     if "time_zone" in sampling and sampling.get("time_unit") != ISO:
         yield Fault("sampling.time_zone", show(sampling["time_zone"]), 'only for time_unit = "iso"')
     yield from _axis_faults(data)
+    yield from _mounting_faults(data)
     sensor = _table(data, "sensor")
     highpass_hz = sensor.get("highpass_hz", 0)
     if sensor.get("coupling") == "DC" and isinstance(highpass_hz, int | float) and highpass_hz > 0:
@@ -461,11 +469,20 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     yield from _reference_faults(data)
 
 
+def _mounting_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Yield where the sensor's place in the tire is stated in another table."""
+    place = "[wheel.mounting]" if "wheel" in data else "[mounting]"
+    for table in ("sensor", "conditions"):
+        for key in ("offset_mm", "offset_std_mm"):
+            if key in _table(data, table):
+                yield Fault(f"{table}.{key}", show(_table(data, table)[key]), f"move it to {place}")
+
+
 def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield faults of the axes: missing or repeated columns, and a single wheel beside several."""
     wheels = _tables(data, "wheel")
     if wheels:
-        for key in ("axis", "environment"):
+        for key in ("axis", "environment", "mounting"):
             if key in data:
                 yield Fault(key, "beside [[wheel]]", f"move it to [wheel.{key}] of each wheel")
         for key, table in (("position", "conditions"), ("load_n", "conditions"), ("sensor_id", "sensor")):

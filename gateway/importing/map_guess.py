@@ -371,6 +371,9 @@ def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) ->
     lines += _environment_lines(found, several=several)
     lines += _reference_lines(found)
     lines += [
+        "# [mounting]         # ? of the sensor, as in the vehicle file",
+        "# offset_mm = 0.0    # ? distance below the belt's neutral layer in mm",
+        "",
         "[conditions]   # ? leave out what is not known",
         f"# radius_mm = {ASSUMED_RADIUS_MM:g}   # ? belt radius: rolling circumference / (2 pi); assumed if not stated",
     ]

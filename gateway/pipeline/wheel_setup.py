@@ -20,9 +20,8 @@ from gateway.estimators.tire_data import SOFTENING_STD_PER_K as SOFTENING_STD_PE
 from gateway.estimators.tire_data import LoadCalibration as LoadCalibration
 from gateway.estimators.tire_data import ReferenceNumbers as ReferenceNumbers
 from gateway.estimators.tire_data import TireData as TireData
-from gateway.signal.effect_correction import OFFSET_TOLERANCE_M as OFFSET_TOLERANCE_M
-from gateway.signal.effect_correction import RADIUS_TOLERANCE as RADIUS_TOLERANCE
 from gateway.signal.effect_correction import CorrectedEffect as CorrectedEffect
+from gateway.signal.effect_correction import CorrectedSignal as CorrectedSignal
 from gateway.signal.effect_correction import CorrectionTable as CorrectionTable
 from gateway.signal.effect_correction import EffectParameter as EffectParameter
 

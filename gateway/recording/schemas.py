@@ -143,7 +143,7 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         axes: i: axis mask: 1 circumferential, 2 lateral, 4 radial
         coupling: s: dc or ac
         highpass_hz: n: corner of the AC coupling
-        range_mps2: [n]: full scale, circumferential, lateral, radial
+        range_mps2: [n]: full scale, circumferential, lateral, radial; 0 where absent or not known
         scale_mps2: [n]: m/s^2 a count, circumferential, lateral, radial
         offset_counts: [n]: counts at zero, circumferential, lateral, radial
         saturation_counts: i: counts at or above which a sample is saturated

@@ -146,7 +146,7 @@ class SessionCore:
             self._alarms.witnesses = self._join.alarms
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
-        for notice in (*effects_notices(effects), *self._watch.take_notices()):
+        for notice in (*effects_notices(effects, vehicle), *self._watch.take_notices()):
             self.notify(notice)
         _logger.info("session with %d configured wheels, estimators %s", len(setups), ", ".join(estimators))
 

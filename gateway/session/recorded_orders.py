@@ -6,12 +6,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gateway.config.effects_file import open_effects
+from gateway.config.effects_file import effects_doubts
 from gateway.config.vehicle import choose_vehicle
 from gateway.errors import RecordingError
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.recorded_file import open_recorded_file
 from gateway.security.guard import open_guard
+from gateway.session.effects_opening import open_effects
 from gateway.session.recorded_signals import revolutions
 from gateway.signal.mean_revolution import MeanOfRevolutions
 from gateway.signal.order_statistics import OrderAccumulator
@@ -69,12 +70,13 @@ def recorded_orders(
     """
     recording = open_recorded_file(path)
     vehicle = choose_vehicle(config_path, [recording.vehicle_toml], str(path))
+    effects = open_effects(effects_paths, vehicle)
     found: dict[str, _Wheel] = {}
     results = revolutions(
         recording,
         vehicle,
         wheels=tuple(wheels) or None,
-        effects=open_effects(effects_paths, vehicle),
+        effects=effects,
         guard=open_guard(vehicle, key_file, remembers=False),
         on_bytes=lambda _: on_progress(recording.position / max(recording.info.size_bytes, 1)),
     )
@@ -85,10 +87,12 @@ def recorded_orders(
             wheel = found[result.position] = _Wheel(radius_m, OrderAccumulator(speed_step_mps / radius_m))
         wheel.add(result)
     orders = []
+    doubts = effects_doubts(effects, vehicle)
     for position, wheel in found.items():
         statistics, mean = wheel.orders.statistics(), wheel.mean.mean()
         if statistics is not None and mean is not None:
-            orders.append(WheelOrders(position, wheel.radius_m, statistics, mean, wheel.rejected))
+            of_wheel = tuple(notice.reason for notice in doubts if notice.subject == position)
+            orders.append(WheelOrders(position, wheel.radius_m, statistics, mean, wheel.rejected, of_wheel))
     missing = [position for position in wheels if position not in found]
     if missing or not orders:
         of = f" of wheel {', '.join(missing)}" if missing else ""

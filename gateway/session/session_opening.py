@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gateway.clock import Clock
-from gateway.config.effects_file import open_effects
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
@@ -18,6 +17,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
+from gateway.session.effects_opening import open_effects
 from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
 from gateway.session.signal_decoding import open_decoder

@@ -309,9 +309,14 @@ class StatementWatch:
         for axis in present:
             name, full_mps2 = AXIS_NAMES[axis], abs(hello.scale_mps2[axis]) * hello.saturation_counts
             stated_mps2, offset = hello.range_mps2[axis], hello.offset_counts[axis]
-            if full_mps2 > 0.0 and not _FULL_SCALE_MPS2[0] <= full_mps2 <= _FULL_SCALE_MPS2[1]:
+            # Without a stated range, as in an imported measurement, the scale is no statement about the sensor.
+            if full_mps2 > 0.0 and stated_mps2 > 0.0 and not _FULL_SCALE_MPS2[0] <= full_mps2 <= _FULL_SCALE_MPS2[1]:
                 self._find(source, Code.HELLO_SCALE_ABSURD, axis=name, full_scale_mps2=full_mps2)
-            elif full_mps2 > 0.0 and not full_mps2 / _RANGE_FACTOR <= stated_mps2 <= full_mps2 * _RANGE_FACTOR:
+            elif (
+                full_mps2 > 0.0
+                and stated_mps2 > 0.0
+                and not full_mps2 / _RANGE_FACTOR <= stated_mps2 <= full_mps2 * _RANGE_FACTOR
+            ):
                 self._find(
                     source, Code.HELLO_SCALE_AGAINST_RANGE, axis=name, range_mps2=stated_mps2, full_scale_mps2=full_mps2
                 )

@@ -42,6 +42,14 @@ _STRONGER_SHARE: Final = 0.8
 # Standard error of the edge's definition at the usual smoothing: a constant error for all revolutions of a tire.
 EDGE_MODEL_STD_RAD: Final = model_std_rad(SMOOTHING_ORDER)
 
+
+def error_beyond_definition(edge_std_rad: float) -> float:
+    """Return the error of an edge without that of its definition, which a calibration absorbs; NaN where not known."""
+    if not math.isfinite(edge_std_rad):
+        return math.nan
+    return math.sqrt(max(0.0, edge_std_rad**2 - EDGE_MODEL_STD_RAD**2))
+
+
 # The contact is searched within the first angle around 0; the free belt is what lies beyond the second.
 _SEARCH_RAD: Final = 0.9
 _FREE_RAD: Final = 1.1

@@ -38,6 +38,25 @@ class CorrectedEffect:
     parameters: tuple[EffectParameter, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class CorrectedSignal:
+    """The signal that effects are to be subtracted from, as far as it is stated.
+
+    Attributes:
+        sensor_id: serial number, None when unknown.
+        vehicle: name of the vehicle or test rig, empty when unknown.
+        tire: its size, empty when unknown.
+        radii_m: belt radii in use, of each recording; empty when none is stated.
+        offsets_m: declared mounting offsets, likewise.
+    """
+
+    sensor_id: int | None = None
+    vehicle: str = ""
+    tire: str = ""
+    radii_m: tuple[float, ...] = ()
+    offsets_m: tuple[float, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CorrectionTable:
     """Contribution of a set of effects to the axes of one wheel's sensor. A table equals only itself.
@@ -109,6 +128,24 @@ class CorrectionTable:
             if not low <= pressure_pa <= high:
                 return Reason(Code.EFFECTS_OUTSIDE_PRESSURES, pressure_pa=pressure_pa, low_pa=low, high_pa=high)
         return None
+
+    def differences(self, signal: CorrectedSignal) -> tuple[Reason, ...]:
+        """Return what differs between a signal and the recordings of the table, as far as both state it."""
+        found: list[Reason] = []
+        here, there = signal.sensor_id, self.sensor_id
+        if here is not None and there is not None and here != there:
+            found.append(Reason(Code.EFFECTS_OF_OTHER_SENSOR, found_on=f"{there:08x}", sensor=f"{here:08x}"))
+        if "" not in (signal.vehicle, self.vehicle) and signal.vehicle != self.vehicle:
+            found.append(Reason(Code.EFFECTS_OF_OTHER_VEHICLE, found_on=self.vehicle, vehicle=signal.vehicle))
+        if "" not in (signal.tire, self.tire) and signal.tire != self.tire:
+            found.append(Reason(Code.EFFECTS_OF_OTHER_TIRE, found_on=self.tire, tire=signal.tire))
+        radii_m = [one for one in signal.radii_m if abs(one / self.radius_m - 1.0) > RADIUS_TOLERANCE]
+        if radii_m:
+            found.append(Reason(Code.EFFECTS_OF_OTHER_RADIUS, found_m=self.radius_m, radius_m=max(radii_m)))
+        offsets_m = [one for one in signal.offsets_m if abs(one - self.sensor_offset_m) > OFFSET_TOLERANCE_M]
+        if offsets_m:
+            found.append(Reason(Code.EFFECTS_OF_OTHER_OFFSET, found_m=self.sensor_offset_m, offset_m=max(offsets_m)))
+        return tuple(found)
 
     def contribution_mps2(self, omega_radps: float, n: int = GRID_SIZE, *, ac_coupled: bool = False) -> FloatArray:
         """Return the contribution at a speed on the angle grid theta = -pi + 2 pi k / n, (3, n).

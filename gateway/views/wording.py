@@ -1,7 +1,8 @@
 """The text of every reason, in one table.
 
 A template is a format string over the values of its reason. Values are in SI units; a unit after the format converts
-and is printed: `{depth_m:.1f mm}` shows 0.008 as `8.0 mm`. A nested reason is replaced by its own text. `{unit: }` is
+and is printed: `{depth_m:.1f mm}` shows 0.008 as `8.0 mm`. A
+format of `probability` rounds down near 1. A nested reason is replaced by its own text. `{unit: }` is
 the symbol of a unit that the reason carries itself, behind a blank unless it is empty.
 """
 
@@ -15,6 +16,7 @@ from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Level, Notice, Reason, Value
+from gateway.views.probabilities import probability_text
 from gateway.views.text import escaped
 
 TEMPLATES: Final[Mapping[Code, str]] = {
@@ -36,6 +38,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.EFFECTS_OUTSIDE_SPEEDS: (
         "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
+    ),
+    Code.EFFECTS_ENLARGE_ERROR: (
+        "the effects make the error larger ({before_mps2:.3g} -> {after_mps2:.3g m/s²}): they are not those of this "
+        "tire and sensor"
     ),
     Code.EFFECTS_OF_OTHER_OFFSET: (
         "the effects were found with the sensor {found_m:z.2f mm} below the neutral layer, but here {offset_m:z.2f mm} "
@@ -794,7 +800,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the packet at the {edge} edge fades within {waves:.2f} of a wavelength: a bump, not a wave"
     ),
     Code.HOLLOW_ROAD: "the road would be hollow with a radius of {radius_m:.3g m}, larger than any inner drum (5 m)",
-    Code.PROBABILITY_TOO_LOW: "its probability is {probability:.2g}, and {needed:.2g} is needed",
+    Code.PROBABILITY_TOO_LOW: "its probability is {probability:probability}, and {needed:.2g} is needed",
     Code.LEAVES_MORE_THAN_WITHOUT: (
         "with it the fit leaves {with_it:.3g} times the noise of the means, without it {without:.3g} times"
     ),
@@ -937,6 +943,8 @@ class _Template(string.Formatter):
             return text(value)
         if isinstance(value, tuple):
             return ", ".join(self.format_field(item, format_spec) for item in value)
+        if format_spec == "probability":
+            return probability_text(value, ".2g")
         if format_spec == " ":
             return f" {value}" if value else ""
         if isinstance(value, str) and not value.isprintable():

@@ -347,7 +347,7 @@ def correction(position):
         position=position,
         omega_radps=np.array([10.0, 100.0]),
         orders_mps2=orders,
-        effects=(CorrectedEffect("imbalance", (EffectParameter("cosine", 1e-4, 1e-6, "m"),)),),
+        effects=(CorrectedEffect("mounting offset", (EffectParameter("offset_m", 0.004, 1e-6, "m"),)),),
         radius_m=0.32,
         omega_range_radps=(10.0, 100.0),
         sensor_id=0xA001,

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
-from gateway.errors import ConfigError, TreadlinkError
+from gateway.errors import ConfigError, RecordingError, TreadlinkError
 from tests.testkit.simulated_wheel import last, simulated
 
 SCENARIO = "[[wheel]]\nposition = 'FL'\nwheel = 0\nload_n = {load}\npressure_kpa = {pressure}\n"
@@ -60,6 +60,16 @@ def test_tables_are_printed_without_out(recordings: list[Path]) -> None:
     text = run("calibrate", recordings[0], "--wheel", "FL")
     assert "[tire.load_calibration]" in text
     assert "three recordings" in text
+    assert "exponent 1.40 ± 0.15" in text
+    assert "do not determine the exponent: its usual value counts as much" in text
+
+
+def test_recording_given_twice_is_refused(recordings: list[Path], tmp_path: Path) -> None:
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(recordings[0].read_bytes())
+    for again, says in ((recordings[0], "given twice"), (copy, "copy of")):
+        with pytest.raises(RecordingError, match=says):
+            run("calibrate", "load", recordings[0], again, recordings[1])
 
 
 def test_existing_file_is_kept_without_force(recordings: list[Path], tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
-from gateway.errors import CalibrationError, ConfigError
+from gateway.errors import CalibrationError, ConfigError, RecordingError
 from gateway.physics.lateral_belt import LateralSolution
 from gateway.simulator.truth import WheelTruth
 from tests.testkit.simulated_wheel import simulated
@@ -81,9 +81,19 @@ def test_equal_forces_are_refused(folder: Path) -> None:
 
 def test_short_run_is_refused(folder: Path) -> None:
     path = folder / "short.toml"
-    path.write_text("".join(RUN.format(force=f, moment=0, begin=0.0, end=0.4) for f in (0, 500)))
+    path.write_text("".join(RUN.format(force=f, moment=0, begin=1e-3 * f, end=0.4 + 1e-3 * f) for f in (0, 500)))
     result = CliRunner().invoke(treadlink, ["calibrate", "side-force", str(path)])
     assert isinstance(result.exception, CalibrationError) or "are required" in result.output
+
+
+def test_copy_of_a_recording_is_refused(folder: Path) -> None:
+    (folder / "copy.mcap").write_bytes((folder / "sweep.mcap").read_bytes())
+    path = folder / "copies.toml"
+    texts = [RUN.format(force=f, moment=0, begin=0.0, end=4.0) for f in (0, 500)]
+    path.write_text(texts[0] + texts[1].replace("sweep", "copy"))
+    result = CliRunner().invoke(treadlink, ["calibrate", "side-force", str(path)])
+    assert isinstance(result.exception, RecordingError)
+    assert "copy of" in str(result.exception)
 
 
 def test_end_before_begin_is_a_fault(folder: Path) -> None:

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
-from gateway.errors import CalibrationError, ConfigError
+from gateway.errors import CalibrationError, ConfigError, RecordingError
 from tests.testkit.simulated_wheel import simulated
 
 TABLES = "[tire]\nconicity_deg = 0.3\nring_nodes = 1440\n"
@@ -76,7 +76,8 @@ def test_wrong_slip_angle_is_refused(folder: Path) -> None:
 
 def test_run_without_revolutions_is_refused(folder: Path) -> None:
     short = folder / "short.toml"
-    short.write_text(2 * RUN.format(name="back", slip=0, direction="reverse") + "from_s = 3.5\n")
+    back = RUN.format(name="back", slip=0, direction="reverse")
+    short.write_text(back + "to_s = 3.5\n" + back + "from_s = 3.5\n")
     with pytest.raises(CalibrationError, match=r"back.mcap from 3.5 s: \d of \d revolutions") as caught:
         run("calibrate", "slip", short)
     assert "from_s" in caught.value.remedy
@@ -84,10 +85,24 @@ def test_run_without_revolutions_is_refused(folder: Path) -> None:
 
 def test_unknown_wheel_is_named(folder: Path) -> None:
     other = folder / "other.toml"
-    other.write_text('wheel = "RR"\n' + 2 * RUN.format(name="zero", slip=0, direction="forward"))
+    names = ("zero", "left")
+    other.write_text('wheel = "RR"\n' + "".join(RUN.format(name=n, slip=0, direction="forward") for n in names))
     with pytest.raises(CalibrationError, match="no revolution of wheel RR") as caught:
         run("calibrate", "slip", other)
     assert "FL" in caught.value.remedy
+
+
+def test_runs_with_common_revolutions_are_refused(folder: Path) -> None:
+    """Revolutions that count twice make the calibration look surer than it is."""
+    zero = RUN.format(name="zero", slip=0, direction="forward")
+    twice = folder / "twice.toml"
+    twice.write_text(HEAD + zero + "to_s = 2.0\n" + zero + "from_s = 1.9\n")
+    with pytest.raises(ConfigError, match=r"run\[#2\].from_s: 1.9 found, allowed: .* that run\[#1\] does not have"):
+        run("calibrate", "slip", twice)
+    (folder / "copy.mcap").write_bytes((folder / "zero.mcap").read_bytes())
+    twice.write_text(HEAD + zero + RUN.format(name="copy", slip=0, direction="forward"))
+    with pytest.raises(RecordingError, match="copy of"):
+        run("calibrate", "slip", twice)
 
 
 def test_faults_of_a_runs_file_name_their_keys(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from gateway.clock import ManualClock
 from gateway.closure.closed_loop import SEARCHED
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
-from gateway.config.effects_file import load_effects
+from gateway.config.effects_file import effects_text, load_effects
 from gateway.errors import OutputError, TreadlinkError
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import check_distinct
@@ -34,7 +34,7 @@ def table(**changes):
         position="W0",
         omega_radps=np.array([0.8, 1.2]) * OMEGA,
         orders_mps2=orders,
-        effects=(CorrectedEffect("imbalance", (EffectParameter("cosine", 1e-4, 1e-6, "m"),)),),
+        effects=(CorrectedEffect("mounting offset", (EffectParameter("offset_m", 0.004, 1e-6, "m"),)),),
         radius_m=0.32,
         omega_range_radps=(0.8 * OMEGA, 1.2 * OMEGA),
         sensor_id=0xB000,
@@ -198,12 +198,12 @@ def test_effects_file_requires_an_identified_effect(closed, recording, tmp_path)
 
 
 def test_saved_and_unsaved_effects_are_reported(closed, recording, tmp_path):
-    first = replace(ordinary().findings[0], name="imbalance")
+    first = replace(ordinary().findings[0], name="mounting offset")
     ply_steer = replace(first, name="ply steer")
     closed[1][0] = replace(ordinary(), findings=(first, ply_steer), correction=table())
     path = tmp_path / "e.json"
     lines = run(recording, "--save-effects", path).output.splitlines()
-    assert lines[-1] == f"written: {path} with imbalance; ply steer is left for the estimators to measure"
+    assert lines[-1] == f"written: {path} with mounting offset; ply steer is left for the estimators to measure"
 
 
 def test_one_unwritable_file_does_not_prevent_the_others(closed, recording, tmp_path, monkeypatch):
@@ -253,7 +253,7 @@ class TestEffectsFiles:
     def test_estimate_subtracts_and_reports_effects(self, saved, recording, tmp_path):
         plain, _ = self.radial_of(tmp_path / "plain", recording)
         freed, printed = self.radial_of(tmp_path / "freed", recording, "--effects", saved)
-        assert "subtracted from its axes: imbalance" in printed
+        assert "subtracted from its axes: mounting offset" in printed
         assert plain.splitlines()[0] == freed.splitlines()[0]
         assert plain.splitlines()[-1] != freed.splitlines()[-1]
 
@@ -262,11 +262,11 @@ class TestEffectsFiles:
         path = tmp_path / "w0.effects.json"
         assert run(recording, "--save-effects", path).exit_code == 0
         _, printed = self.radial_of(tmp_path / "off", recording, "--effects", path)
-        assert "NOT subtracted from its axes: imbalance: 5000 N is outside the 3000 N to 4000 N" in printed
+        assert "NOT subtracted from its axes: mounting offset: 5000 N is outside the 3000 N to 4000 N" in printed
         result = CliRunner().invoke(
             treadlink, ["replay", str(recording), "--speed", "max", "--plain", "--effects", str(path)]
         )
-        assert "W0: subtracted from its axes at 48 km/h to 72 km/h, 3000 to 4000 N: imbalance" in result.output
+        assert "W0: subtracted from its axes at 48 km/h to 72 km/h, 3000 to 4000 N: mounting offset" in result.output
 
     def test_replay_subtracts_effects_reproducibly(self, saved, recording, tmp_path):
         def lines(*more):
@@ -278,6 +278,16 @@ class TestEffectsFiles:
         corrected = lines("--effects", saved)
         assert corrected != lines()
         assert corrected == lines("--effects", saved)
+
+    def test_estimate_notes_another_vehicle(self, recording, tmp_path):
+        path = tmp_path / "w0.effects.json"
+        path.write_text(effects_text(table(vehicle="test car")))
+        car = tmp_path / "car.toml"
+        car.write_text(
+            '[vehicle]\nname = "other"\n[tire]\nradius_mm = 320\n[[wheel]]\nposition = "W0"\nhub = 0\nwheel = 0\n'
+        )
+        _, printed = self.radial_of(tmp_path / "other", recording, "--effects", path, "--config", car)
+        assert "W0: the effects were found on vehicle test car, but this is other" in printed
 
     def test_effects_of_another_vehicle_are_rejected(self, saved, tmp_path):
         other = write_recording(tmp_path / "bare.mcap", AT_60, duration_s=3.0, configured=False)
@@ -296,9 +306,29 @@ def test_effects_of_another_recording_exclude_a_search(closed, recording, tmp_pa
         result = run(recording, "--effects", path, *ignored)
         assert result.exit_code == 2
         assert "leave out --wheel and --budget" in result.output
-    message, remedy = refused(recording, "--effects", path)
-    assert "no effect 'imbalance'" in message
-    assert "--save-effects" in remedy
+
+
+@pytest.mark.parametrize(
+    "command", [("diagnose",), ("estimate",), ("orders",), ("replay", "--speed", "max", "--plain")]
+)
+def test_every_command_checks_the_effects_alike(recording, tmp_path, command):
+    def refusal(effects, change=lambda text: text):
+        path = tmp_path / "w0.effects.json"
+        path.write_text(change(effects_text(table(effects=effects))))
+        arguments = [command[0], str(recording), *command[1:], "--effects", str(path)]
+        result = CliRunner().invoke(treadlink, arguments)
+        assert isinstance(result.exception, TreadlinkError), result.output
+        assert result.exception.remedy
+        return str(result.exception)
+
+    offset = EffectParameter("offset_m", 0.004, 1e-6, "m")
+    assert "no effect 'flux capacitor'" in refusal((CorrectedEffect("flux capacitor"),))
+    in_mm = replace(offset, value=4.0, unit="mm")
+    assert "is in mm, not in m" in refusal((CorrectedEffect("mounting offset", (in_mm,)),))
+    far = replace(offset, value=0.4)
+    assert "outside its plausible range" in refusal((CorrectedEffect("mounting offset", (far,)),))
+    known = (CorrectedEffect("mounting offset", (offset,)),)
+    assert "was edited after diagnose" in refusal(known, lambda text: text.replace("0.004", "0.008"))
 
 
 def test_list_effects_needs_no_recording():

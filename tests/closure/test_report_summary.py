@@ -59,7 +59,7 @@ def test_many_findings_are_counted():
     text = "\n".join(lines)
     assert "(and 5 more)" in text
     assert "(+4)" in text
-    assert "b (and 1 more)" in text
+    assert lines[-1].strip() == "and 1 more note: all are in --json and --html"
 
 
 @pytest.mark.parametrize(
@@ -102,6 +102,9 @@ def test_probable_effects_are_in_the_summary():
     probable = replace(ordinary().findings[0], name="ply steer", verdict=Verdict.REFUSED, probability=0.83)
     text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(probable,)))))
     assert "not certain  ply steer (probability 0.83): in the error after, but not identified" in text
+    nearly = replace(probable, probability=0.98938)
+    text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(nearly,)))))
+    assert "ply steer (probability 0.989): in the error" in text
     rare = replace(probable, probability=0.3)
     assert "not certain" not in "\n".join(closure_summary_lines(replace(ordinary(), findings=(rare,))))
 
@@ -133,7 +136,28 @@ def test_wide_terminal_shows_more():
     assert closure_summary_lines(diagnosis, 40) == narrow
     assert closure_summary_lines(diagnosis, 500) == wide
     assert narrow[-2].endswith("words"), "broken between words"
-    assert narrow[-1].endswith("words…")
+    assert narrow[-1].endswith("words")
+    assert " ".join(narrow).count("words") == 30, "whole"
+
+
+def test_notes_that_decide_are_whole_and_first():
+    inner = Reason(Code.SENSOR_ALARM, reason=Reason(Code.RADIAL_CLIPPED))
+    alarms = tuple(Reason(Code.ABOUT_RECORDING, recording=f"{name}.mcap", reason=inner) for name in "abc")
+    diagnosis = replace(ordinary(), notes=("first", "second", *alarms))
+    lines = closure_summary_lines(diagnosis)
+    shown = [line for line in lines if line.startswith("  note")]
+    assert [line.split()[1] for line in shown] == ["a.mcap:", "b.mcap:", "c.mcap:"]
+    assert "and 2 more notes" in lines[-1]
+    whole = closure_summary_lines(diagnosis, has_all_notes=True)
+    assert [line.split()[1] for line in whole if line.startswith("  note")][3:] == ["first", "second"]
+    assert "more note" not in "\n".join(whole)
+
+
+def test_path_that_is_longer_than_a_line_is_whole():
+    path = "/data/" + 30 * "recorded/" + "a.mcap"
+    lines = closure_summary_lines(replace(ordinary(), notes=(f"of {path}: clipped",)), has_all_notes=True)
+    assert max(map(width, lines)) <= LINE_WIDTH
+    assert path in "".join(line.strip() for line in lines)
 
 
 def test_parameters_are_whole_or_counted():
@@ -205,6 +229,7 @@ def test_labels_and_units(name, fitted, label, text):
     ("typed", "printed"),
     [
         ("R omega^2, 3 +- 1 m/s^2", "R ω², 3 ± 1 m/s²"),
+        ("omega^2.4, omega^20, omega^3, omega^2. And", "ω^2.4, ω^20, ω³, ω². And"),
         ("dtheta, d theta, omega_dot", "dθ, d θ, ω_dot"),
         ("alphabet, somega, thetas, pitch", "alphabet, somega, thetas, pitch"),
         ("2 / (pi width), 2 pi corner", "2 / (π width), 2 π corner"),

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL
-from gateway.closure.transfer import Transfer, differences, transfer
+from gateway.closure.transfer import Transfer, transfer
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
@@ -22,6 +23,12 @@ from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, RADIUS_M, campai
 ROLL_RAD = 0.03
 
 
+def unit_of(effect: str, parameter: str) -> str:
+    """Return the catalogue's unit, empty for what it does not have."""
+    parameters = catalogue()[effect].parameters if effect in catalogue() else ()
+    return next((one.unit for one in parameters if one.name == parameter), "")
+
+
 def table_of(effects: Mapping[str, Mapping[str, float]], **changes: Any) -> CorrectionTable:
     """Return effects as a file has them; their contributions are not used."""
     plain = CorrectionTable(
@@ -29,7 +36,9 @@ def table_of(effects: Mapping[str, Mapping[str, float]], **changes: Any) -> Corr
         omega_radps=np.array([50.0]),
         orders_mps2=np.zeros((1, 3, 2), dtype=np.complex128),
         effects=tuple(
-            CorrectedEffect(name, tuple(EffectParameter(key, value, 0.0) for key, value in values.items()))
+            CorrectedEffect(
+                name, tuple(EffectParameter(key, value, 0.0, unit_of(name, key)) for key, value in values.items())
+            )
             for name, values in effects.items()
         ),
         radius_m=RADIUS_M,
@@ -92,25 +101,36 @@ def test_value_within_its_error_of_the_range_is_taken() -> None:
         transfer(campaign_of(ONE_SPEED), wrong)
 
 
+def test_effects_of_another_tire_are_said_to_enlarge_the_error() -> None:
+    wrong = with_roll(-ROLL_RAD)
+    assert wrong.held_out.rms_after_mps2 > 1.5 * wrong.held_out.rms_before_mps2
+    assert wrong.notes[0].code is Code.EFFECTS_ENLARGE_ERROR
+    line = next(line for line in transfer_lines(wrong, "fl.json") if line.startswith("  note"))
+    before, after = wrong.held_out.rms_before_mps2, wrong.held_out.rms_after_mps2
+    assert f"the effects make the error larger ({before:.3g} -> {after:.3g} m/s²)" in line
+    assert Code.EFFECTS_ENLARGE_ERROR not in [note.code for note in with_roll(ROLL_RAD).notes]
+
+
 def test_what_differs_is_noted() -> None:
-    stated = replace(campaign_of(ONE_SPEED), sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
-    same = table_of({}, sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
-    assert differences(stated, same) == ()
+    campaign = campaign_of(ONE_SPEED, turned(LATERAL, ROLL_RAD), axes=ALL_AXES, seed=9)
+    stated = replace(campaign, sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
+    effects = {"roll tilt": {"roll_rad": ROLL_RAD}}
+    same = table_of(effects, sensor_id=0xB001, vehicle="rig", tire="205/55 R16")
+    assert transfer(stated, same).notes == campaign.notes
     # What one of both does not state is no difference.
-    assert differences(campaign_of(ONE_SPEED), same) == differences(stated, table_of({})) == ()
+    assert transfer(campaign, same).notes == campaign.notes
     other = table_of(
-        {}, sensor_id=0xB002, vehicle="car", tire="195/65 R15", radius_m=1.01 * RADIUS_M, sensor_offset_m=2e-3
+        effects, sensor_id=0xB002, vehicle="car", tire="195/65 R15", radius_m=1.01 * RADIUS_M, sensor_offset_m=2e-3
     )
-    notes = differences(stated, other)
-    assert [note.code for note in notes] == [
+    noted = transfer(stated, other)
+    assert [note.code for note in noted.notes[:5]] == [
         Code.EFFECTS_OF_OTHER_SENSOR,
         Code.EFFECTS_OF_OTHER_VEHICLE,
         Code.EFFECTS_OF_OTHER_TIRE,
         Code.EFFECTS_OF_OTHER_RADIUS,
         Code.EFFECTS_OF_OTHER_OFFSET,
     ]
-    noted = replace(with_roll(ROLL_RAD), notes=notes)
     lines = [line for line in transfer_lines(noted, "fl.json") if line.startswith("  note")]
     assert "found on sensor 0000b002, but this is sensor 0000b001" in lines[0]
-    assert "2.00 mm below the neutral layer, but here 0.00 mm" in lines[-1]
+    assert "2.00 mm below the neutral layer, but here 0.00 mm" in lines[4]
     assert transfer_json(noted)["reasons"]["notes"][0]["code"] == "effects_of_other_sensor"

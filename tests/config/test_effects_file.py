@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import replace
@@ -11,10 +12,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.config.effects_file import check_effects, effects_text, load_effects
+from gateway.config.effects_file import check_effects, effects_doubts, effects_notices, effects_text, load_effects
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
+from gateway.reasons import Code
 
 RNG = np.random.default_rng(1)
 TABLE = CorrectionTable(
@@ -73,18 +75,46 @@ def test_unknown_values_stay_unknown(tmp_path):
 
 
 def changed(change):
+    """Return a file with a change, and the digest of what it then states."""
     document = json.loads(effects_text(TABLE))
     change(document)
-    return json.dumps(document)
+    document.pop("digest")
+    stated = json.dumps(document, sort_keys=True, separators=(",", ":"))
+    return json.dumps({**document, "digest": hashlib.sha256(stated.encode()).hexdigest()})
 
 
-def test_first_version_is_read(tmp_path):
-    def first(document):
-        document.update(treadlink_effects=1)
-        del document["vehicle"], document["tire"]
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["effects"][0]["parameters"][0].update(value=2e-4),
+        lambda d: d["effects"].pop(0),
+        lambda d: d["table"].update(cosine_mps2=[[[0.0] * 12] * 3] * 2, sine_mps2=[[[0.0] * 12] * 3] * 2),
+        lambda d: d["table"]["cosine_mps2"][1][2].__setitem__(3, 7.0),
+        lambda d: d["valid"].update(load_n=None),
+        lambda d: d.update(radius_mm=321.0),
+        lambda d: d.update(digest="0" * 64),
+    ],
+)
+def test_edited_file_is_refused(tmp_path, change):
+    document = json.loads(effects_text(TABLE))
+    change(document)
+    with pytest.raises(ConfigError, match=r"fl.effects.json was edited after diagnose wrote it") as caught:
+        load_effects(written(tmp_path, json.dumps(document)))
+    assert "again" in caught.value.remedy
 
-    again = load_effects(written(tmp_path, changed(first)))
-    assert (again.vehicle, again.tire, again.sensor_id) == ("", "", TABLE.sensor_id)
+
+def test_rearranged_file_is_read(tmp_path):
+    document = json.loads(effects_text(TABLE))
+    rearranged = json.dumps(dict(reversed(document.items())), indent=1)
+    assert load_effects(written(tmp_path, rearranged)).effects[0] == TABLE.effects[0]
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_file_without_digest_has_to_be_made_again(tmp_path, version):
+    text = changed(lambda d: d.update(treadlink_effects=version))
+    with pytest.raises(ConfigError, match=f"version {version}, which has no digest") as caught:
+        load_effects(written(tmp_path, text))
+    assert "--save-effects" in caught.value.remedy
 
 
 @pytest.mark.parametrize(
@@ -94,7 +124,7 @@ def test_first_version_is_read(tmp_path):
         ("[" * 100_000, "not valid JSON"),
         ("[]", "not an effects file"),
         ('{"held_out": {}}', "treadlink_effects"),
-        (changed(lambda d: d.update(treadlink_effects=3)), "version 3"),
+        (changed(lambda d: d.update(treadlink_effects=4)), "version 4"),
         (changed(lambda d: d["effects"][0]["parameters"][0].update(value=math.nan)), "value: input should be a finite"),
         (changed(lambda d: d.update(colour="red")), "colour"),
         (changed(lambda d: d.pop("wheel")), "wheel"),
@@ -107,6 +137,7 @@ def test_first_version_is_read(tmp_path):
         (changed(lambda d: d["valid"].update(omega_radps=[60.0, 40.0])), "omega_radps"),
         (changed(lambda d: d["table"]["omega_radps"].__setitem__(0, math.nan)), "omega_radps"),
         (changed(lambda d: d["effects"][0]["parameters"][0].update(std=-1.0)), "std"),
+        (effects_text(TABLE).replace('"digest"', '"sum"'), "digest: field required"),
     ],
 )
 def test_invalid_effects_file_is_rejected(tmp_path, text, says):
@@ -158,3 +189,16 @@ class TestBelonging:
         text = VEHICLE.replace('position = "FL"', 'position = "FL"\nsensor_id = "0000beef"')
         with pytest.raises(ConfigError, match="0000beef"):
             check_effects((TABLE,), parse_vehicle(text, "test"))
+
+    def test_effects_of_another_car_are_noted(self):
+        """Name and tire do not make a subtraction wrong, so they are noted and not refused."""
+        assert effects_doubts((TABLE,), parse_vehicle(VEHICLE, "test")) == []
+        other = parse_vehicle('[vehicle]\nname = "car"\n' + VEHICLE.replace("320", '320\nsize = "195/65 R15"'), "test")
+        check_effects((TABLE,), other)
+        doubts = effects_doubts((TABLE,), other)
+        assert [doubt.reason.code for doubt in doubts] == [
+            Code.EFFECTS_OF_OTHER_VEHICLE,
+            Code.EFFECTS_OF_OTHER_TIRE,
+        ]
+        assert {doubt.subject for doubt in doubts} == {"FL"}
+        assert effects_notices((TABLE,), other)[1:] == doubts

@@ -65,6 +65,45 @@ def test_uncertain_load_has_less_weight() -> None:
     assert np.abs(fit.residuals[:-1] - clean.residuals).max() < 0.005
 
 
+def test_uncertain_half_angle_has_less_weight() -> None:
+    """Noise that shortens the contact by 6 % does not move the exponent of a recording that states it."""
+    good = [point(4200.0, 2.1e5), point(5000.0, 2.1e5)]
+    half = good[0].half_angle_rad
+    noisy = replace(good[0], half_angle_rad=0.94 * half)
+    believed = fit_load_calibration([*good, noisy])
+    doubted = fit_load_calibration([*good, replace(noisy, half_angle_std_rad=0.06 * half)])
+    clean = fit_load_calibration(good)
+    exponent, std = clean.calibration.angle_exponent, clean.angle_exponent_std
+    assert believed.scatter > 2.0
+    assert abs(doubted.calibration.angle_exponent - exponent) < 0.05
+    assert doubted.angle_exponent_std == pytest.approx(std, rel=0.1)
+    assert doubted.scatter == pytest.approx(1.0, abs=0.1)
+    # The third recording is worth little, so that leaving one out says no more than with two.
+    assert not doubted.is_error_measured
+
+
+def test_one_load_does_not_determine_the_exponent() -> None:
+    same = [replace(point(4200.0, 2.1e5), half_angle_rad=0.21 + 1e-4 * place) for place in range(3)]
+    fit = fit_load_calibration(same)
+    assert not fit.is_angle_exponent_determined
+    assert not fit.is_pressure_exponent_determined
+    assert not fit.is_error_measured
+    assert fit.calibration.angle_exponent == pytest.approx(1.4, abs=0.02)
+    assert fit.angle_exponent_std == pytest.approx(0.15, rel=0.05)
+    full = fit_load_calibration([point(*at) for at in GRID])
+    assert full.is_angle_exponent_determined
+    assert full.is_pressure_exponent_determined
+    assert full.angle_exponent_std < 0.05
+
+
+def test_contradicting_points_are_not_believed() -> None:
+    other = replace(point(4200.0, 2.1e5), half_angle_rad=1.12 * point(4200.0, 2.1e5).half_angle_rad)
+    fit = fit_load_calibration([point(4200.0, 2.1e5), other])
+    assert fit.scatter > 5.0
+    assert fit.calibration.angle_exponent == pytest.approx(1.4, abs=0.05)
+    assert fit.calibration.relative_std > 0.08
+
+
 def test_range_check_and_slope() -> None:
     calibration = fit_load_calibration([point(*at) for at in GRID]).calibration
     assert calibration.outside(0.2, 2.1e5) == ()

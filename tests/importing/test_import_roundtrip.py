@@ -4,11 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from firmware_protocol.messages import Axis, Coupling
+from firmware_protocol.messages import Coupling
+from gateway.cli import treadlink
 from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.errors import ImportDataError, RecordingError
+from gateway.errors import ConfigError, ImportDataError, RecordingError
 from gateway.importing.columns import BLOCK_ROWS
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
@@ -111,7 +113,8 @@ def test_stated_full_scale_marks_saturated_samples(tmp_path: Path) -> None:
     saturated = np.abs(decoded.counts.astype(int)) >= decoded.hello.saturation_counts
     assert saturated[:, 1].tolist() == [False, False, True, True, True, False]
     assert not saturated[:, 0].any()
-    assert decoded.hello.range_mps2[Axis.RADIAL] == pytest.approx(100 * STANDARD_GRAVITY_MPS2)
+    # The circumferential axis states none.
+    assert decoded.hello.range_mps2 == pytest.approx((0.0, 0.0, 100 * STANDARD_GRAVITY_MPS2))
 
 
 def test_no_saturation_without_full_scale(tmp_path: Path) -> None:
@@ -119,6 +122,28 @@ def test_no_saturation_without_full_scale(tmp_path: Path) -> None:
     _, decoded = imported(path, simple_map())
     assert np.abs(decoded.counts.astype(int)).max() == 32767
     assert decoded.hello.saturation_counts > 32767
+
+
+def test_undeclared_full_scale_says_nothing_about_the_sensor(tmp_path: Path) -> None:
+    """A measurement of 1 m/s^2 is of a wheel that stands, and not of a sensor that no tire has."""
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", 1e-3 * waveform(3000).T, strict=True)))
+    _, decoded = imported(path, simple_map())
+    assert decoded.hello.range_mps2 == (0.0, 0.0, 0.0)
+    recording = str(path.with_suffix(".mcap"))
+    assert "radial of unknown range" in CliRunner().invoke(treadlink, ["inspect", recording]).output
+    assert "full scale" not in CliRunner().invoke(treadlink, ["estimate", recording]).output
+
+
+def test_mounting_becomes_that_of_the_configuration(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", dict(zip("xyz", waveform(100).T, strict=True)))
+    text = simple_map() + "\n[mounting]\noffset_mm = 6.0\noffset_std_mm = 0.5\n"
+    _, decoded = imported(path, text)
+    assert decoded.vehicle_toml is not None
+    (setup,) = parse_vehicle(decoded.vehicle_toml, "recording").wheel_setups()
+    assert setup.sensor.offset_m == pytest.approx(6e-3)
+    assert setup.sensor.offset_std_m == pytest.approx(5e-4)
+    with pytest.raises(ConfigError, match=r"sensor.offset_mm: 6.0 found, move it to \[mounting\]"):
+        parse_map(simple_map(sensor='coupling = "DC"\noffset_mm = 6.0'), "map")
 
 
 def test_dead_axis_is_imported_as_zero(tmp_path: Path) -> None:

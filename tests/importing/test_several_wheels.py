@@ -30,6 +30,7 @@ unit = "g"
 position = "FR"
 radius_mm = 310.0
 pressure_kpa = 230.0
+mounting.offset_mm = 5.0
 [wheel.axis.circumferential]
 column = "right x"
 unit = "m/s^2"
@@ -75,6 +76,7 @@ def test_each_wheel_has_its_own_frames_and_conditions(tmp_path: Path) -> None:
     assert len(np.concatenate(samples[0])) == rows - 1
     setups = recorded_vehicle(reader.vehicle_toml or "", "out").wheel_setups()
     assert [setup.position for setup in setups] == ["FL", "FR"]
+    assert [setup.sensor.offset_m for setup in setups] == [None, pytest.approx(5e-3)]
     assert [setup.radius_m for setup in setups] == [pytest.approx(0.300), pytest.approx(0.310)]
 
 

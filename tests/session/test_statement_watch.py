@@ -84,6 +84,11 @@ def scale_against_range(hub: HubFrames) -> None:
     hub.hello(range_mps2=(4e3, 4e3, 400.0))
 
 
+def unstated_range(hub: HubFrames) -> None:
+    """Hub of an imported measurement, whose scale is no statement about the sensor."""
+    hub.hello(range_mps2=(0.0, 0.0, 0.0), scale_mps2=(1e-6, 1e-6, 1e3))
+
+
 def absurd_zero(hub: HubFrames) -> None:
     hub.hello(offset_counts=(0.0, 0.0, -1e5))
 
@@ -197,6 +202,12 @@ def test_false_statement_is_named_once_with_its_count(
     assert notice_text(notice).isprintable()
     for block_bytes in (300, 5000, 1 << 20):
         assert batched(hub, block_bytes) == [notice]
+
+
+def test_unstated_range_is_no_statement() -> None:
+    hub = HubFrames()
+    unstated_range(hub)
+    assert streamed(hub) == batched(hub, 4096) == []
 
 
 def test_still_clock_is_named() -> None:

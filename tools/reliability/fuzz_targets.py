@@ -27,7 +27,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import Coupling, Environment, Frame, Hello, MessageType, SampleBlock
 from gateway.cli.import_measurement import report_lines
 from gateway.clock import ManualClock
-from gateway.config.effects_file import check_effects, effects_notices, effects_text, load_effects, with_effects
+from gateway.config.effects_file import check_effects, effects_notices, effects_text, with_effects
 from gateway.config.vehicle import VehicleConfig, load_vehicle, parse_vehicle, recorded_vehicle
 from gateway.errors import TreadlinkError
 from gateway.importing.import_map import ImportMap, load_map, parse_map
@@ -44,6 +44,7 @@ from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
 from gateway.security.key_file import KeyFile, hub_identity, sensor_identity
 from gateway.session.core import SessionCore
+from gateway.session.effects_opening import open_effects_file
 from gateway.simulator.scenario import load_scenario
 from gateway.types import FloatArray
 from gateway.views import wording
@@ -228,10 +229,10 @@ def read_effects(data: bytes) -> bool:
     """An effects file, checked against the vehicle it belongs to."""
     with _file(data, "w.effects.json") as path:
         try:
-            table = load_effects(path)
+            table = open_effects_file(path)
             check_effects([table], _effects_vehicle())
             with_effects(_effects_vehicle().wheel_setups(), [table])
-            for notice in effects_notices([table]):
+            for notice in effects_notices([table], _effects_vehicle()):
                 wording.text(notice.reason)
         except TreadlinkError as error:
             _explained(error)
@@ -557,7 +558,7 @@ def _effects() -> list[bytes]:
         position="FL",
         omega_radps=np.array([40.0, 60.0]),
         orders_mps2=np.ones((2, 3, 4)) * (1.0 + 0.5j),
-        effects=(CorrectedEffect("mass", (EffectParameter("mass", 0.01, 0.001, "kg"),)),),
+        effects=(CorrectedEffect("mounting offset", (EffectParameter("offset_m", 0.004, 1e-6, "m"),)),),
         radius_m=0.32,
         omega_range_radps=(40.0, 60.0),
         load_range_n=(3000.0, 4000.0),

@@ -19,6 +19,7 @@ from gateway.views.numbers import MISSING, fixed, round_to_error
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import OutputFile, write_whole
 from gateway.views.tables.table_sinks import Cell, CsvSink
+from gateway.views.wording import text
 
 # Share of the power of white noise on integer orders, for blocks of full length.
 _NOISE_SHARE: Final = 1.0 / BLOCK_REVOLUTIONS
@@ -41,6 +42,8 @@ def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
     low, high = found.speed_range_kmh
     left_out = f", {found.rejected} with faults left out" if found.rejected else ""
     yield f"{found.wheel}  {statistics.revolutions} revolutions at {low:.1f} to {high:.1f} km/h{left_out}"
+    for doubt in found.doubts:
+        yield f"  {text(doubt)}"
     cells = "".join(f"{name:>21}" for name in AXIS_NAMES)
     yield f"  {'':<24}{cells}"
     yield f"  {'power on integer orders':<24}" + _columns(share_texts(statistics))

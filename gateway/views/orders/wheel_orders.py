@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gateway.reasons import Reason
 from gateway.signal.mean_revolution import MeanRevolution
 from gateway.signal.order_statistics import OrderStatistics, SpeedBin
 
@@ -18,6 +19,7 @@ class WheelOrders:
         statistics: of its usable revolutions.
         mean: their time synchronous average.
         rejected: number of revolutions that were left out because they have faults.
+        doubts: what speaks against the known effects that were subtracted.
     """
 
     wheel: str
@@ -25,6 +27,7 @@ class WheelOrders:
     statistics: OrderStatistics
     mean: MeanRevolution
     rejected: int
+    doubts: tuple[Reason, ...] = ()
 
     @property
     def speed_range_kmh(self) -> tuple[float, float]:

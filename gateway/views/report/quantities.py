@@ -34,7 +34,10 @@ _COMPOUND: Final = (
     "_pm",
     "_pn",
 )
-_TYPOGRAPHY: Final = {"^2": "²", "^3": "³", "degC": "°C", "+-": "±", " * ": " · "}
+_TYPOGRAPHY: Final = {"degC": "°C", "+-": "±", " * ": " · "}
+# Not the first digit of an exponent such as 2.4 or 20.
+_POWER: Final = re.compile(r"\^([23])(?!\d|\.\d)")
+_SUPERSCRIPT: Final = {"2": "²", "3": "³"}
 _GREEK: Final = {
     "alpha": "α",
     "beta": "β",
@@ -125,6 +128,7 @@ def _label(name: str) -> tuple[str, Unit]:
 
 def typeset(text: str) -> str:
     """Return a text, unit or equation in print: `N/m^2` -> `N/m²`, `omega` -> `ω`."""
+    text = _POWER.sub(lambda match: _SUPERSCRIPT[match[1]], text)
     for typed, written in _TYPOGRAPHY.items():
         text = text.replace(typed, written)
     return clean(_GREEK_WORD.sub(lambda match: match[1] + _GREEK[match[2]], text))

@@ -9,6 +9,7 @@ from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
 from gateway.closure.result import Diagnosis, Finding, Fitted, Scaling, ScalingStatus, Verdict
 from gateway.views.numbers import MISSING, fixed
+from gateway.views.probabilities import probability_text
 from gateway.views.report.phrases import (
     SCALINGS,
     VERDICTS,
@@ -35,7 +36,6 @@ _DEGREES: Final = 180.0 / math.pi
 _BAND_STDS: Final = 2.0
 # Probabilities above are shown as a bound, and with a third digit.
 _CERTAIN: Final = 0.999
-_NEARLY: Final = 0.9
 
 
 class _HasState(Protocol):
@@ -187,13 +187,13 @@ def axis_rows(diagnosis: Diagnosis) -> list[AxisRow]:
     ]
 
 
-def probability_text(probability: float) -> str:
+def _probability(probability: float) -> str:
     """Return a probability, near 1 as a bound."""
     if not math.isfinite(probability):
         return MISSING
     if probability > _CERTAIN:
         return f"> {_CERTAIN}"
-    return f"{probability:.3f}" if probability > _NEARLY else f"{probability:.2f}"
+    return probability_text(probability)
 
 
 def effect_rows(diagnosis: Diagnosis) -> list[EffectRow]:
@@ -286,7 +286,7 @@ def _effect(finding: Finding) -> EffectRow:
         parameters=tuple(show_fitted(name, fitted) for name, fitted in finding.parameters.items()),
         rms=significant(finding.rms_mps2),
         held_out=change,
-        probability=probability_text(finding.probability),
+        probability=_probability(finding.probability),
         chi2=significant(finding.chi2),
         reason=reason_text(finding.reason),
         remarks=tuple((label, text) for label, text in remarks if text),

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from gateway.closure.data.campaign_data import Remark
 from gateway.closure.result import Diagnosis, Finding
+from gateway.reasons import Code, Reason
 from gateway.views.numbers import fixed
+from gateway.views.probabilities import probability_text
 from gateway.views.report.phrases import (
     GROWN,
     NON_STATIONARY,
@@ -27,7 +30,7 @@ from gateway.views.report.phrases import (
 )
 from gateway.views.report.quantities import plain, ratio, show_fitted, significant
 from gateway.views.report.transfer_report import axis_lines
-from gateway.views.text import ELLIPSIS, clean, crop, pad, width
+from gateway.views.text import clean, crop, pad, width
 
 LINE_WIDTH: Final = 80
 MOST_WIDE: Final = 120
@@ -38,21 +41,38 @@ _LABEL_WIDTH: Final = 13
 _MOST_NAMED: Final = 4
 _MOST_OTHERS: Final = 2
 _MOST_NOTES: Final = 2
+_DECISIVE: Final = frozenset(
+    {
+        Code.CONTACTS_CONTRADICT,
+        Code.LOADS_CONTRADICT,
+        Code.RECORDING_LEFT_OUT,
+        Code.SENSOR_ALARM,
+        Code.SENSOR_IN_DOUBT,
+    }
+)
 # Estimates listed, in this order; the rest is in the report.
 _ESTIMATES: Final = ("Bs", "Cw", "Rs", "Ts")
 
 
-def closure_summary_lines(diagnosis: Diagnosis, columns: int = LINE_WIDTH) -> list[str]:
-    """Return a diagnosis as plain lines of at most `columns` columns, LINE_WIDTH at least, without escape codes."""
+def closure_summary_lines(diagnosis: Diagnosis, columns: int = LINE_WIDTH, *, has_all_notes: bool = False) -> list[str]:
+    """Return a diagnosis as plain lines of at most `columns` columns, LINE_WIDTH at least, without escape codes.
+
+    Args:
+        diagnosis: the result.
+        columns: width of the terminal.
+        has_all_notes: whether to print every note, as for a file, which nobody can look behind; else those that bear
+            on the result and a few others, and the number of the rest.
+    """
     columns = max(LINE_WIDTH, min(columns, MOST_WIDE))
-    return [crop(line.rstrip(), columns) for line in _Lines(columns).of(diagnosis)]
+    return [crop(line.rstrip(), columns) for line in _Lines(columns, has_all_notes).of(diagnosis)]
 
 
 class _Lines:
     """Formats a diagnosis as lines of a width."""
 
-    def __init__(self, columns: int) -> None:
+    def __init__(self, columns: int, has_all_notes: bool) -> None:
         self._room = columns - len(_INDENT) - _LABEL_WIDTH
+        self._has_all_notes = has_all_notes
 
     def of(self, diagnosis: Diagnosis) -> Iterator[str]:
         held_out, floor = diagnosis.held_out, diagnosis.noise_floor_mps2
@@ -72,10 +92,19 @@ class _Lines:
         yield from self._likely(likely(diagnosis))
         yield from self._unexplained(diagnosis)
         yield from self._estimates(diagnosis)
-        for index, note in enumerate(diagnosis.notes[:_MOST_NOTES]):
-            more = len(diagnosis.notes) - _MOST_NOTES
-            last = f" (and {more} more)" if more > 0 and index == _MOST_NOTES - 1 else ""
-            yield from self._rows("note", remark(note) + last)
+        yield from self._notes(diagnosis.notes)
+
+    def _notes(self, notes: Sequence[Remark]) -> Iterator[str]:
+        decisive = sum(_is_decisive(note) for note in notes)
+        shown = sorted(notes, key=lambda note: not _is_decisive(note))
+        if not self._has_all_notes:
+            shown = shown[: max(decisive, _MOST_NOTES)]
+        for note in shown:
+            yield from self._rows("note", remark(note))
+        if len(shown) < len(notes):
+            yield from self._rows(
+                "", f"and {counted(len(notes) - len(shown), 'more note')}: all are in --json and --html"
+            )
 
     def _named(self, diagnosis: Diagnosis, undecided: bool) -> Iterator[str]:
         named = diagnosis.named
@@ -104,7 +133,7 @@ class _Lines:
 
     def _likely(self, uncertain: Sequence[Finding]) -> Iterator[str]:
         if uncertain:
-            names = [f"{effect_title(one.name)} (probability {fixed(one.probability, 2)})" for one in uncertain]
+            names = [f"{effect_title(one.name)} (probability {probability_text(one.probability)})" for one in uncertain]
             yield from self._rows("not certain", f"{listed(names)}: in the error after, but not identified")
 
     def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
@@ -145,12 +174,11 @@ class _Lines:
         return _INDENT + pad(label, _LABEL_WIDTH) + crop(text, self._room - width(tail)) + tail
 
     def _rows(self, label: str, text: str) -> Iterator[str]:
-        """Yield a text in at most two lines, broken between words."""
-        first, rest = _broken(text, self._room)
-        yield self._row(label, first)
-        if rest:
-            second, cropped = _broken(rest, self._room - 1)
-            yield self._row("", second + (ELLIPSIS if cropped else ""))
+        """Yield a text in as many lines as it needs, broken between words."""
+        while text:
+            line, text = _broken(text, self._room)
+            yield self._row(label, line)
+            label = ""
 
 
 def _first_of(start: str, cells: Sequence[str], room: int) -> str:
@@ -164,10 +192,19 @@ def _first_of(start: str, cells: Sequence[str], room: int) -> str:
 
 
 def _broken(text: str, room: int) -> tuple[str, str]:
-    """Return the words that fit, and the rest; a word that is too long is cropped with its line."""
+    """Return the words that fit, and the rest; of a word that is too long, such as a path, what fits."""
     if width(text) <= room:
         return text, ""
     words, first = text.split(" "), ""
-    while words and width(f"{first} {words[0]}") <= room:
+    while words and width(f"{first} {words[0]}".lstrip()) <= room:
         first = f"{first} {words.pop(0)}".lstrip()
-    return (first, " ".join(words)) if first else (text, "")
+    if first:
+        return first, " ".join(words)
+    cut = next(cut for cut in range(len(text), 0, -1) if width(text[:cut]) <= room)
+    return text[:cut], text[cut:]
+
+
+def _is_decisive(note: Remark) -> bool:
+    """Return whether a note says that the result may be wrong, or belongs to fewer recordings than were given."""
+    reason = note["reason"] if isinstance(note, Reason) and note.code is Code.ABOUT_RECORDING else note
+    return isinstance(reason, Reason) and reason.code in _DECISIVE

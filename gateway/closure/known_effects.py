@@ -1,0 +1,82 @@
+"""Effects of an effects file, checked against the catalogue."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.effects.catalogue import candidates
+from gateway.closure.effects.effect import BaselineModel, Parameter
+from gateway.closure.inference import criteria
+from gateway.closure.model.baseline_registry import angle_effects
+from gateway.closure.model.closure_model import AngleEffect
+from gateway.errors import TreadlinkError
+from gateway.signal.effect_correction import CorrectionTable, EffectParameter
+from gateway.types import FloatArray
+
+_AGAIN: Final = "Create the file again with `treadlink diagnose --save-effects`."
+
+
+def known_effects(
+    table: CorrectionTable, origin: str, model: BaselineModel = BaselineModel.EXACT
+) -> list[tuple[AngleEffect, FloatArray]]:
+    """Return the effects of a table with their parameter vectors, SI.
+
+    Args:
+        table: the effects; their parameters are used, not their contributions.
+        origin: where they come from, for messages.
+        model: baseline model that they are to be added to; a file is made with the exact ring.
+
+    Raises:
+        TreadlinkError: an effect is not in the catalogue or stands twice, or its parameters are not those of the
+            catalogue, in another unit or outside of their ranges.
+    """
+    catalogue = angle_effects(candidates(model))
+    effects: list[tuple[AngleEffect, FloatArray]] = []
+    for one in table.effects:
+        effect = catalogue.get(one.name)
+        if effect is None:
+            raise TreadlinkError(
+                f"{origin}: the catalogue has no effect '{one.name}' for this baseline model",
+                "Create the file again with `treadlink diagnose --save-effects`, or install the plug-in it came from.",
+            )
+        if any(effect is other for other, _ in effects):
+            raise TreadlinkError(f"{origin}: effect '{one.name}' stands twice", _AGAIN)
+        given = {parameter.name: parameter for parameter in one.parameters}
+        names = [parameter.name for parameter in effect.parameters]
+        for name in names:
+            if name not in given:
+                raise TreadlinkError(f"{origin}: effect '{one.name}' lacks the parameter '{name}'", _AGAIN)
+        for name in given:
+            if name not in names or sum(parameter.name == name for parameter in one.parameters) > 1:
+                raise TreadlinkError(
+                    f"{origin}: effect '{one.name}' has no parameter '{name}', or has it twice", _AGAIN
+                )
+        for parameter in effect.parameters:
+            _check_range(effect, parameter, given[parameter.name], origin)
+        effects.append((effect, np.array([given[name].value for name in names])))
+    return effects
+
+
+def _check_range(effect: AngleEffect, parameter: Parameter, given: EffectParameter, origin: str) -> None:
+    """Check a value by the range that a diagnosis allows.
+
+    Raises:
+        TreadlinkError: it is outside by more than its standard error allows, or in another unit.
+    """
+    label = f"{origin}: effect '{effect.name}': parameter '{parameter.name}'"
+    if given.unit != parameter.unit:
+        wanted, found = parameter.unit or "no unit", given.unit or "no unit"
+        raise TreadlinkError(f"{label} is in {found}, not in {wanted}", _AGAIN)
+    slack = criteria.BEYOND_BOUND * given.std if math.isfinite(given.std) else 0.0
+    # A wide error does not make an impossible value possible.
+    slack = min(slack, parameter.high - parameter.low)
+    if not parameter.low - slack <= given.value <= parameter.high + slack:
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        raise TreadlinkError(
+            f"{label} is {given.value:g}{unit}, outside its plausible range of {parameter.low:g} to "
+            f"{parameter.high:g}{unit}",
+            _AGAIN,
+        )
