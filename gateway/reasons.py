@@ -389,6 +389,10 @@ class Code(StrEnum):
     STATED_RADIUS = "stated_radius"
     STATED_ROLL = "stated_roll"
 
+    # Rows of a dataset
+    ROW_FEW_VALID = "row_few_valid"
+    ROW_SCATTERS = "row_scatters"
+
     # Trends of a dataset
     TREND_CLOCK_WRONG = "trend_clock_wrong"
     TREND_DISTANCE_CONSTANT = "trend_distance_constant"

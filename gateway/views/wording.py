@@ -544,13 +544,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ONLY_UNKNOWN_TYPES: (
         "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
     ),
-    Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has",
+    Code.PRESSURE_IMPOSSIBLE: (
+        "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has: these readings are not used"
+    ),
     Code.SAMPLES_REPEATED: ("sends the same samples again: {count} blocks are not used. A fault of the firmware"),
     Code.SAMPLE_NUMBERS_JUMP: (
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
     ),
-    Code.TEMPERATURE_IMPOSSIBLE: "the sensor states {temperature_degc:.0f degC} ({count} so far), which no tire has",
+    Code.TEMPERATURE_IMPOSSIBLE: (
+        "the sensor states {temperature_degc:.0f degC} ({count} so far), which no tire has: these readings are not used"
+    ),
     Code.WHEELS_REFUSED: (
         "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
         "configure the wheels, and sign frames"
@@ -636,6 +640,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
     Code.STATED_RADIUS: "belt radius {radius_m:g mm} ({source})",
     Code.STATED_ROLL: "mounting roll {roll_rad:g deg} ({source})",
+    # Rows of a dataset
+    Code.ROW_FEW_VALID: "valid in {count} of {of} revolutions only",
+    Code.ROW_SCATTERS: "varies within the recording by {ratio:.1f} times its standard error, which contains it",
     # Trends of a dataset
     Code.TREND_CLOCK_WRONG: (
         "left out, because the clock of the recorder was wrong: {path} says it began on {date}. Set its clock and "
