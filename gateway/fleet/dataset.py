@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -54,6 +55,9 @@ _NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
 _LOCK_RETRY_NS: Final = 200_000_000
 
 
+_KEY_NAME: Final = re.compile(rf"(\w+)-(\w+)-(\w+)(?:\.(?:{_FINAL}|{_AGAIN}))?\.parquet", re.ASCII)
+
+
 class Key(NamedTuple):
     """Name of a recording's files, without their end.
 
@@ -72,9 +76,9 @@ class Key(NamedTuple):
 
     @classmethod
     def of_name(cls, name: str) -> Self | None:
-        """Return the key in the name of a file, None when it is not one."""
-        parts = name.split(".")[0].split("-")
-        return cls(*parts) if len(parts) == 3 and all(parts) else None
+        """Return the key in the name of a file, None when it is not one, as of a copy such as `KEY (1).parquet`."""
+        found = _KEY_NAME.fullmatch(name)
+        return cls(*found.groups()) if found else None
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,7 @@ RECORDINGS: Final = "recordings"
 _NS: Final = 1_000_000_000
 _ANGLES: Final = 1024
 _ORDERS: Final = 61
+_FALSE_STATEMENT: Final = "false statement"
 
 
 class RowsKept(StrEnum):
@@ -365,7 +366,7 @@ def _recording_rows(
             wheel = configured(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
             false = [notice.reason for notice in statements if _concerns(notice.subject, position, own)]
-            cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names, false)
+            cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             cells |= {
                 "recording_id": content.recording_id,
                 "recording": _storable(content.path.name),
@@ -379,8 +380,13 @@ def _recording_rows(
                 "pressure_measured": collected.sensors.measures_pressure(vehicle, position),
                 "frames": sum(counted.frames for counted in counters.values()),
                 "frames_lost": sum(counted.lost for counted in counters.values()),
-                "alarms": _json([{"position": alarm.position, **alarm_fields(alarm)} for alarm in mine]),
-                "alarm_count": sum(alarm.count for alarm in mine),
+                "alarms": _json(
+                    [
+                        *({"position": alarm.position, **alarm_fields(alarm)} for alarm in mine),
+                        *({"position": position, "name": _FALSE_STATEMENT, **as_json(reason)} for reason in false),
+                    ]
+                ),
+                "alarm_count": sum(alarm.count for alarm in mine) + len(false),
                 "damage": _json(as_json(reader.damage)) if reader.damage is not None else None,
                 "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
                 "size_bytes": content.size_bytes,

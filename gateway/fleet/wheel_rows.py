@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Final
 
@@ -176,15 +176,12 @@ class WheelRow:
                 known = self._estimates[name] = _Quantity(is_steady=name in _STEADY)
             known.add(estimate)
 
-    def cells(
-        self, wheel: WheelSnapshot | None, estimates: Sequence[str], statements: Iterable[Reason] = ()
-    ) -> dict[str, Cell]:
+    def cells(self, wheel: WheelSnapshot | None, estimates: Sequence[str]) -> dict[str, Cell]:
         """Return the cells that revolutions and the last state of the wheel decide.
 
         Args:
             wheel: its last state, None when it is not known.
             estimates: names of the dataset's columns; others go into `other_estimates`.
-            statements: of the sensor or its hub that are false, each with a count.
         """
         rolled, conditions = self._rolling_s > 0.0, self._last.conditions if self._last is not None else None
         cells: dict[str, Cell] = {
@@ -209,12 +206,7 @@ class WheelRow:
             **self._stated(),
             "noise_mps2": self._noise.value,
             "missing_fraction": self._missing_s / self._rolling_s if rolled else None,
-            "faults": _as_list(
-                [
-                    *({**as_json(fault), "count": n} for fault, n in self._faults.most_common()),
-                    *({**as_json(false), "count": dict(false.values).get("count", 1)} for false in statements),
-                ]
-            ),
+            "faults": _as_list([{**as_json(fault), "count": n} for fault, n in self._faults.most_common()]),
         }
         if wheel is not None:
             counters = wheel.counters
