@@ -21,7 +21,7 @@ def without_repeats(rows: Sequence[Row]) -> tuple[list[Row], list[tuple[Row, Row
     was zero at the same time: a recorder that always begins at the same wrong date repeats its times only. Of several
     the one with the most valid revolutions is kept.
     """
-    order = sorted(rows, key=lambda row: (-(row.get("revolutions_valid") or 0), str(row["path"])))
+    order = sorted(rows, key=_worth)
     kept: list[Row] = []
     by_zero: dict[int, list[Row]] = defaultdict(list)
     repeats: list[tuple[Row, Row]] = []
@@ -35,6 +35,12 @@ def without_repeats(rows: Sequence[Row]) -> tuple[list[Row], list[tuple[Row, Row
         else:
             repeats.append((row, same))
     return kept, repeats
+
+
+def _worth(row: Row) -> tuple[int, int, str]:
+    """Return what orders recordings of one drive: valid revolutions first, then the shortest path, the original's."""
+    path = str(row["path"])
+    return -(row.get("revolutions_valid") or 0), len(path), path
 
 
 def _is_same_drive(row: Row, other: Row) -> bool:

@@ -387,7 +387,7 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
     notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
     rate = _rate(quantity, "%/month", line, reasons=notes)
     drift = rate
-    if name == "Bs" and rate.status is not Status.INVALID and (worn := _softened_by_wear(history, line)) is not None:
+    if name == "Bs" and rate.status is not Status.INVALID and (worn := _softened_by_wear(tire, line)) is not None:
         slope, slope_std = worn
         share = Reason(Code.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
         rate = replace(rate, reasons=(*rate.reasons, share))
@@ -403,12 +403,16 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
         )
 
 
-def _softened_by_wear(history: TireHistory, line: _Line) -> tuple[float, float] | None:
+def _softened_by_wear(tire: _Tire, line: _Line) -> tuple[float, float] | None:
     """Return the change of ln(Bs p) by the measured wear in percent a month and its error; None without wear.
 
     A wear that decreases is none: a bending stiffness that rises is the rubber's.
     """
+    history = tire.history
     thickness_mm, wear_mm = 1e3 * history.column("ring_thickness_m")[line.places], history.column("wear_mm")
+    # Statements that only the wear rests on shift it: their levels are fitted beside those of Bs.
+    more = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, "Bs"))
+    design = np.column_stack([line.design, *_levels(line.places, sorted(more))])
     with np.errstate(invalid="ignore"):
         left = 1.0 - wear_mm[line.places] / thickness_mm
         used = ~line.search.is_outlier & (left > 0.0)
@@ -416,7 +420,7 @@ def _softened_by_wear(history: TireHistory, line: _Line) -> tuple[float, float] 
         return None
     percent = np.zeros(len(left))
     percent[used] = 100.0 * bending_left(left[used])
-    found = fitted(line.design, percent, np.ones(len(left)), used)
+    found = fitted(design, percent, np.ones(len(left)), used)
     return (float(found.coefficients[1]), found.std(1)) if found is not None and found.coefficients[1] < 0.0 else None
 
 

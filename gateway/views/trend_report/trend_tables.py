@@ -78,7 +78,7 @@ _COLUMNS: Final[dict[str, type]] = {
     "vehicle": str, "position": str, "other_position": str, "sensor_id": str, "part": int, "first_utc": str,
     "last_utc": str, "recordings": int, "distance_km": float, "has_odometer": bool, "quantity": str, "value": float,
     "std": float, "unit": str, "low_95": float, "high_95": float, "status": str, "count": int, "freedom": int,
-    "codes": str, "reason": str,
+    "codes": str, "reason": str, "findings": str,
 }  # fmt: skip
 
 
@@ -181,11 +181,11 @@ def trends_csv(trends: FleetTrends) -> bytes:
             _utc(trend.last_ns), trend.recordings, _known(trend.distance_km), trend.has_odometer,
         ]  # fmt: skip
         for number in trend.numbers:
-            sink.row([*head, *_cells(number)])
+            sink.row([*head, *_cells(number), findings_text(trend.findings)])
     for pair in trends.pairs:
         start: list[Any] = [_storable(pair.vehicle), pair.left, pair.right, "", None, "", "", None, None, None]
         for number in pair.numbers:
-            sink.row([*start, *_cells(number)])
+            sink.row([*start, *_cells(number), ""])
     sink.end()
     return file.getvalue()
 
