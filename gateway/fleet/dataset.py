@@ -31,7 +31,7 @@ import numpy as np
 from gateway import __version__
 from gateway.errors import OutputError
 from gateway.fleet.content_keys import path_key
-from gateway.fleet.parquet_parts import FORMAT, PartFile
+from gateway.fleet.parquet_parts import FORMAT, PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
@@ -51,6 +51,7 @@ FAILURES: Final = "failures"
 INCOMING: Final = ".incoming"
 _LOCK: Final = ".lock"
 _FINAL, _AGAIN = "final", "again"
+_OF_WHEELS: Final = ("position", "revolutions", "missing", "alarms")
 _NO_REVOLUTIONS: Final = "none"
 _LONGEST_NAME: Final = 80
 _NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
@@ -141,7 +142,7 @@ class Dataset:
         """Return what the rows of a content say of its wheels; None where a file of it is missing or damaged."""
         key = self._done[recording_id]
         path = self._places.get((RECORDINGS, key))
-        rows = _rows_of(path) if path is not None else None
+        rows = read_rows(path, _OF_WHEELS) if path is not None else None
         if rows is None:
             return None
         if self.description.rows != _NO_REVOLUTIONS and any(row["revolutions"] for row in rows):
@@ -331,19 +332,6 @@ class Dataset:
         if known is not None:
             for found in (self.root / FAILURES).glob(f"{known[0]}.*.parquet"):
                 found.unlink(missing_ok=True)
-
-
-def _rows_of(path: Path) -> list[dict[str, Any]] | None:
-    """Return what the campaign needs of the rows of a file, None when it cannot be read."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with pq.ParquetFile(path) as file:
-            rows: list[dict[str, Any]] = file.read(["position", "revolutions", "missing", "alarms"]).to_pylist()
-    except (OSError, ValueError, KeyError, pa.ArrowException):
-        return None
-    return rows
 
 
 def _is_readable(path: Path) -> bool:

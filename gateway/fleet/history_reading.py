@@ -19,6 +19,7 @@ from gateway.clock import Clock, SystemClock
 from gateway.errors import OutputError, RecordingError
 from gateway.estimators.estimator import Status
 from gateway.fleet.dataset import FAILURES, Key, is_identified, read_description
+from gateway.fleet.parquet_parts import read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.repeated_drives import Row, without_repeats
 from gateway.reasons import Code, Reason
@@ -97,7 +98,7 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
         if key is None or key.recording_id in read:
             notes.append(Reason(Code.TREND_FOREIGN_FILE, path=str(path)))
             continue
-        found = _rows(path, names)
+        found = read_rows(path, names, _NEEDED)
         if found is None:
             notes.append(Reason(Code.TREND_UNREADABLE_FILE, path=str(path)))
             continue
@@ -185,25 +186,6 @@ def read_odometer(path: Path) -> Odometer:
             )
         readings[vehicle] = times, km_read
     return readings
-
-
-def _rows(path: Path, names: Sequence[str]) -> list[dict[str, Any]] | None:
-    """Return the rows of a file, None when it is not readable."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with pq.ParquetFile(path) as file:
-            present = set(file.schema_arrow.names)
-            if not present.issuperset(_NEEDED):
-                return None
-            table = file.read([name for name in names if name in present])
-        for name in present.intersection(_TIMES):
-            table = table.set_column(table.schema.get_field_index(name), name, table.column(name).cast(pa.int64()))
-        rows: list[dict[str, Any]] = table.to_pylist()
-    except (OSError, ValueError, KeyError, pa.ArrowException):
-        return None
-    return rows
 
 
 def _history(

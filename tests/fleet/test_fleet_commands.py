@@ -26,6 +26,7 @@ from gateway.fleet.tire_diagnoses import (
     MOST_RECORDINGS,
     DiagnosisOrder,
     _chosen,
+    _tires,
     diagnose_tire,
     diagnose_tires,
     outcome_in,
@@ -171,6 +172,16 @@ def test_tires_without_a_diagnosis_are_named_with_the_reason(tmp_path):
     outcome = diagnose_tire(order)
     assert "gone.mcap" in outcome.failure
     assert outcome_in(part) == outcome
+
+
+def test_a_foreign_file_does_not_stop_the_diagnoses(campaign, recordings, tmp_path):
+    campaign(recordings)
+    first, *_ = (tmp_path / "dataset" / "recordings").rglob("*.parquet")
+    first.with_name("mine.parquet").write_text("no Parquet file")
+    first.with_name("a-b-c.parquet").write_text("no Parquet file")
+    tires = _tires(tmp_path / "dataset", [path.resolve() for path in recordings.iterdir()])
+    assert [len(rows) for rows in tires.values()] == [1, 2]
+    assert isinstance(next(iter(tires.values()))[0]["start_utc"], int)
 
 
 def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):

@@ -13,7 +13,8 @@ import pytest
 from gateway.clock import ManualClock
 from gateway.errors import OutputError, RecordingError
 from gateway.fleet.dataset import is_identified
-from gateway.fleet.history_reading import _rows, read_histories, read_odometer
+from gateway.fleet.history_reading import read_histories, read_odometer
+from gateway.fleet.parquet_parts import read_rows
 from gateway.recording.compact import compact_recording
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.tire_history import Statement
@@ -63,10 +64,10 @@ def test_recordings_of_unknown_tires_are_said_to_be(campaign, recordings, tmp_pa
     assert all(tire.is_identified for tire in named.tires)  # by their sensor
     assert named.notes == ()
 
-    def without_sensor(path, names):
-        return [{**row, "sensor_id": ""} for row in _rows(path, names) or ()]
+    def without_sensor(*arguments):
+        return [{**row, "sensor_id": ""} for row in read_rows(*arguments) or ()]
 
-    monkeypatch.setattr("gateway.fleet.history_reading._rows", without_sensor)
+    monkeypatch.setattr("gateway.fleet.history_reading.read_rows", without_sensor)
     found = read_histories(tmp_path / "dataset")
     assert {tire.vehicle: tire.is_identified for tire in found.tires} == {
         "a/b=c ü": True, "van 7": True, "unknown": False
