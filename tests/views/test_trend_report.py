@@ -8,6 +8,7 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -109,3 +110,12 @@ def test_csv_has_the_findings(trends):
     rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
     assert {row["findings"][:5] for row in rows if row["position"] == "FL"} == {"loses"}
     assert {row["findings"] for row in rows if row["position"] == "FR"} == {""}
+
+
+def test_lines_say_why_numbers_are_marked():
+    doubts = ("contradicted",) * 40
+    tires = [replace(history(1, 40, vehicle=name), doubts={"wear_mm": doubts} if name == "a" else {}) for name in "ab"]
+    lines = list(trend_lines(analyse(tires, recordings=80)))
+    assert lines[lines.index("marked ~:") + 1] == (
+        "  a FL 0000a000, wear: provisional in 40 of 40 recordings: contradicted"
+    )

@@ -25,6 +25,7 @@ from gateway.views.trend_report.trend_tables import (
     plain_number,
     shown,
     tire_name,
+    tires_text,
     unit_in,
     vehicles_of,
 )
@@ -38,7 +39,6 @@ MOST_FIGURES: Final = 60
 
 MOST_OUTLIERS: Final = 500
 _MOST_NOTES: Final = 40
-_NAMED_TIRES: Final = 3
 
 _PACKAGE: Final = "gateway.views.trend_report"
 _TEMPLATE: Final = "fleet_trends.html.j2"
@@ -220,17 +220,9 @@ def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequenc
             if why:
                 reasons.setdefault((LABELS[quantity], why), []).append(tire_name(tire))
         rows.append((tire_name(tire), cells))
-    notes = [(_of_tires(names, len(tires)), label, why) for (label, why), names in reasons.items()]
+    notes = [(tires_text(names, len(tires)), label, why) for (label, why), names in reasons.items()]
     heads = [(LABELS[quantity], units[quantity]) for quantity in quantities]
     return Table(key, title, heads, rows, notes[:_MOST_NOTES], max(len(notes) - _MOST_NOTES, 0))
-
-
-def _of_tires(names: Sequence[str], every: int) -> str:
-    """Return the tires that a note is about: all, or the first ones by name."""
-    if len(names) == every and every > 1:
-        return "all tires"
-    more = len(names) - _NAMED_TIRES
-    return ", ".join(names[:_NAMED_TIRES]) + (f" and {counted(more, 'other')}" if more > 0 else "")
 
 
 def _with_unit(number: TrendNumber) -> str:
