@@ -109,7 +109,8 @@ def campaign(
     again; a changed file replaces its rows.
 
     A recording that cannot be estimated is a row of the table failures and does not stop the others. One whose worker
-    process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure.
+    process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure, or a wheel
+    that sent samples has no revolution.
     """
     if scheduler is not None and jobs is not None:
         raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
@@ -195,7 +196,7 @@ def campaign(
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
-    if progress.failed or progress.failed_before or counts.failed:
+    if progress.failed or progress.failed_before or progress.standing or counts.failed:
         raise SystemExit(exit_status.NO_RESULT)
 
 
@@ -274,6 +275,17 @@ def _left_text(progress: CampaignProgress) -> str:
     return "time left not known yet" if left_s is None else f"{duration(left_s)} left"
 
 
+def _troubles(progress: CampaignProgress) -> Iterator[str]:
+    """Yield the counts of what a recording can lack although it has rows."""
+    from gateway.views.report.phrases import counted
+
+    if progress.standing:
+        yield f"{counted(len(progress.standing), 'wheel')} without a revolution"
+    if progress.with_alarms:
+        names = "; ".join(f"{name} in {count}" for name, count in progress.alarms.most_common())
+        yield f"{counted(progress.with_alarms, 'recording')} with alarms: {clean(names)}"
+
+
 def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], root: Path) -> None:
     """Print what was done, and the failures."""
     from gateway.views.numbers import duration, file_size
@@ -284,6 +296,7 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
     for count, words in (
         (progress.known, "done before"),
         (progress.copies, "with the content of another"),
+        (progress.restored, "estimated again, because their file in the dataset was missing or damaged"),
         (progress.damaged, "damaged: their readable part was estimated"),
         (progress.failed_before, "failed before and have not changed (--retry tries them again)"),
         (progress.failed, "failed"),
@@ -294,6 +307,12 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
         click.echo(f"  {clean(str(path))}: {clean(text(failure.reason))}")
     if len(failures) > _LISTED_FAILURES:
         click.echo(f"  and {len(failures) - _LISTED_FAILURES} more, in the table failures")
+    if progress.standing or progress.with_alarms:
+        click.echo(", ".join(_troubles(progress)))
+    for path, position, why in progress.standing[:_LISTED_FAILURES]:
+        click.echo(f"  {clean(' '.join(filter(None, (str(path), position))))}: {clean(why)}")
+    if len(progress.standing) > _LISTED_FAILURES:
+        click.echo(f"  and {len(progress.standing) - _LISTED_FAILURES} more, in the column missing")
     if progress.peak_bytes:
         click.echo(f"largest worker process: {file_size(progress.peak_bytes)}")
     click.echo(f"dataset: {root}")

@@ -19,8 +19,12 @@ from gateway.estimators.revolution_block import RevolutionBlock
 from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K, TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
+from gateway.types import FloatArray
 
 NAMES: Final = ("wear_mm", "wear_number", "wear_drift_mm")
+
+_BENDING_POWER: Final = 3.0
+"""Power of the ring's thickness in its bending stiffness."""
 
 # Revolutions after which a value of the running average is independent of an earlier one.
 _SPACING_REVOLUTIONS: Final = round(2 * DEFAULT_HORIZON_REVOLUTIONS)
@@ -111,8 +115,18 @@ class WearEstimator:
         reasons = [Reason(Code.OVER_REVOLUTIONS, revolutions=span)]
         if not softening.is_known:
             reasons.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
-        std = math.hypot(scatter, thickness_mm / 3.0 * softening.std)
+        std = math.hypot(scatter, thickness_mm / _BENDING_POWER * softening.std)
         return Estimate(NAMES[2], float(xy / xx) * span, std, Status.VALID, tuple(reasons))
+
+
+def thickness_left(bending: float) -> float:
+    """Return the share of the ring's thickness that is left, from ln(EI / EI of the new ring)."""
+    return math.exp(bending / _BENDING_POWER)
+
+
+def bending_left(thickness_share: FloatArray) -> FloatArray:
+    """Return (n,) ln(EI / EI of the new ring) from the positive shares of its thickness that are left."""
+    return np.asarray(_BENDING_POWER * np.log(thickness_share), dtype=np.float64)
 
 
 def _wear(conditions: TireConditions) -> Estimate:
@@ -125,11 +139,11 @@ def _wear(conditions: TireConditions) -> Estimate:
     if found.status is Status.INVALID:
         return Estimate.invalid(NAMES[0], *found.reasons)
     softening = tire.reference.softening(conditions.temperature_degc, tire.reference.temperature_degc)
-    left = math.exp((found.value - softening.logarithm) / 3.0)
+    left = thickness_left(found.value - softening.logarithm)
     notes = list(found.reasons)
     if not softening.is_known:
         notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
-    error = thickness * left / 3.0 * math.hypot(found.std, softening.std)
+    error = thickness * left / _BENDING_POWER * math.hypot(found.std, softening.std)
     std = math.hypot(error, (1.0 - left) * tire.ring_thickness_std_m)
     value, status = thickness * (1.0 - left), found.status
     if tire.wear_m is not None and abs(value - tire.wear_m) > DETERMINED * math.hypot(std, tire.wear_std_m):

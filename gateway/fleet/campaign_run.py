@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from gateway.fleet.recording_estimation import (
 from gateway.fleet.worker_tasks import TaskPosition, TaskResult, WorkerTasks, position_reporter
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent, read_content
+from gateway.views.wording import text
 
 _POLL_S: Final = 0.1
 _READ_AHEAD: Final = 64
@@ -44,6 +46,10 @@ class CampaignProgress:
         failed_before: recordings known to fail, which have not changed.
         copies: files with the content of another file.
         damaged: of the estimated, files with an unreadable part.
+        restored: of the estimated, recordings whose file in the dataset was missing or damaged.
+        standing: wheels without a revolution: path, position and why, also of recordings known before.
+        alarms: recordings with each alarm by its name, also of those known before.
+        with_alarms: recordings with an alarm.
         revolutions: added now.
         peak_bytes: largest memory of a worker process.
         workers: tasks at once.
@@ -60,6 +66,10 @@ class CampaignProgress:
     failed_before: int = 0
     copies: int = 0
     damaged: int = 0
+    restored: int = 0
+    standing: list[tuple[Path, str, str]] = field(default_factory=list)
+    alarms: Counter[str] = field(default_factory=Counter)
+    with_alarms: int = 0
     revolutions: int = 0
     peak_bytes: int = 0
     workers: int = 0
@@ -184,10 +194,14 @@ class CampaignRun:
             self._settle(path)
             return
         self._seen[content.recording_id] = content
-        if self.dataset.done(content.recording_id, key):
+        is_done = self.dataset.done(content.recording_id, key)
+        if is_done and self._take_wheels(content):
             self.dataset.clear_failure(content)
             self.progress.known += 1
             self._settle(path)
+        elif is_done:
+            self.progress.restored += 1
+            self._submit(_Job(content))
         elif self.dataset.failed(content, key) and not self.retries_failed:
             self.progress.failed_before += 1
             self._settle(path)
@@ -219,7 +233,21 @@ class CampaignRun:
             self.progress.estimated += 1
             self.progress.revolutions += outcome.revolutions
             self.progress.damaged += outcome.damage is not None
+            self._take_wheels(job.content)
         self._settle(job.content.path, counts=True)
+
+    def _take_wheels(self, content: FileContent) -> bool:
+        """Take what the rows of a recording say of its wheels; return False where they cannot be read."""
+        wheels = self.dataset.wheels(content.recording_id)
+        if wheels is None:
+            return False
+        if not wheels:
+            self.progress.standing.append((content.path, "", text(Reason(Code.NO_SAMPLES))))
+        self.progress.standing += [(content.path, one.position, one.missing) for one in wheels if one.missing]
+        names = {name for one in wheels for name in one.alarms}
+        self.progress.alarms.update(names)
+        self.progress.with_alarms += bool(names)
+        return True
 
     def _fail(self, job: _Job, failure: Failure, key: str) -> None:
         self.dataset.fail(job.content.path, job.content, key, failure, self.clock.now_ns())

@@ -12,7 +12,7 @@ from typing import Any, Final
 SETTINGS_DIGITS: Final = 12
 PATH_DIGITS: Final = 12
 
-# Packages whose code decides about the numbers.
+# Packages and modules whose code decides about the rows.
 _ESTIMATING: Final = (
     "firmware_protocol",
     "gateway.estimators",
@@ -20,6 +20,12 @@ _ESTIMATING: Final = (
     "gateway.pipeline",
     "gateway.recording",
     "gateway.signal",
+)
+_ROWS: Final = (
+    "gateway.session",
+    "gateway.fleet:recording_estimation.py",
+    "gateway.fleet:wheel_rows.py",
+    "gateway.views.tables:campaign_columns.py",
 )
 _DIAGNOSING: Final = ("gateway.closure",)
 
@@ -38,7 +44,7 @@ def settings_key(settings: Any) -> str:
 @cache
 def estimators_version() -> str:
     """Return the identity of the code that estimates: it changes when a file of it changes, not with a release."""
-    return _code_digest(_ESTIMATING)
+    return _code_digest((*_ESTIMATING, *_ROWS))
 
 
 @cache
@@ -49,9 +55,10 @@ def diagnosis_version() -> str:
 
 def _code_digest(packages: tuple[str, ...]) -> str:
     digest = hashlib.sha256()
-    for package in packages:
+    for name in packages:
+        package, _, only = name.partition(":")
         root = Path(str(resources.files(package)))
-        for path in sorted(root.rglob("*.py"), key=lambda one: one.relative_to(root).as_posix()):
+        for path in sorted(root.rglob(only or "*.py"), key=lambda one: one.relative_to(root).as_posix()):
             digest.update(f"{package}/{path.relative_to(root).as_posix()}\n".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:SETTINGS_DIGITS]

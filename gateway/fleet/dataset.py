@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -30,8 +31,9 @@ import numpy as np
 from gateway import __version__
 from gateway.errors import OutputError
 from gateway.fleet.content_keys import path_key
-from gateway.fleet.parquet_parts import FORMAT, PartFile
+from gateway.fleet.parquet_parts import FORMAT, PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
+from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
 from gateway.trends.trend_result import UNKNOWN_VEHICLE
 from gateway.views.output_file import write_whole
@@ -49,9 +51,14 @@ FAILURES: Final = "failures"
 INCOMING: Final = ".incoming"
 _LOCK: Final = ".lock"
 _FINAL, _AGAIN = "final", "again"
+_OF_WHEELS: Final = ("position", "revolutions", "missing", "alarms")
+_NO_REVOLUTIONS: Final = "none"
 _LONGEST_NAME: Final = 80
 _NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
 _LOCK_RETRY_NS: Final = 200_000_000
+
+
+_KEY_NAME: Final = re.compile(rf"(\w+)-(\w+)-(\w+)(?:\.(?:{_FINAL}|{_AGAIN}))?\.parquet", re.ASCII)
 
 
 class Key(NamedTuple):
@@ -72,9 +79,24 @@ class Key(NamedTuple):
 
     @classmethod
     def of_name(cls, name: str) -> Self | None:
-        """Return the key in the name of a file, None when it is not one."""
-        parts = name.split(".")[0].split("-")
-        return cls(*parts) if len(parts) == 3 and all(parts) else None
+        """Return the key in the name of a file, None when it is not one, as of a copy such as `KEY (1).parquet`."""
+        found = _KEY_NAME.fullmatch(name)
+        return cls(*found.groups()) if found else None
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedWheel:
+    """What the rows of a recording say of one of its wheels.
+
+    Attributes:
+        position: of the wheel.
+        missing: why it has no revolution; empty where it has.
+        alarms: names of its alarms.
+    """
+
+    position: str
+    missing: str
+    alarms: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,12 +130,26 @@ class Dataset:
         self._done: dict[str, Key] = {}
         self._of_path: dict[str, set[str]] = {}
         self._failed: dict[str, tuple[Key, bool]] = {}
+        self._places: dict[tuple[str, Key], Path] = {}
         self._read()
 
     def done(self, recording_id: str, settings: str) -> bool:
         """Return whether a content has its rows under these settings."""
         known = self._done.get(recording_id)
         return known is not None and known.settings == settings
+
+    def wheels(self, recording_id: str) -> tuple[RecordedWheel, ...] | None:
+        """Return what the rows of a content say of its wheels; None where a file of it is missing or damaged."""
+        key = self._done[recording_id]
+        path = self._places.get((RECORDINGS, key))
+        rows = read_rows(path, _OF_WHEELS) if path is not None else None
+        if rows is None:
+            return None
+        if self.description.rows != _NO_REVOLUTIONS and any(row["revolutions"] for row in rows):
+            kept = self._places.get((REVOLUTIONS, key))
+            if kept is None or not _is_readable(kept):
+                return None
+        return tuple(_recorded_wheel(row) for row in rows)
 
     def failed(self, content: FileContent, settings: str) -> bool:
         """Return whether a content has failed under these settings for a reason that lasts."""
@@ -138,7 +174,7 @@ class Dataset:
         with _explained(self.root):
             for table in (REVOLUTIONS, RECORDINGS):
                 for path in self._files(table, known):
-                    path.replace(path.with_name(f"{new}.parquet"))
+                    self._places[table, new] = path.replace(path.with_name(f"{new}.parquet"))
         self._forget(known)
         self._remember(new)
 
@@ -175,7 +211,7 @@ class Dataset:
                     continue
                 folder = self.root / table / partition(vehicle, start_ns)
                 folder.mkdir(parents=True, exist_ok=True)
-                parts[table].replace(folder / f"{key}.parquet")
+                self._places[table, key] = parts[table].replace(folder / f"{key}.parquet")
         self._remember(key)
 
     def fail(self, path: Path, content: FileContent | None, settings: str, failure: Failure, now_ns: int) -> None:
@@ -256,10 +292,13 @@ class Dataset:
                     path.unlink(missing_ok=True)  # two campaigns without a common lock, or a copied file
                 else:
                     self._remember(key)
+                    self._places[RECORDINGS, key] = path
             for path in (self.root / REVOLUTIONS).rglob("*.parquet"):
                 key = Key.of_name(path.name)
                 if key is not None and self._done.get(key.recording_id) != key:
                     path.unlink(missing_ok=True)
+                elif key is not None:
+                    self._places[REVOLUTIONS, key] = path
             for path in sorted((self.root / FAILURES).glob("*.parquet")):
                 key = Key.of_name(path.name)
                 if key is None:
@@ -278,6 +317,8 @@ class Dataset:
 
     def _forget(self, key: Key) -> None:
         self._done.pop(key.recording_id, None)
+        for table in (RECORDINGS, REVOLUTIONS):
+            self._places.pop((table, key), None)
         self._of_path.get(key.path, set()).discard(key.recording_id)
 
     def _remove(self, key: Key) -> None:
@@ -291,6 +332,26 @@ class Dataset:
         if known is not None:
             for found in (self.root / FAILURES).glob(f"{known[0]}.*.parquet"):
                 found.unlink(missing_ok=True)
+
+
+def _is_readable(path: Path) -> bool:
+    """Return whether the footer of a Parquet file can be read."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        pq.read_metadata(path)
+    except (OSError, ValueError, pa.ArrowException):
+        return False
+    return True
+
+
+def _recorded_wheel(row: Mapping[str, Any]) -> RecordedWheel:
+    missing = ""
+    if not row["revolutions"]:
+        missing = json.loads(row["missing"])["text"] if row["missing"] else text(Reason(Code.NO_REVOLUTION_YET))
+    alarms = json.loads(row["alarms"] or "[]")
+    return RecordedWheel(str(row["position"]), missing, tuple(str(alarm["name"]) for alarm in alarms))
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -16,17 +17,22 @@ from numpy.typing import NDArray
 
 from gateway.clock import Clock, SystemClock
 from gateway.errors import OutputError, RecordingError
-from gateway.fleet.dataset import FAILURES, is_identified, read_description
+from gateway.estimators.estimator import Status
+from gateway.fleet.dataset import FAILURES, Key, is_identified, read_description
+from gateway.fleet.parquet_parts import read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
+from gateway.fleet.repeated_drives import Row, without_repeats
 from gateway.reasons import Code, Reason
-from gateway.trends.tire_history import TireHistory
+from gateway.trends.tire_history import Statement, TireHistory
 from gateway.types import FloatArray
 
 Odometer = Mapping[str, tuple[NDArray[np.int64], FloatArray]]
 """Vehicle -> times in ns and distances in km, both increasing."""
 
 _PLAIN: Final = (
-    "recording", "path", "position", "sensor_id", "start_utc", "duration_s", "revolutions", "distance_m",
+    "recording_id", "recording", "path", "position", "sensor_id", "start_utc", "begin_utc", "end_utc", "hub_zero_utc",
+    "duration_s", "revolutions", "revolutions_valid", "distance_m", "radius_m", "ring_thickness_m", "reference",
+    "load_calibration", "faults", "alarms", "damage",
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
     "missing_fraction", "samples", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
 )  # fmt: skip
@@ -34,7 +40,14 @@ _ESTIMATES: Final = (
     "wear_mm", "estimated_load_n", "contact_length_m", "Bs", "Cw", "Rs", "Ts", "gain", "zero_g_offset_mps2",
     "ply_steer_contact_line_rad", "slip_angle_rad",
 )  # fmt: skip
-_TEXT: Final = frozenset({"recording", "path", "position", "sensor_id", "start_utc"})
+_TIMES: Final = ("start_utc", "begin_utc", "end_utc", "hub_zero_utc")
+_TEXT: Final = frozenset(
+    {"recording_id", "recording", "path", "position", "sensor_id", "reference", "load_calibration", "faults", "alarms",
+     "damage", *_TIMES}
+)  # fmt: skip
+# Columns without which a file is no table of recordings.
+_NEEDED: Final = ("recording_id", "recording", "path", "position", "sensor_id", "start_utc")
+_NAMED_REPEATS: Final = 5
 _ODOMETER_COLUMNS: Final = ("vehicle", "utc", "km")
 # Clocks that were not set begin in 1970, 1980 or 2000; there were no such sensors before.
 _EARLIEST_NS: Final = int(np.datetime64("2000-03-01", "ns").astype(np.int64))
@@ -75,18 +88,22 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
     latest_ns = (clock or SystemClock()).now_ns() + _CLOCK_SLACK_NS
     description = read_description(root)
     estimates = [name for name in _ESTIMATES if name in description.estimates]
-    names = [*_PLAIN, *(name + part for name in estimates for part in ("", "_std", "_reason"))]
+    names = [*_PLAIN, *(name + part for name in estimates for part in ("", "_std", "_status", "_reason"))]
     files = sorted((root / RECORDINGS).glob("*/*/*.parquet"))
-    rows: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
+    rows: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     notes: list[Reason] = []
     read: set[str] = set()
     for path in files:
-        found = _rows(path, names)
+        key = Key.of_name(path.name)
+        if key is None or key.recording_id in read:
+            notes.append(Reason(Code.TREND_FOREIGN_FILE, path=str(path)))
+            continue
+        found = read_rows(path, names, _NEEDED)
         if found is None:
             notes.append(Reason(Code.TREND_UNREADABLE_FILE, path=str(path)))
             continue
         vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
-        read.add(path.name)
+        read.add(key.recording_id)
         if found and not _EARLIEST_NS <= found[0]["start_utc"] <= latest_ns:
             date = str(np.datetime64(found[0]["start_utc"], "ns").astype("datetime64[D]"))
             notes.append(Reason(Code.TREND_CLOCK_WRONG, path=str(found[0]["path"]), date=date))
@@ -110,10 +127,23 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
     if unknown:
         recordings = len({row["path"] for own in unknown for row in own})
         notes.append(Reason(Code.TREND_TIRES_UNIDENTIFIED, recordings=recordings))
+    repeated: dict[str, Reason] = {}
+    distinct: set[str] = set()
+    for tire, own in rows.items():
+        if is_identified(tire[0], tire[2]):
+            kept, repeats = without_repeats(own)
+            rows[tire] = kept
+            for repeat, other in repeats:
+                pair = Reason(Code.TREND_REPEATS, path=str(repeat["path"]), other=str(other["path"]))
+                repeated.setdefault(str(repeat["recording_id"]), pair)
+        distinct |= {str(row["recording_id"]) for row in rows[tire]}
+    if repeated:
+        pairs = tuple(repeated.values())[:_NAMED_REPEATS]
+        notes.append(Reason(Code.TREND_REPEATED, count=len(repeated), pairs=pairs))
     tires = [_history(key, rows[key], estimates, odometer) for key in sorted(rows)]
     tires.sort(key=lambda tire: (tire.vehicle, tire.position, int(tire.time_ns[0])))
     failures = sum(1 for _ in (root / FAILURES).glob("*.parquet"))
-    return DatasetHistories(tuple(tires), len(read), failures, tuple(notes))
+    return DatasetHistories(tuple(tires), len(read - (repeated.keys() - distinct)), failures, tuple(notes))
 
 
 def read_odometer(path: Path) -> Odometer:
@@ -158,25 +188,8 @@ def read_odometer(path: Path) -> Odometer:
     return readings
 
 
-def _rows(path: Path, names: Sequence[str]) -> list[dict[str, Any]] | None:
-    """Return the rows of a file, None when it is not readable."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with pq.ParquetFile(path) as file:
-            present = set(file.schema_arrow.names)
-            table = file.read([name for name in names if name in present])
-        at = table.schema.get_field_index("start_utc")
-        table = table.set_column(at, "start_utc", table.column(at).cast(pa.int64()))
-        rows: list[dict[str, Any]] = table.to_pylist()
-    except (OSError, ValueError, KeyError, pa.ArrowException):
-        return None
-    return rows
-
-
 def _history(
-    key: tuple[str, str, str], rows: list[dict[str, Any]], estimates: Sequence[str], odometer: Odometer | None
+    key: tuple[str, str, str], rows: list[Row], estimates: Sequence[str], odometer: Odometer | None
 ) -> TireHistory:
     rows.sort(key=lambda row: (row["start_utc"], row["path"]))
     time_ns = np.array([row["start_utc"] for row in rows], dtype=np.int64)
@@ -184,6 +197,7 @@ def _history(
         name + part for name in estimates for part in ("", "_std")
     ]
     columns = {name: _numbers(rows, name) for name in numbers}
+    columns["damaged"] = np.array([float(bool(row.get("damage"))) for row in rows])
     invalid = {
         name: next(
             (
@@ -209,7 +223,47 @@ def _history(
         columns=columns,
         invalid={name: reason for name, reason in invalid.items() if reason},
         is_identified=is_identified(vehicle, sensor_id),
+        doubts={name: tuple(_doubt(row, name) for row in rows) for name in estimates},
+        alarms=tuple(_alarms(row) for row in rows),
+        faults=tuple(_commonest_fault(row) for row in rows),
+        stated={
+            Statement.LOAD: tuple(_as_text(row.get("load_n")) for row in rows),
+            Statement.RADIUS: tuple(_as_text(row.get("radius_m")) for row in rows),
+            Statement.THICKNESS: tuple(_as_text(row.get("ring_thickness_m")) for row in rows),
+            Statement.REFERENCE: tuple(str(row.get("reference") or "") for row in rows),
+            Statement.CALIBRATION: tuple(str(row.get("load_calibration") or "") for row in rows),
+        },
     )
+
+
+def _doubt(row: Row, name: str) -> str:
+    """Return why a value is provisional, empty where it is valid or missing."""
+    if row.get(f"{name}_status") != Status.PROVISIONAL:
+        return ""
+    return str(row.get(f"{name}_reason") or Status.PROVISIONAL)
+
+
+def _alarms(row: Row) -> tuple[tuple[str, str], ...]:
+    """Return names and texts of the alarms of a row."""
+    return tuple((str(alarm.get("name")), str(alarm.get("text", ""))) for alarm in _listed(row, "alarms"))
+
+
+def _commonest_fault(row: Row) -> str:
+    most = max(_listed(row, "faults"), key=lambda fault: int(fault.get("count", 0)), default={})
+    return str(most.get("text", ""))
+
+
+def _listed(row: Row, name: str) -> list[dict[str, Any]]:
+    try:
+        found = json.loads(row.get(name) or "[]")
+    except ValueError:
+        return []
+    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+
+
+def _as_text(value: float | None) -> str:
+    """Return a stated value as a text that rounding does not change."""
+    return "" if value is None else f"{value:.6g}"
 
 
 def _km(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -142,6 +142,35 @@ class PartFile:
             with self._output.explained():
                 self._writer.write_table(pa.table(held, schema=self._schema))
         self._cells = {name: [] for name in self._columns}
+
+
+def read_rows(path: Path, names: Collection[str], needed: Collection[str] | None = None) -> list[dict[str, Any]] | None:
+    """Return rows of a file with those of the columns that it has; times are ns since the epoch.
+
+    Args:
+        path: of the file.
+        names: of the columns.
+        needed: columns without which it is another file; None for all.
+
+    Returns:
+        the rows, or None where the file cannot be read or is another one.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            present = set(file.schema_arrow.names)
+            if not present.issuperset(names if needed is None else needed):
+                return None
+            table = file.read([name for name in names if name in present])
+        for at, field in enumerate(table.schema):
+            if pa.types.is_timestamp(field.type):
+                table = table.set_column(at, field.name, table.column(at).cast(pa.int64()))
+        rows: list[dict[str, Any]] = table.to_pylist()
+    except (OSError, ValueError, KeyError, pa.ArrowException):
+        return None
+    return rows
 
 
 def schema_of(columns: Mapping[str, Column], table: str, estimates: Sequence[str] = ()) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -36,7 +36,8 @@ from gateway.security.guard import open_guard
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.missing_results import FrameCounts, missing_frames
-from gateway.session.wheel_identity import SensorsHeard, configured
+from gateway.session.statement_watch import StatementWatch
+from gateway.session.wheel_identity import SensorsHeard, configured, positions
 from gateway.views.numbers import distinct_name
 from gateway.views.tables.campaign_columns import (
     RECORDING_HEAD,
@@ -54,6 +55,7 @@ RECORDINGS: Final = "recordings"
 _NS: Final = 1_000_000_000
 _ANGLES: Final = 1024
 _ORDERS: Final = 61
+_FALSE_STATEMENT: Final = "false statement"
 
 
 class RowsKept(StrEnum):
@@ -231,9 +233,10 @@ def _failed(code: Code, message: str, remedy: str = "", *, final: bool) -> Estim
 class _Collector:
     """Takes the results of a recording and keeps the rows of its revolutions."""
 
-    def __init__(self, order: EstimationOrder) -> None:
+    def __init__(self, order: EstimationOrder, vehicle: VehicleConfig | None) -> None:
         self.wheels: dict[str, WheelRow] = {}
         self.sensors = SensorsHeard()
+        self.statements = StatementWatch(positions(vehicle))
         self.snapshots: tuple[WheelSnapshot, ...] = ()
         self.revolutions: PartFile | None = None
         self.first_ns: int | None = None
@@ -241,8 +244,9 @@ class _Collector:
         self._order = order
         self._held: dict[str, RevolutionResult] = {}
 
-    def batch(self, _: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         self.sensors.take(batch)
+        self.statements.batch(link, batch)
         if arrivals_ns.size:
             first, last = int(arrivals_ns.min()), int(arrivals_ns.max())
             self.first_ns = first if self.first_ns is None else min(self.first_ns, first)
@@ -305,7 +309,7 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
     check_effects(effects, vehicle)
     guard = open_guard(vehicle, settings.key_file, remembers=False)
     alarms = BatchAlarms(vehicle)
-    collected = _Collector(order)
+    collected = _Collector(order, vehicle)
     try:
         counters = estimate_items(
             reader,
@@ -354,10 +358,14 @@ def _recording_rows(
     of_links = [alarm for alarm in alarms if alarm.position not in own]
     sensors = {position: _sensor_text(collected.sensors.at(vehicle, position)) for position in own}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
+    for link, counted in counters.items():
+        collected.statements.counters(link, counted)
+    statements = collected.statements.found()
     with PartFile(path, recording_columns(names), RECORDINGS, names) as part:
         for position in own:
             wheel = configured(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
+            false = [notice.reason for notice in statements if _concerns(notice.subject, position, own)]
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             cells |= {
                 "recording_id": content.recording_id,
@@ -366,12 +374,19 @@ def _recording_rows(
                 "position": position,
                 "sensor_id": sensors[position],
                 "start_utc": start_ns,
+                "begin_utc": first_ns,
+                "end_utc": max(collected.last_ns, first_ns),
                 "duration_s": (collected.last_ns - first_ns) * 1e-9,
                 "pressure_measured": collected.sensors.measures_pressure(vehicle, position),
                 "frames": sum(counted.frames for counted in counters.values()),
                 "frames_lost": sum(counted.lost for counted in counters.values()),
-                "alarms": _json([{"position": alarm.position, **alarm_fields(alarm)} for alarm in mine]),
-                "alarm_count": sum(alarm.count for alarm in mine),
+                "alarms": _json(
+                    [
+                        *({"position": alarm.position, **alarm_fields(alarm)} for alarm in mine),
+                        *({"position": position, "name": _FALSE_STATEMENT, **as_json(reason)} for reason in false),
+                    ]
+                ),
+                "alarm_count": sum(alarm.count for alarm in mine) + len(false),
                 "damage": _json(as_json(reader.damage)) if reader.damage is not None else None,
                 "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
                 "size_bytes": content.size_bytes,
@@ -393,6 +408,12 @@ def _recording_rows(
         damage=reader.damage,
         peak_bytes=_peak_bytes(),
     )
+
+
+def _concerns(subject: str, position: str, positions: Collection[str]) -> bool:
+    """Return whether a notice, whose subject is `FL`, `hub 0` or `LINK, FL`, is about a wheel or all wheels."""
+    name = subject.rpartition(", ")[2]
+    return name == position or name not in positions
 
 
 def _sensor_text(sensors: frozenset[int]) -> str:

@@ -15,8 +15,8 @@ from gateway import __version__
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import OutputError, TreadlinkError
 from gateway.fleet.content_keys import diagnosis_version, settings_key
-from gateway.fleet.dataset import DIAGNOSES, Dataset, is_identified
-from gateway.fleet.parquet_parts import PartFile
+from gateway.fleet.dataset import DIAGNOSES, Dataset, Key, is_identified
+from gateway.fleet.parquet_parts import PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
 from gateway.reasons import Code, Reason
@@ -270,15 +270,11 @@ def _tires(root: Path, given: Collection[Path]) -> dict[tuple[str, str, str], li
 
 
 def _recording_rows(root: Path) -> Iterator[tuple[str, dict[str, Any]]]:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+    """Yield the rows of all recordings; the campaign has read those of the given ones, and made them readable."""
     for path in sorted((root / RECORDINGS).glob("*/*/*.parquet")):
-        with pq.ParquetFile(path) as file:
-            table = file.read(list(_COLUMNS))
-        at = table.schema.get_field_index("start_utc")
         vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
-        for row in table.set_column(at, "start_utc", table.column(at).cast(pa.int64())).to_pylist():
+        rows = read_rows(path, _COLUMNS) if Key.of_name(path.name) is not None else None
+        for row in rows or ():
             yield vehicle, row
 
 

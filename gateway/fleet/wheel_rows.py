@@ -6,16 +6,29 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Final
 
+from gateway.constants import RING_NUMBERS, RING_RATIOS
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
-from gateway.reasons import Reason
+from gateway.reasons import Code, Reason
 from gateway.views.numbers import distinct_name
 from gateway.views.tables.campaign_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
 from gateway.views.tables.table_sinks import Cell
 from gateway.views.wording import as_json, joined
 
-_TAKEN = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
+_TAKEN: Final = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
+# Estimates of the tire and the sensor that driving does not change.
+_STEADY: Final = frozenset(
+    {
+        *RING_NUMBERS, *RING_RATIOS, "wear_mm", "wear_number", "gain", "zero_g_offset_mps2", "roll_tilt_rad",
+        "pitch_tilt_rad", "sensor_offset_m",
+    }
+)  # fmt: skip
+# Share of the revolutions that are valid where a row is, and scatter over the standard error that errors explain.
+_LEAST_VALID_SHARE: Final = 0.5
+_UNEXPLAINED: Final = 3.0
 
 
 class WeightedMean:
@@ -71,24 +84,53 @@ class WeightedMean:
 
 
 class _Quantity:
-    """One estimate over a recording; valid values count, provisional ones only where there is none."""
+    """One estimate over a recording; the mean is that of the valid values, of provisional ones where there is none."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_steady: bool = False) -> None:
+        """Start without values.
+
+        Args:
+            is_steady: whether no drive changes it, so that values of one recording differ by their errors only.
+        """
+        self._is_steady = is_steady
         self._means = {Status.VALID: WeightedMean(), Status.PROVISIONAL: WeightedMean()}
         self._reasons: dict[Status, tuple[Reason, ...]] = {}
+        # Revolutions since the first with a value: an estimator that has just begun has none.
+        self._revolutions = 0
+        self._doubts: Counter[Code] = Counter()
+        self._doubt_of: dict[Code, Reason] = {}
 
     def add(self, estimate: Estimate) -> None:
         self._reasons[estimate.status] = estimate.reasons
-        if estimate.status is not Status.INVALID and math.isfinite(estimate.value):
+        has_value = estimate.status is not Status.INVALID and math.isfinite(estimate.value)
+        if has_value:
             self._means[estimate.status].add(estimate.value, estimate.std)
+        elif not self._revolutions:
+            return
+        self._revolutions += 1
+        if estimate.status is not Status.VALID and estimate.reasons:
+            doubt = estimate.reasons[0]
+            self._doubts[doubt.code] += 1
+            self._doubt_of[doubt.code] = doubt
 
     def cells(self) -> tuple[Cell, ...]:
         """Return the cells in the order of RECORDING_PARTS."""
         for status, mean in self._means.items():
             if mean.count:
-                reasons = joined(self._reasons[status])
-                return mean.value, mean.std, mean.scatter, mean.count, str(status), reasons
+                return self._of_mean(status, mean)
         return None, None, None, 0, str(Status.INVALID), joined(self._reasons.get(Status.INVALID, ()))
+
+    def _of_mean(self, status: Status, mean: WeightedMean) -> tuple[Cell, ...]:
+        reasons, std, scatter = self._reasons[status], mean.std, mean.scatter
+        doubts: list[Reason] = []
+        if status is Status.VALID and mean.count < _LEAST_VALID_SHARE * self._revolutions:
+            doubts.append(Reason(Code.ROW_FEW_VALID, count=mean.count, of=self._revolutions))
+            doubts += [self._doubt_of[code] for code, _ in self._doubts.most_common(1)]
+        if self._is_steady and std and scatter is not None and scatter > _UNEXPLAINED * std:
+            doubts.append(Reason(Code.ROW_SCATTERS, ratio=scatter / std))
+            std = math.hypot(std, scatter)
+        status = Status.PROVISIONAL if doubts else status
+        return mean.value, std, scatter, mean.count, str(status), joined((*doubts, *reasons))
 
 
 class WheelRow:
@@ -131,7 +173,7 @@ class WheelRow:
             name = distinct_name(estimate.name, _TAKEN)
             known = self._estimates.get(name)
             if known is None:
-                known = self._estimates[name] = _Quantity()
+                known = self._estimates[name] = _Quantity(is_steady=name in _STEADY)
             known.add(estimate)
 
     def cells(self, wheel: WheelSnapshot | None, estimates: Sequence[str]) -> dict[str, Cell]:
@@ -161,6 +203,7 @@ class WheelRow:
             "radius_m": conditions.radius_m if conditions is not None else None,
             "mounting_offset_m": conditions.sensor_offset_m if conditions is not None else None,
             "mounting_offset_std_m": conditions.sensor_offset_std_m if conditions is not None else None,
+            **self._stated(),
             "noise_mps2": self._noise.value,
             "missing_fraction": self._missing_s / self._rolling_s if rolled else None,
             "faults": _as_list([{**as_json(fault), "count": n} for fault, n in self._faults.most_common()]),
@@ -186,6 +229,19 @@ class WheelRow:
         }
         cells["other_estimates"] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
         return cells
+
+    def _stated(self) -> dict[str, Cell]:
+        """Return what the configuration states of the tire, and when the hub's clock was zero."""
+        if self._last is None:
+            return {}
+        tire, revolution = self._last.conditions.tire, self._last.revolution
+        calibration = tire.load_calibration
+        return {
+            "ring_thickness_m": tire.ring_thickness_m,
+            "reference": json.dumps(asdict(tire.reference), sort_keys=True),
+            "load_calibration": json.dumps(asdict(calibration), sort_keys=True) if calibration is not None else None,
+            "hub_zero_utc": self._last.host_ns - round((revolution.start_s + revolution.period_s) * 1e9),
+        }
 
 
 def _extended(span: tuple[float, float], value: float) -> tuple[float, float]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import os
+import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -12,6 +14,7 @@ from gateway.errors import TreadlinkError
 
 _CONNECT_S: Final = 10.0
 _CLOSE_S: Final = 5.0
+_KILL: Final = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has the second only
 DEFAULT_MEMORY_BYTES: Final = 2_000_000_000
 """Memory of a worker process, at which it is ended."""
 
@@ -69,7 +72,18 @@ def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
             with Client(cluster, set_as_default=False) as client:  # type: ignore[no-untyped-call]
                 yield Workers(client, cluster)
         finally:
-            cluster.close(timeout=_CLOSE_S)
+            _close(cluster)
+
+
+def _close(cluster: Any) -> None:
+    """End the workers; those that do not end in time have no task left, and are killed."""
+    left = [nanny.pid for nanny in cluster.workers.values() if nanny.pid]
+    try:
+        cluster.close(timeout=_CLOSE_S)
+    except TimeoutError:
+        for pid in left:
+            with suppress(OSError):
+                os.kill(pid, _KILL)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from firmware_protocol.sequence import unwrap
 from gateway.constants import AXIS_NAMES
 from gateway.pipeline.contact_timing import ContactTimer
 from gateway.pipeline.missing_revolutions import MissingRevolutions
+from gateway.pipeline.possible_readings import possible_reading
 from gateway.pipeline.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
 from gateway.pipeline.revolution import SensorReading, TimedRevolution, revolutions_in_angle
 from gateway.pipeline.sample_buffer import SampleBuffer
@@ -121,15 +122,18 @@ class WheelPipeline:
             self._clock = SampleClock(hello.rate_hz)
 
     def environment(self, tick_us: int, environment: Environment) -> None:
-        """Take a pressure and temperature reading with its hub time."""
+        """Take a pressure and temperature reading with its hub time; one that no tire can have is left out."""
+        reading = possible_reading(environment)
+        if reading is None:
+            return
         self._snapshot = None
         if self._decided:
             self._environments_waiting += 1
             # The revolutions found before this reading must not see it, nor lose an earlier one.
             if self._environments_waiting > _MOST_WAITING or tick_us < self._end_us():
                 self._revolve()
-        pressure_error_pa = self._sensor.health.environment(environment) if self._sensor is not None else 0.0
-        self._tire.environment(tick_us, environment, pressure_error_pa)
+        pressure_error_pa = self._sensor.health.environment(reading) if self._sensor is not None else 0.0
+        self._tire.environment(tick_us, reading, pressure_error_pa)
 
     def restart(self) -> None:
         """Handle a restart of the hub: its counters and times are new; the estimates of the tire are kept."""

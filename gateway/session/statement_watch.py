@@ -31,6 +31,7 @@ from firmware_protocol.messages import (
 from firmware_protocol.sample_numbers import apart_s, is_jump
 from firmware_protocol.wheel_limit import MOST_WHEELS, WheelLimit
 from gateway.constants import AXIS_NAMES
+from gateway.pipeline.possible_readings import is_possible_pressure, is_possible_temperature
 from gateway.reasons import Code, Level, Notice, Reason, Value
 
 # Jitter of the hub's stamps is far below this; a wrong rate is far above.
@@ -41,9 +42,6 @@ _US: Final = 1_000_000
 _RANGE_FACTOR: Final = 2.0
 _FULL_SCALE_MPS2: Final = (10.0, 1e6)
 _MAX_OFFSET_COUNTS: Final = 32768.0
-# A vacuum, and ten times the pressure of a truck tire.
-_PRESSURE_PA: Final = (-101_325.0, 1e7)
-_TEMPERATURE_DEGC: Final = (-100.0, 300.0)
 
 # Blocks of a wheel that are reviewed together.
 _REVIEW_BLOCKS: Final = 128
@@ -325,9 +323,9 @@ class StatementWatch:
 
     def _environment(self, source: _Source, reading: Environment) -> None:
         pressure_pa, temperature_degc = reading.pressure_pa, reading.temperature_degc
-        if pressure_pa is not None and not _PRESSURE_PA[0] <= pressure_pa <= _PRESSURE_PA[1]:
+        if pressure_pa is not None and not is_possible_pressure(pressure_pa):
             self._find(source, Code.PRESSURE_IMPOSSIBLE, pressure_pa=pressure_pa)
-        if temperature_degc is not None and not _TEMPERATURE_DEGC[0] <= temperature_degc <= _TEMPERATURE_DEGC[1]:
+        if temperature_degc is not None and not is_possible_temperature(temperature_degc):
             self._find(source, Code.TEMPERATURE_IMPOSSIBLE, temperature_degc=temperature_degc)
 
     def _review_pending(self, source: _Source, wheel: _Wheel) -> None:

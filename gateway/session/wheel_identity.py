@@ -11,6 +11,7 @@ import numpy as np
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.messages import Environment, Hello, MessageType
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
+from gateway.pipeline.possible_readings import possible_reading
 from gateway.reasons import Code, Level, Notice, Reason
 
 _MOST_SENSORS: Final = 8
@@ -92,7 +93,8 @@ class SensorsHeard:
             if address not in self._with_pressure:
                 reading = batch.message(at)
                 assert isinstance(reading, Environment)
-                if reading.pressure_pa is not None:
+                possible = possible_reading(reading)
+                if possible is not None and possible.pressure_pa is not None:
                     self._with_pressure.add(address)
 
     def measures_pressure(self, vehicle: VehicleConfig | None, position: str) -> bool:

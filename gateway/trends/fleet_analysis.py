@@ -16,11 +16,16 @@ import numpy as np
 
 from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.estimator import Status
+from gateway.estimators.wear import bending_left
 from gateway.reasons import Code, Reason
 from gateway.trends.level_steps import find_steps
 from gateway.trends.outlier_detection import OutlierSearch, find_outliers
+from gateway.trends.plausible_readings import PlausibleReadings, plausible_readings
+from gateway.trends.recording_doubts import doubt_of, findings_of_recordings, weights_by_doubt
 from gateway.trends.refilled_pressure import LEAST_RECORDINGS, PressureLoss, pressure_loss
 from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
+from gateway.trends.regression import fit as fitted
+from gateway.trends.stated_changes import StatedChange, findings_of_changes, places_of, stated_changes
 from gateway.trends.tire_history import MONTH_NS, TireHistory
 from gateway.trends.trend_result import (
     FleetTrends,
@@ -75,7 +80,10 @@ _LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left":
 
 
 class _Line(NamedTuple):
-    """A fitted series: design's column 0 is the level, 1 the trend, 2 the temperature where it is there."""
+    """A fitted series: design's column 0 is the level, 1 the trend, 2 the temperature where it is there.
+
+    `doubt` says why numbers of the line are provisional, `levels` counts the changes of what is stated within it.
+    """
 
     places: IntArray
     values: FloatArray
@@ -84,6 +92,8 @@ class _Line(NamedTuple):
     steps: list[int]
     search: OutlierSearch
     has_covariate: bool
+    doubt: Reason | None
+    levels: int
 
 
 @dataclass(slots=True)
@@ -92,6 +102,8 @@ class _Tire:
 
     history: TireHistory
     family: int
+    readings: PlausibleReadings
+    changes: Sequence[StatedChange]
     numbers: list[TrendNumber] = field(default_factory=list)
     series: list[TrendSeries] = field(default_factory=list)
     outliers: list[TrendOutlier] = field(default_factory=list)
@@ -112,7 +124,7 @@ def analyse(
     """
     family = max(1, len(histories)) * _SERIES_OF_TIRE
     tires = [part for history in histories for part in _tires_of(history, family)]
-    found = [_trend_of(_Tire(history, family)) for history in tires]
+    found = [_trend_of(_Tire(one, family, plausible_readings(one), stated_changes(one))) for one in tires]
     return FleetTrends(
         tires=_with_fast_wear([trend for trend, _ in found]),
         pairs=tuple(_pairs(tires)),
@@ -125,13 +137,19 @@ def analyse(
 
 
 def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:
-    """Yield the tires that one sensor has seen: a fall of the wear is a new tire."""
+    """Yield the tires that one sensor has seen: a fall of the wear is a new tire, unless a statement explains it."""
     wear = history.column("wear_mm")
     known = np.flatnonzero(np.isfinite(wear))
     begins: list[int] = []
     if len(known) > LEAST_FREEDOM + 2:
-        design = np.column_stack([np.ones(len(known)), _centred(history.km[known])])
+        levels = _levels(known, places_of(stated_changes(history), "wear_mm"))
+        design = np.column_stack([np.ones(len(known)), _centred(history.km[known]), *levels])
         steps = find_steps(design, wear[known], family=family, least=_LEAST_NEW_TIRE_MM)
+        if levels and steps:
+            whole = np.column_stack([design, *_levels(np.arange(len(known)), steps)])
+            by_levels = np.linalg.lstsq(whole, wear[known], rcond=None)[0][2 : 2 + len(levels)]
+            wear = wear.copy()
+            wear[known] -= np.column_stack(levels) @ by_levels
         edges = [0, *steps, len(known)]
         for before, at, after in zip(edges, edges[1:-1], edges[2:], strict=False):
             if np.median(wear[known[at:after]]) < np.median(wear[known[before:at]]):
@@ -152,6 +170,9 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
     ):
         _stiffness(tire, name, quantity, temperature)
     _sensor(tire)
+    tire.findings += findings_of_changes(history, tire.changes)
+    tire.findings += tire.readings.findings
+    tire.findings += findings_of_recordings(history)
     order = list(Quantity)
     trend = TireTrend(
         vehicle=history.vehicle,
@@ -219,11 +240,13 @@ def _wear(tire: _Tire) -> None:
 
 def _pressure(tire: _Tire) -> None:
     history = tire.history
-    gauge, degc = history.column("pressure_pa"), history.column("temperature_degc")
+    gauge, degc = tire.readings.pressure_pa, tire.readings.temperature_degc
     measured = history.column("pressure_measured") > 0.0
     warm = (degc + ZERO_CELSIUS_K) / (REFERENCE_DEGC + ZERO_CELSIUS_K)
     cold = np.where(measured, (gauge + STANDARD_ATMOSPHERE_PA) / warm - STANDARD_ATMOSPHERE_PA, math.nan)
-    if not measured.any():
+    if not _has_rolled(history):
+        why = Reason(Code.TREND_NO_REVOLUTION)
+    elif not measured.any():
         why = Reason(Code.TREND_PRESSURE_NOT_MEASURED)
     elif not np.isfinite(cold).any():
         why = Reason(Code.TREND_TEMPERATURE_UNKNOWN)
@@ -296,7 +319,7 @@ def _load(tire: _Tire) -> None:
         tire.numbers += _stated_load(history, _missing(history, "estimated_load_n", measured))
     else:
         tire.numbers += _measured_load(line, line.search.fit)
-        if line.steps:
+        if line.steps and line.doubt is None:
             tire.findings.append(Reason(Code.TREND_LOAD_STEPS, count=len(line.steps)))
     contact, errors = 1e3 * history.column("contact_length_m"), 1e3 * history.column("contact_length_m_std")
     length = _line(tire, "contact_length_m", "mm", history.months, contact, errors)
@@ -313,16 +336,18 @@ def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
     count, shared = int(values.size), _shared_std(line.stds)
     std = math.hypot(shared, float(np.std(values, ddof=1)) / math.sqrt(count))
     mean = float(values.mean())
-    yield TrendNumber(
+    load = TrendNumber(
         Quantity.LOAD, mean, std, "N", Status.VALID, (), count, fit.freedom, mean - 2.0 * std, mean + 2.0 * std
     )
+    yield _judged(load, line)
     yield _rate(Quantity.LOAD_RATE, "N/month", line)
     scatter = float(np.std(fit.residuals[used], ddof=fit.coefficients.size))
     own = scatter / math.sqrt(2.0 * fit.freedom)
-    yield TrendNumber(
+    spread = TrendNumber(
         Quantity.LOAD_SCATTER, scatter, own, "N", Status.VALID, steps, count, fit.freedom,
         scatter - 2.0 * own, scatter + 2.0 * own,
     )  # fmt: skip
+    yield _judged(spread, line)
 
 
 def _stated_load(history: TireHistory, why: Reason) -> Iterator[TrendNumber]:
@@ -348,7 +373,7 @@ def _shared_std(stds: FloatArray) -> float:
 def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity) -> None:
     history = tire.history
     values = history.column(name)
-    factor = history.column("pressure_pa") if name != "Cw" else np.ones(len(values))
+    factor = tire.readings.pressure_pa if name != "Cw" else np.ones(len(values))
     with np.errstate(invalid="ignore", divide="ignore"):
         percent = 100.0 * np.log(values * factor)
         stds = 100.0 * history.column(f"{name}_std") / values
@@ -361,15 +386,42 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
         return
     notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
     rate = _rate(quantity, "%/month", line, reasons=notes)
+    drift = rate
+    if name == "Bs" and rate.status is not Status.INVALID and (worn := _softened_by_wear(tire, line)) is not None:
+        slope, slope_std = worn
+        share = Reason(Code.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
+        rate = replace(rate, reasons=(*rate.reasons, share))
+        drift = replace(rate, value=rate.value - slope, std=math.hypot(rate.std, slope_std))
     tire.numbers.append(rate)
     if line.has_covariate:
         tire.numbers.append(_number(temperature, "%/K", line, 2))
     else:
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(Reason(Code.TREND_TEMPERATURE_CONSTANT),)))
-    if _is_significant(rate, line) and abs(rate.value) * _span(history.months) > 100.0 * _NOTABLE_STIFFNESS:
+    if _is_significant(drift, line) and abs(drift.value) * _span(history.months) > 100.0 * _NOTABLE_STIFFNESS:
         tire.findings.append(
-            Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=rate.value / 100.0, std=rate.std / 100.0)
+            Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
         )
+
+
+def _softened_by_wear(tire: _Tire, line: _Line) -> tuple[float, float] | None:
+    """Return the change of ln(Bs p) by the measured wear in percent a month and its error; None without wear.
+
+    A wear that decreases is none: a bending stiffness that rises is the rubber's.
+    """
+    history = tire.history
+    thickness_mm, wear_mm = 1e3 * history.column("ring_thickness_m")[line.places], history.column("wear_mm")
+    # Statements that only the wear rests on shift it: their levels are fitted beside those of Bs.
+    more = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, "Bs"))
+    design = np.column_stack([line.design, *_levels(line.places, sorted(more))])
+    with np.errstate(invalid="ignore"):
+        left = 1.0 - wear_mm[line.places] / thickness_mm
+        used = ~line.search.is_outlier & (left > 0.0)
+    if used.sum() < (~line.search.is_outlier).sum():
+        return None
+    percent = np.zeros(len(left))
+    percent[used] = 100.0 * bending_left(left[used])
+    found = fitted(design, percent, np.ones(len(left)), used)
+    return (float(found.coefficients[1]), found.std(1)) if found is not None and found.coefficients[1] < 0.0 else None
 
 
 def _sensor(tire: _Tire) -> None:
@@ -456,21 +508,28 @@ def _line(
     """
     history = tire.history
     known = np.isfinite(values)
+    if warm:
+        known &= ~tire.readings.is_impossible
     index = np.flatnonzero(known)
     if len(index) < LEAST_FREEDOM + 2 or not _span(at[index]) > 0.0:
         return None
     columns = [np.ones(len(index)), _centred(at[index])]
-    other = history.column("temperature_degc") if warm else covariate
+    other = tire.readings.temperature_degc if warm else covariate
     least = _LEAST_SPREAD_K if warm else _LEAST_SPREAD_SPEED
     has_covariate = other is not None and len(index) >= _LEAST_FOR_TEMPERATURE and _varies(other[index], least)
     if has_covariate and other is not None:
         columns.append(_centred(other[index]))
-    design = np.column_stack(columns)
+    levels = _levels(index, places_of(tire.changes, name))
+    design = np.column_stack([*columns, *levels])
     chosen, own = values[index], stds[index]
     steps = find_steps(design, chosen, family=tire.family, least=steps_from) if np.ptp(chosen) > 0.0 else []
     design = np.column_stack([design, *((np.arange(len(index)) >= begin).astype(np.float64) for begin in steps)])
-    search = find_outliers(design, chosen, weights_of(design, chosen, own), family=tire.family)
-    line = _Line(index, chosen, own, design, steps, search, has_covariate)
+    of_all = history.doubts_of(name)
+    doubts = [of_all[at] for at in index]
+    weights = np.multiply(weights_of(design, chosen, own), weights_by_doubt(doubts))
+    search = find_outliers(design, chosen, weights, family=tire.family)
+    doubt = doubt_of([doubts[at] for at in np.flatnonzero(~search.is_outlier)])
+    line = _Line(index, chosen, own, design, steps, search, has_covariate, doubt, len(levels))
     if search.fit is None:
         return line
     # Figures show what remains at the mean temperature or speed.
@@ -564,7 +623,8 @@ def _number(
     outliers = int(line.search.is_outlier.sum())
     notes = (*reasons, Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=outliers)) if outliers else reasons
     count = fit.freedom + fit.coefficients.size
-    return TrendNumber(quantity, value, std, unit, status, notes, count, fit.freedom, value - half, value + half)
+    number = TrendNumber(quantity, value, std, unit, status, notes, count, fit.freedom, value - half, value + half)
+    return _judged(number, line)
 
 
 def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
@@ -577,13 +637,32 @@ def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
     value = float(row @ fit.coefficients)
     std = math.hypot(math.sqrt(max(float(row @ fit.covariance @ row), 0.0)), _shared_std(line.stds))
     count = fit.freedom + fit.coefficients.size
-    return TrendNumber(
+    number = TrendNumber(
         quantity, value, std, unit, Status.VALID, (), count, fit.freedom, value - 2.0 * std, value + 2.0 * std
     )
+    return _judged(number, line)
+
+
+def _judged(number: TrendNumber, line: _Line) -> TrendNumber:
+    """Return a number of a line with the doubts about its recordings, and the levels that are fitted apart."""
+    notes = (Reason(Code.TREND_STATED_LEVELS, count=line.levels),) if line.levels else ()
+    if line.doubt is None:
+        return replace(number, reasons=(*number.reasons, *notes))
+    return replace(number, status=Status.PROVISIONAL, reasons=(line.doubt, *number.reasons, *notes))
+
+
+def _levels(index: IntArray, places: Sequence[int]) -> list[FloatArray]:
+    """Return a column for each change that some recordings come before and some after, 0 before and 1 after."""
+    columns = [(index >= at).astype(np.float64) for at in places]
+    return [
+        column
+        for number, column in enumerate(columns)
+        if 0.0 < column.sum() < len(index) and not any((column == other).all() for other in columns[:number])
+    ]
 
 
 def _is_significant(number: TrendNumber, line: _Line) -> bool:
-    if line.search.fit is None or number.status is Status.INVALID:
+    if line.search.fit is None or number.status is not Status.VALID:
         return False
     if not number.std > 0.0:
         return number.value != 0.0
@@ -645,13 +724,19 @@ def _difference(
     # What all recordings share, such as the roll of a sensor, is part of the stated errors only.
     shared = float(np.nanmedian(stds)) if np.isfinite(stds).any() else 0.0
     value, std = float(fit.coefficients[0]), math.hypot(fit.std(0), shared)
+    doubts = [
+        first[path][2] or second[path][2]
+        for path, left_out in zip(common, search.is_outlier, strict=True)
+        if not left_out
+    ]
+    doubt = doubt_of(doubts)
     return TrendNumber(
         quantity,
         value,
         std,
         "deg",
-        Status.VALID,
-        (),
+        Status.VALID if doubt is None else Status.PROVISIONAL,
+        () if doubt is None else (doubt,),
         fit.freedom + 1,
         fit.freedom,
         value - 2.0 * std,
@@ -659,22 +744,33 @@ def _difference(
     )
 
 
-def _by_path(tires: Sequence[TireHistory], name: str) -> dict[str, tuple[float, float]]:
-    found: dict[str, tuple[float, float]] = {}
+def _by_path(tires: Sequence[TireHistory], name: str) -> dict[str, tuple[float, float, str]]:
+    """Return value, standard error and doubt of a quantity by the path of the recording."""
+    found: dict[str, tuple[float, float, str]] = {}
     for tire in tires:
         values, stds = tire.column(name), tire.column(f"{name}_std")
-        found |= {tire.paths[i]: (float(values[i]), float(stds[i])) for i in np.flatnonzero(np.isfinite(values))}
+        doubts = tire.doubts_of(name)
+        known = np.flatnonzero(np.isfinite(values))
+        found |= {tire.paths[i]: (float(values[i]), float(stds[i]), doubts[i]) for i in known}
     return found
 
 
 def _missing(history: TireHistory, name: str, values: FloatArray) -> Reason:
     """Return why a series gives no number."""
+    if not _has_rolled(history):
+        return Reason(Code.TREND_NO_REVOLUTION)
     count = int(np.isfinite(values).sum())
     if not count and history.invalid.get(name):
         return Reason(Code.TREND_NO_VALUES, why=history.invalid[name])
     if count < LEAST_FREEDOM + 2:
         return Reason(Code.TREND_TOO_FEW, count=count, needed=LEAST_FREEDOM + 2)
     return Reason(Code.TREND_UNDETERMINED)
+
+
+def _has_rolled(history: TireHistory) -> bool:
+    """Return whether a recording has a revolution, or does not say how many."""
+    revolutions = history.column("revolutions")
+    return not np.isfinite(revolutions).any() or bool((revolutions > 0.0).any())
 
 
 def _centred(values: FloatArray) -> FloatArray:

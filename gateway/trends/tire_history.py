@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Final
 
 import numpy as np
@@ -14,6 +15,16 @@ from gateway.types import BoolArray, FloatArray
 
 MONTH_NS: Final = 365.25 / 12.0 * 86_400e9
 """Length of a mean month in ns."""
+
+
+class Statement(StrEnum):
+    """What the configuration states of a tire and trends follow."""
+
+    LOAD = "load"
+    RADIUS = "radius"
+    THICKNESS = "thickness"
+    REFERENCE = "reference"
+    CALIBRATION = "calibration"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +43,10 @@ class TireHistory:
         columns: (n,) each: numbers of the table of recordings by column, NaN where unknown.
         invalid: names of estimates -> reason of the last recording without a value.
         part: number of the tire where one sensor has had several.
+        doubts: names of estimates -> (n,) why each value is provisional, empty where it is valid.
+        alarms: (n,) names and texts of the alarms of each recording.
+        faults: (n,) commonest reason for rejected revolutions of each recording.
+        stated: (n,) each: statements as texts that are equal where the statement is, empty where it is not known.
         is_identified: False where neither a vehicle's name nor a sensor says that all recordings are of one tire.
     """
 
@@ -47,6 +62,10 @@ class TireHistory:
     invalid: Mapping[str, str]
     part: int = 1
     is_identified: bool = True
+    doubts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    alarms: tuple[tuple[tuple[str, str], ...], ...] = ()
+    faults: tuple[str, ...] = ()
+    stated: Mapping[Statement, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def months(self) -> FloatArray:
@@ -58,22 +77,25 @@ class TireHistory:
         found = self.columns.get(name)
         return np.full(len(self.recordings), math.nan) if found is None else found
 
+    def doubts_of(self, name: str) -> tuple[str, ...]:
+        """Return (n,) why the values of a column are provisional, empty where they are valid."""
+        return self.doubts.get(name) or ("",) * len(self.recordings)
+
     def chosen(self, keep: BoolArray, part: int) -> TireHistory:
         """Return the history of some of the recordings."""
         at = np.flatnonzero(keep)
-        return TireHistory(
-            self.vehicle,
-            self.position,
-            self.sensor_id,
-            tuple(self.recordings[i] for i in at),
-            tuple(self.paths[i] for i in at),
-            self.time_ns[at],
-            self.km[at],
-            self.has_odometer,
-            {name: column[at] for name, column in self.columns.items()},
-            self.invalid,
-            part,
-            self.is_identified,
+        return replace(
+            self,
+            recordings=tuple(self.recordings[i] for i in at),
+            paths=tuple(self.paths[i] for i in at),
+            time_ns=self.time_ns[at],
+            km=self.km[at],
+            columns={name: column[at] for name, column in self.columns.items()},
+            part=part,
+            doubts={name: tuple(texts[i] for i in at) for name, texts in self.doubts.items()},
+            alarms=tuple(self.alarms[i] for i in at if self.alarms),
+            faults=tuple(self.faults[i] for i in at if self.faults),
+            stated={name: tuple(texts[i] for i in at) for name, texts in self.stated.items()},
         )
 
     def split(self, begins: list[int]) -> Iterator[TireHistory]:

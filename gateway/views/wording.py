@@ -554,13 +554,17 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.ONLY_UNKNOWN_TYPES: (
         "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
     ),
-    Code.PRESSURE_IMPOSSIBLE: "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has",
+    Code.PRESSURE_IMPOSSIBLE: (
+        "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has: these readings are not used"
+    ),
     Code.SAMPLES_REPEATED: ("sends the same samples again: {count} blocks are not used. A fault of the firmware"),
     Code.SAMPLE_NUMBERS_JUMP: (
         "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
         "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
     ),
-    Code.TEMPERATURE_IMPOSSIBLE: "the sensor states {temperature_degc:.0f degC} ({count} so far), which no tire has",
+    Code.TEMPERATURE_IMPOSSIBLE: (
+        "the sensor states {temperature_degc:.0f degC} ({count} so far), which no tire has: these readings are not used"
+    ),
     Code.WHEELS_REFUSED: (
         "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
         "configure the wheels, and sign frames"
@@ -648,7 +652,41 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.STATED_PRESSURE_RANGE: "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})",
     Code.STATED_RADIUS: "belt radius {radius_m:g mm} ({source})",
     Code.STATED_ROLL: "mounting roll {roll_rad:g deg} ({source})",
+    # Rows of a dataset
+    Code.ROW_FEW_VALID: "valid in {count} of {of} revolutions only",
+    Code.ROW_SCATTERS: "varies within the recording by {ratio:.1f} times its standard error, which contains it",
     # Trends of a dataset
+    Code.TREND_ALARMS: "alarm '{name}' in {count} of {of} recordings; the last: {why}",
+    Code.TREND_DAMAGED: "damaged: {count} of {of} recordings, whose readable part was estimated",
+    Code.TREND_FEW_VALID: "more than half of the revolutions are not used in {count} of {of} recordings: {why}",
+    Code.TREND_FOREIGN_FILE: "left out, because it is not a file of this dataset: {path}",
+    Code.TREND_NO_REVOLUTION: (
+        "no recording has a revolution: the wheel stood still, or the sensor sent no usable signal"
+    ),
+    Code.TREND_PRESSURE_STUCK: (
+        "sensor: the pressure is {pressure_pa:.1f kPa} in {count} recordings from {first} to {last}, while the "
+        "temperature varies: it is stuck, and left out of the trends"
+    ),
+    Code.TREND_PROVISIONAL: "provisional in {count} of {of} recordings: {why}",
+    Code.TREND_REPEATED: "recordings that repeat another and count once: {count}. {pairs}",
+    Code.TREND_REPEATS: "{path} repeats {other}",
+    Code.TREND_STATED_CALIBRATION: "the stated [tire.load_calibration] changed on {date}: no change of the load",
+    Code.TREND_STATED_LEVELS: (
+        "changes of what is stated of the tire, before and after which the levels are fitted apart: {count}"
+    ),
+    Code.TREND_STATED_LOAD: (
+        "the stated load changed on {date}, from {before_n:.0f N} to {after_n:.0f N}: no change of the tire"
+    ),
+    Code.TREND_STATED_RADIUS: (
+        "the stated belt radius changed on {date}, from {before_m:.1f mm} to {after_m:.1f mm}: no change of the tire"
+    ),
+    Code.TREND_STATED_REFERENCE: "the stated [tire.reference] changed on {date}: no change of the tire",
+    Code.TREND_STATED_THICKNESS: "the stated ring_thickness_mm changed on {date}: no change of the tire",
+    Code.TREND_TEMPERATURE_IMPOSSIBLE: (
+        "sensor: a temperature of up to {temperature_degc:.0f} °C in {count} recordings, which no tire has; left out "
+        "of the trends"
+    ),
+    Code.TREND_WEAR_SOFTENS: "of this, {share:.2%} ± {std:.2%} a month is the measured wear's",
     Code.TREND_CLOCK_WRONG: (
         "left out, because the clock of the recorder was wrong: {path} says it began on {date}. Set its clock and "
         "record again"
@@ -657,10 +695,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the distance is the same in all recordings; an odometer file needs readings before and after them"
     ),
     Code.TREND_LOAD_STATED: "as stated, not measured",
-    Code.TREND_LOAD_STEPS: "the load changes in {count} steps",
+    Code.TREND_LOAD_STEPS: "steps of the load: {count}",
     Code.TREND_LOSES_PRESSURE: "loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month",
     Code.TREND_NO_VALUES: "no recording has a value: {why}",
-    Code.TREND_OUTLIERS_LEFT_OUT: "{count} outliers left out",
+    Code.TREND_OUTLIERS_LEFT_OUT: "outliers left out: {count}",
     Code.TREND_PRESSURE_CONSTANT: (
         "the pressure is {pressure_pa:.1f kPa} in all {count} recordings: the sensor is stuck, or too coarse to show "
         "a loss"

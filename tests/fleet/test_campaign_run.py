@@ -179,6 +179,23 @@ def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_pat
     assert json.loads(standing["missing"])["code"] == "no_revolution"
     assert standing["damage"] is None
     assert standing["samples"] > 4000
+    assert [(path.name, position) for path, position, _ in found.standing] == [("standing.mcap", "W0")]
+    assert "the wheel stands still" in found.standing[0][2]
+    assert campaign(recordings / "standing.mcap").standing == found.standing
+
+
+@pytest.mark.parametrize("table", ["recordings", "revolutions"])
+def test_damaged_or_missing_rows_are_estimated_again(campaign, recordings, tmp_path, table):
+    campaign(recordings)
+    first, second, _ = sorted((tmp_path / "dataset" / table).rglob("*.parquet"))
+    first.write_bytes(first.read_bytes()[:-20])
+    if table == "revolutions":
+        second.unlink()
+    found = campaign(recordings)
+    lost = 1 + (table == "revolutions")
+    assert (found.restored, found.estimated, found.known) == (lost, lost, 3 - lost)
+    assert len(names(tmp_path)) == 3
+    assert is_whole(tmp_path)
 
 
 def test_killed_worker_is_tried_once_more(campaign, recordings, tmp_path):

@@ -11,6 +11,7 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pyarrow.parquet as pq
 import pytest
@@ -25,12 +26,15 @@ from gateway.fleet.tire_diagnoses import (
     MOST_RECORDINGS,
     DiagnosisOrder,
     _chosen,
+    _tires,
     diagnose_tire,
     diagnose_tires,
     outcome_in,
 )
+from gateway.fleet.worker_cluster import _close
 from gateway.reasons import Code, Reason
 from tests.fleet.test_campaign_run import is_whole, names, rows
+from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.diagnosis_data import undrawn
 
 ROOT = Path(__file__).parents[2]
@@ -59,6 +63,35 @@ def test_campaign_and_trends_end_to_end(recordings, tmp_path, monkeypatch, worke
     assert "a/b=c ü" in Path("t.html").read_text()
     again = CliRunner().invoke(treadlink, ["trends", "dataset", "--html", "t.html"])
     assert isinstance(again.exception, OutputError)
+
+
+def test_a_wheel_without_a_revolution_is_told_by_status_and_line(recordings, tmp_path, workers):
+    write_recording(
+        recordings / "standing.mcap",
+        "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 0\n",
+        wheels=("load_n = 4000\n",),
+        duration_s=2.5,
+    )
+    address = workers.cluster.scheduler_address
+    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW[:4], "--scheduler", address]
+    for _ in range(2):  # now, and known from before
+        done = CliRunner().invoke(treadlink, arguments)
+        assert done.exit_code == 1, done.output
+        assert "1 wheel without a revolution" in done.output
+        assert "standing.mcap W0: no revolution in 2.5 s of samples: the wheel stands still" in done.output
+
+
+def test_workers_that_do_not_end_are_killed():
+    class Cluster:
+        def __init__(self, pid: int) -> None:
+            self.workers = {0: SimpleNamespace(pid=pid), 1: SimpleNamespace(pid=None)}
+
+        def close(self, *, timeout: float) -> None:
+            raise TimeoutError(timeout)
+
+    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as process:
+        _close(Cluster(process.pid))
+        assert process.wait(timeout=10.0) < 0
 
 
 def no_workers(*_: object) -> None:
@@ -139,6 +172,16 @@ def test_tires_without_a_diagnosis_are_named_with_the_reason(tmp_path):
     outcome = diagnose_tire(order)
     assert "gone.mcap" in outcome.failure
     assert outcome_in(part) == outcome
+
+
+def test_a_foreign_file_does_not_stop_the_diagnoses(campaign, recordings, tmp_path):
+    campaign(recordings)
+    first, *_ = (tmp_path / "dataset" / "recordings").rglob("*.parquet")
+    first.with_name("mine.parquet").write_text("no Parquet file")
+    first.with_name("a-b-c.parquet").write_text("no Parquet file")
+    tires = _tires(tmp_path / "dataset", [path.resolve() for path in recordings.iterdir()])
+    assert [len(rows) for rows in tires.values()] == [1, 2]
+    assert isinstance(next(iter(tires.values()))[0]["start_utc"], int)
 
 
 def test_unknown_tires_are_not_diagnosed_together(tmp_path, monkeypatch):

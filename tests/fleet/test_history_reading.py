@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import shutil
+from collections import Counter
+
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from gateway.clock import ManualClock
 from gateway.errors import OutputError, RecordingError
 from gateway.fleet.dataset import is_identified
-from gateway.fleet.history_reading import _rows, read_histories, read_odometer
+from gateway.fleet.history_reading import read_histories, read_odometer
+from gateway.fleet.parquet_parts import read_rows
+from gateway.recording.compact import compact_recording
 from gateway.trends.fleet_analysis import analyse
+from gateway.trends.tire_history import Statement
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 ODOMETER = "vehicle,utc,km\nvan 7,2023-11-14T00:00:00Z,1000\nvan 7,2023-11-24T00:00:00Z,1500\n"
@@ -49,16 +57,17 @@ def test_recordings_of_unknown_tires_are_said_to_be(campaign, recordings, tmp_pa
             wheels=("load_n = 4000\n",),
             duration_s=1.6,
             seed=9 + number,
+            start_ns=START_NS + number * 3600 * 10**9,
         )
     campaign(recordings)
     named = read_histories(tmp_path / "dataset")
     assert all(tire.is_identified for tire in named.tires)  # by their sensor
     assert named.notes == ()
 
-    def without_sensor(path, names):
-        return [{**row, "sensor_id": ""} for row in _rows(path, names) or ()]
+    def without_sensor(*arguments):
+        return [{**row, "sensor_id": ""} for row in read_rows(*arguments) or ()]
 
-    monkeypatch.setattr("gateway.fleet.history_reading._rows", without_sensor)
+    monkeypatch.setattr("gateway.fleet.history_reading.read_rows", without_sensor)
     found = read_histories(tmp_path / "dataset")
     assert {tire.vehicle: tire.is_identified for tire in found.tires} == {
         "a/b=c ü": True, "van 7": True, "unknown": False
@@ -73,6 +82,49 @@ def test_unreadable_file_is_left_out(campaign, recordings, tmp_path):
     found = read_histories(tmp_path / "dataset")
     assert found.recordings == 2
     assert str(found.notes[0].code) == "trend_unreadable_file"
+
+
+def test_a_compacted_recording_counts_once(campaign, recordings, tmp_path):
+    compact_recording(recordings / "drive0.mcap", recordings / "small.mcap")
+    campaign(recordings)
+    found = read_histories(tmp_path / "dataset")
+    assert found.recordings == 3
+    assert sum(len(tire.recordings) for tire in found.tires) == 3
+    (note,) = found.notes
+    assert (str(note.code), note["count"]) == ("trend_repeated", 1)
+
+
+def test_foreign_and_copied_files_are_named_and_left_out(campaign, recordings, tmp_path):
+    campaign(recordings)
+    first, *_ = (tmp_path / "dataset" / "recordings").rglob("*.parquet")
+    shutil.copy(first, first.with_name(f"{first.stem} (1).parquet"))
+    shutil.copytree(first.parent, first.parent.with_name("day=2020-01-01"))
+    pq.write_table(pa.table({"x": [1]}), first.with_name("mine.parquet"))
+    pq.write_table(pa.table({"x": [1]}), first.with_name("a-b-c.parquet"))
+    found = read_histories(tmp_path / "dataset")
+    assert found.recordings == 3
+    assert sum(len(tire.recordings) for tire in found.tires) == 3
+    said = Counter(str(note.code) for note in found.notes)
+    assert said == {"trend_foreign_file": 4, "trend_unreadable_file": 1}
+
+
+def test_status_alarms_and_statements_reach_the_history(campaign, recordings, tmp_path):
+    path = recordings / "drive0.mcap"
+    path.unlink()
+    write_recording(
+        path,
+        "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 80\n",
+        wheels=("load_n = 4000\n",),
+        duration_s=4.0,
+        change=lambda toml: toml.replace("radius_mm = 320.0", "radius_mm = 345.0\nradius_std_mm = 0.5"),
+    )
+    campaign(path)
+    (tire,) = read_histories(tmp_path / "dataset").tires
+    assert "steady" in tire.doubts_of("Bs")[0]
+    assert tire.doubts_of("nothing") == ("",)
+    assert tire.alarms[0][0][0] == "steady value"
+    assert tire.stated[Statement.RADIUS] == ("0.345",)
+    assert '"Bs": ' in tire.stated[Statement.REFERENCE][0]
 
 
 @pytest.mark.parametrize("start_ns", [0, 946_684_800 * 10**9, START_NS + 3 * 86_400 * 10**9])

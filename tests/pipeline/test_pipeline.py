@@ -261,6 +261,15 @@ def test_pressure_applies_from_its_time(roll, to_frames):
     assert results[-1].conditions.temperature_degc == pytest.approx(41.0, abs=0.1)
 
 
+@pytest.mark.parametrize("reading", [Environment(-300e3, 30.0, None), Environment(220e6, 30.0, None)])
+def test_a_pressure_that_no_tire_has_is_not_used(roll, to_frames, reading):
+    frames = to_frames(roll(65.0, 3.0).radial_mps2)
+    false = frames[400]._replace(type=int(MessageType.ENVIRONMENT), message=reading, seq=10**6)
+    results, _ = run_live(stream([*frames[:400], false, *frames[400:]]))
+    assert {result.conditions.pressure_pa for result in results} == {210e3}
+    assert {result.conditions.temperature_degc for result in results} == {35.0}
+
+
 def test_unconfigured_wheels_are_estimated(roll, to_frames):
     results, pipeline = run_live(stream(to_frames(roll(65.0, 3.0).radial_mps2, wheel=7)), ())
     assert {result.position for result in results} == {"hub0.wheel7"}

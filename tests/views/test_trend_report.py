@@ -8,6 +8,7 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 
 import pytest
 
@@ -96,3 +97,25 @@ def test_lines_are_clean_and_name_outliers(trends):
     assert any("loses" in line for line in lines)
     assert any("2 of 80 recordings" in line for line in lines)
     assert any("_0030.mcap: Bs +" in line for line in lines)
+
+
+def test_notes_of_the_page_name_their_tires(trends):
+    page = trends_page(trends)
+    assert "<li>=car FR 0000a000, pressure loss: refills" in page
+    assert re.search(r"<li>all tires, zero-g offset: no recording has a value", page)
+    assert re.search(r"<li>[^<]*0000a000, Bs with age: outliers left out: 2", page)
+
+
+def test_csv_has_the_findings(trends):
+    rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
+    assert {row["findings"][:5] for row in rows if row["position"] == "FL"} == {"loses"}
+    assert {row["findings"] for row in rows if row["position"] == "FR"} == {""}
+
+
+def test_lines_say_why_numbers_are_marked():
+    doubts = ("contradicted",) * 40
+    tires = [replace(history(1, 40, vehicle=name), doubts={"wear_mm": doubts} if name == "a" else {}) for name in "ab"]
+    lines = list(trend_lines(analyse(tires, recordings=80)))
+    assert lines[lines.index("marked ~:") + 1] == (
+        "  a FL 0000a000, wear: provisional in 40 of 40 recordings: contradicted"
+    )

@@ -32,11 +32,19 @@ _UNITS: Final = {
 
 RECORDING_PARTS: Final[dict[str, Column]] = {
     "": Column(float, "mean over the valid revolutions, weighted by their standard errors"),
-    "_std": Column(float, "standard error of one revolution's value (weighted mean); revolutions share most of it"),
+    "_std": Column(
+        float,
+        "standard error of one revolution's value (weighted mean); revolutions share most of it; of a number that "
+        "driving does not change, with the scatter where it is more than three times as large",
+    ),
     "_scatter": Column(float, "standard deviation between revolutions"),
     "_count": Column(int, "revolutions in the mean"),
-    "_status": Column(str, "valid; provisional where no revolution was valid; invalid where none has a value"),
-    "_reason": Column(str, "reasons of the last of these revolutions"),
+    "_status": Column(
+        str,
+        "valid; provisional where less than half of the revolutions since the first value were valid, or where the "
+        "scatter is more than three times the standard error; invalid where none has a value",
+    ),
+    "_reason": Column(str, "why it is provisional; reasons of the last of these revolutions"),
 }
 """Columns of each estimate in the table of recordings: suffix to its name."""
 
@@ -47,6 +55,11 @@ RECORDING_HEAD: Final[dict[str, Column]] = {
     "position": Column(str, "wheel position, such as FL"),
     "sensor_id": Column(str, "serial number of the sensor in the tire, hexadecimal; empty when it was not sent"),
     "start_utc": Column(datetime, "start of the recording by its own clock, UTC"),
+    "begin_utc": Column(datetime, "first data by the clock of the recorder, UTC"),
+    "end_utc": Column(datetime, "last data by the clock of the recorder, UTC"),
+    "hub_zero_utc": Column(
+        datetime, "time at which the hub's clock was zero; the same in all recordings of one drive, whatever was cut"
+    ),
     "duration_s": Column(float, "time from the first to the last data"),
     "revolutions": Column(int, "completed revolutions"),
     "revolutions_valid": Column(int, "of these, revolutions without a fault"),
@@ -64,7 +77,10 @@ RECORDING_HEAD: Final[dict[str, Column]] = {
     "temperature_degc": Column(float, "temperature of the inner liner, mean"),
     "temperature_min_degc": Column(float, "lowest temperature"),
     "temperature_max_degc": Column(float, "highest temperature"),
-    "radius_m": Column(float, "belt radius in use"),
+    "radius_m": Column(float, "belt radius as stated"),
+    "ring_thickness_m": Column(float, "thickness of belt and tread of the new tire as stated"),
+    "reference": Column(str, "reference numbers of the new tire as stated, as JSON in SI units"),
+    "load_calibration": Column(str, "calibration of the load as stated, as JSON in SI units; null without one"),
     "mounting_offset_m": Column(float, "distance of the sensor below the belt's neutral layer, in use at the end"),
     "mounting_offset_std_m": Column(float, "its standard error"),
     "rate_hz": Column(float, "sampling rate"),
@@ -76,7 +92,7 @@ RECORDING_HEAD: Final[dict[str, Column]] = {
     "frames": Column(int, "frames of the recording's links"),
     "frames_lost": Column(int, "frames lost on the recording's links"),
     "faults": Column(str, "faults of revolutions, as JSON: code, values, text and count"),
-    "alarms": Column(str, "alarms of the wheel and of the links, as JSON"),
+    "alarms": Column(str, "alarms of the wheel and of the links, and false statements of the sensor, as JSON"),
     "alarm_count": Column(int, "number of these alarms"),
     "missing": Column(str, "why the wheel has no revolution, as JSON; null when it has"),
     "damage": Column(str, "first unreadable part of the file, as JSON; null when all was read"),

@@ -25,6 +25,7 @@ from gateway.views.trend_report.trend_tables import (
     plain_number,
     shown,
     tire_name,
+    tires_text,
     unit_in,
     vehicles_of,
 )
@@ -37,6 +38,7 @@ MOST_FIGURES: Final = 60
 """Tires that are drawn: those with findings or outliers first."""
 
 MOST_OUTLIERS: Final = 500
+_MOST_NOTES: Final = 40
 
 _PACKAGE: Final = "gateway.views.trend_report"
 _TEMPLATE: Final = "fleet_trends.html.j2"
@@ -78,7 +80,8 @@ class Table(NamedTuple):
     title: str
     heads: list[tuple[str, str]]
     rows: list[tuple[str, list[Cell]]]
-    reasons: list[tuple[str, str]]
+    notes: list[tuple[str, str, str]]
+    notes_left: int
 
 
 class Drawing(NamedTuple):
@@ -207,7 +210,7 @@ def _answer(trends: FleetTrends) -> list[str]:
 def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequence[Quantity]) -> Table:
     units = {quantity: unit_in(tires, quantity) for quantity in quantities}
     rows: list[tuple[str, list[Cell]]] = []
-    reasons: dict[tuple[str, str], None] = {}
+    reasons: dict[tuple[str, str], list[str]] = {}
     for tire in tires:
         cells = []
         for quantity in quantities:
@@ -215,9 +218,11 @@ def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequenc
             why = clean(joined(number.reasons))
             cells.append(Cell(shown(number), why, number.status is not Status.VALID))
             if why:
-                reasons.setdefault((LABELS[quantity], why), None)
+                reasons.setdefault((LABELS[quantity], why), []).append(tire_name(tire))
         rows.append((tire_name(tire), cells))
-    return Table(key, title, [(LABELS[quantity], units[quantity]) for quantity in quantities], rows, list(reasons)[:40])
+    notes = [(tires_text(names, len(tires)), label, why) for (label, why), names in reasons.items()]
+    heads = [(LABELS[quantity], units[quantity]) for quantity in quantities]
+    return Table(key, title, heads, rows, notes[:_MOST_NOTES], max(len(notes) - _MOST_NOTES, 0))
 
 
 def _with_unit(number: TrendNumber) -> str:

@@ -74,11 +74,12 @@ SERIES_LABELS: Final[dict[str, str]] = {
 }
 _SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, Quantity.BS_RATE, Quantity.NOISE_RATE)
 _LISTED: Final = 40
+_NAMED_TIRES: Final = 3
 _COLUMNS: Final[dict[str, type]] = {
     "vehicle": str, "position": str, "other_position": str, "sensor_id": str, "part": int, "first_utc": str,
     "last_utc": str, "recordings": int, "distance_km": float, "has_odometer": bool, "quantity": str, "value": float,
     "std": float, "unit": str, "low_95": float, "high_95": float, "status": str, "count": int, "freedom": int,
-    "codes": str, "reason": str,
+    "codes": str, "reason": str, "findings": str,
 }  # fmt: skip
 
 
@@ -181,11 +182,11 @@ def trends_csv(trends: FleetTrends) -> bytes:
             _utc(trend.last_ns), trend.recordings, _known(trend.distance_km), trend.has_odometer,
         ]  # fmt: skip
         for number in trend.numbers:
-            sink.row([*head, *_cells(number)])
+            sink.row([*head, *_cells(number), findings_text(trend.findings)])
     for pair in trends.pairs:
         start: list[Any] = [_storable(pair.vehicle), pair.left, pair.right, "", None, "", "", None, None, None]
         for number in pair.numbers:
-            sink.row([*start, *_cells(number)])
+            sink.row([*start, *_cells(number), ""])
     sink.end()
     return file.getvalue()
 
@@ -220,6 +221,7 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     yield from ("  ".join(pad(cell, cells) for cell, cells in zip(row, widths, strict=True)).rstrip() for row in rows)
     if len(trends.tires) > _LISTED:
         yield f"... and {len(trends.tires) - _LISTED} more tires: --json, --csv or --html"
+    yield from _mark_lines(trends.tires[:_LISTED])
     found = [(trend, finding) for trend in trends.tires for finding in trend.findings]
     yield ""
     yield "findings:" if found else "no finding"
@@ -236,6 +238,32 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
         yield f"  {clean(name)}: {what} standard deviations from its trend"
     if len(recordings) > _LISTED:
         yield f"  ... and {len(recordings) - _LISTED} more"
+
+
+def _mark_lines(tires: Sequence[TireTrend]) -> Iterator[str]:
+    """Yield why numbers of the table are marked: one line for each reason, with its tires."""
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for trend in tires:
+        for quantity in _SHORT:
+            number = number_of(trend.numbers, quantity)
+            if number.status is Status.PROVISIONAL and number.reasons:
+                why = clean(text(number.reasons[0]))
+                reasons.setdefault((LABELS[quantity], why), []).append(tire_name(trend))
+    if reasons:
+        yield ""
+        yield f"marked {STATUS_MARKS[Status.PROVISIONAL]}:"
+    for (label, why), names in list(reasons.items())[:_LISTED]:
+        yield f"  {tires_text(names, len(tires))}, {label}: {why}"
+    if len(reasons) > _LISTED:
+        yield f"  ... and {len(reasons) - _LISTED} more reasons: --json or --csv"
+
+
+def tires_text(names: Sequence[str], every: int) -> str:
+    """Return the tires that a reason is about: all, or the first ones by name."""
+    if len(names) == every and every > 1:
+        return "all tires"
+    more = len(names) - _NAMED_TIRES
+    return ", ".join(names[:_NAMED_TIRES]) + (f" and {counted(more, 'other')}" if more > 0 else "")
 
 
 def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:

@@ -1,0 +1,104 @@
+"""Changes of what the configuration states of a tire: they shift the numbers, and are no change of the tire."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gateway.reasons import Code, Reason
+from gateway.trends.tire_history import Statement, TireHistory
+
+# A load that changes more often is stated for each recording, as on a scale; all numbers are then comparable.
+_MOST_LOADS: Final = 3
+_MOST_NAMED: Final = 3
+
+_RING: Final = frozenset({Statement.LOAD, Statement.RADIUS})
+_RESTING_ON: Final[Mapping[str, frozenset[Statement]]] = {
+    "wear_mm": _RING | {Statement.THICKNESS, Statement.REFERENCE},
+    "Bs": _RING,
+    "Cw": _RING,
+    "Rs": _RING,
+    "Ts": _RING,
+    "contact_length_m": frozenset({Statement.RADIUS}),
+    "estimated_load_n": frozenset({Statement.RADIUS, Statement.CALIBRATION}),
+    "gain": frozenset({Statement.RADIUS}),
+    "zero_g_offset_mps2": frozenset({Statement.RADIUS}),
+    "mounting_offset_m": frozenset({Statement.RADIUS}),
+}
+_CODES: Final = {
+    Statement.THICKNESS: Code.TREND_STATED_THICKNESS,
+    Statement.REFERENCE: Code.TREND_STATED_REFERENCE,
+    Statement.CALIBRATION: Code.TREND_STATED_CALIBRATION,
+}
+
+
+class StatedChange(NamedTuple):
+    """A change of a statement.
+
+    Attributes:
+        statement: what is stated.
+        at: index of the first recording with the new statement.
+        before: statement before, as text.
+        after: statement from then on.
+    """
+
+    statement: Statement
+    at: int
+    before: str
+    after: str
+
+
+def stated_changes(history: TireHistory) -> list[StatedChange]:
+    """Return the changes of all statements, in the order of time; recordings that state nothing are passed over."""
+    found: list[StatedChange] = []
+    for statement, texts in history.stated.items():
+        known = [(at, text) for at, text in enumerate(texts) if text]
+        changes = [
+            StatedChange(statement, at, before, after)
+            for (_, before), (at, after) in pairwise(known)
+            if before != after
+        ]
+        if statement is not Statement.LOAD or len(changes) <= _MOST_LOADS:
+            found += changes
+    return sorted(found, key=lambda change: change.at)
+
+
+def places_of(changes: Iterable[StatedChange], name: str) -> list[int]:
+    """Return the recordings at which the level of a series changes with what is stated, each once."""
+    resting = _RESTING_ON.get(name, frozenset())
+    return sorted({change.at for change in changes if change.statement in resting})
+
+
+def findings_of_changes(history: TireHistory, changes: Iterable[StatedChange]) -> list[Reason]:
+    """Return a finding for each change, the first ones of each statement only."""
+    named: dict[Statement, list[Reason]] = {}
+    for change in changes:
+        date = str(np.datetime64(int(history.time_ns[change.at]), "ns").astype("datetime64[D]"))
+        mine = named.setdefault(change.statement, [])
+        if len(mine) < _MOST_NAMED:
+            mine.append(_FINDINGS[change.statement](change, date))
+    return [finding for findings in named.values() for finding in findings]
+
+
+def _of_load(change: StatedChange, date: str) -> Reason:
+    return Reason(Code.TREND_STATED_LOAD, date=date, before_n=float(change.before), after_n=float(change.after))
+
+
+def _of_radius(change: StatedChange, date: str) -> Reason:
+    return Reason(Code.TREND_STATED_RADIUS, date=date, before_m=float(change.before), after_m=float(change.after))
+
+
+def _plain(change: StatedChange, date: str) -> Reason:
+    return Reason(_CODES[change.statement], date=date)
+
+
+_FINDINGS: Final[Mapping[Statement, Callable[[StatedChange, str], Reason]]] = {
+    Statement.LOAD: _of_load,
+    Statement.RADIUS: _of_radius,
+    Statement.THICKNESS: _plain,
+    Statement.REFERENCE: _plain,
+    Statement.CALIBRATION: _plain,
+}
