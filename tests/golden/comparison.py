@@ -16,6 +16,8 @@ RELATIVE = 1e-6
 # 2e-5 between two kinds.
 RELATIVE_OF_A_DIAGNOSIS = 2e-4
 ABSOLUTE = 1e-9
+# A chi-square is the difference of two of thousands.
+ABSOLUTE_OF_CHI_SQUARE = 1e-5
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
@@ -40,7 +42,7 @@ def differences(
             yield from differences(before, after, f"{place}[{index}]", texts=texts, relative=relative)
     elif not texts and isinstance(stored, str) and isinstance(made, str):
         return
-    elif not _equal(stored, made, relative):
+    elif not _equal(stored, made, relative, ABSOLUTE_OF_CHI_SQUARE if place.endswith("chi2") else ABSOLUTE):
         yield f"{place}: {_short(made)}, was {_short(stored)}"
 
 
@@ -60,11 +62,11 @@ def words_and_numbers(text: str) -> list[Any]:
     return [*found, *text[end:].split()]
 
 
-def _equal(stored: Any, made: Any, relative: float) -> bool:
+def _equal(stored: Any, made: Any, relative: float, absolute: float) -> bool:
     numbers = isinstance(stored, int | float) and isinstance(made, int | float)
     if numbers and not isinstance(stored, bool) and not isinstance(made, bool):
         both_nan = math.isnan(stored) and math.isnan(made)
-        return both_nan or math.isclose(stored, made, rel_tol=relative, abs_tol=ABSOLUTE)
+        return both_nan or math.isclose(stored, made, rel_tol=relative, abs_tol=absolute)
     return type(stored) is type(made) and stored == made
 
 
