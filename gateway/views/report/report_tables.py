@@ -36,6 +36,7 @@ _DEGREES: Final = 180.0 / math.pi
 _BAND_STDS: Final = 2.0
 # Probabilities above are shown as a bound, and with a third digit.
 _CERTAIN: Final = 0.999
+_LEAST_CHI_SQUARE: Final = 0.01
 
 
 class _HasState(Protocol):
@@ -287,10 +288,15 @@ def _effect(finding: Finding) -> EffectRow:
         rms=significant(finding.rms_mps2),
         held_out=change,
         probability=_probability(finding.probability),
-        chi2=significant(finding.chi2),
+        chi2=_chi_square(finding.chi2),
         reason=reason_text(finding.reason),
         remarks=tuple((label, text) for label, text in remarks if text),
     )
+
+
+def _chi_square(value: float) -> str:
+    """Return a chi-square; a small one is rounding of the two that it is the difference of."""
+    return significant(value) if not abs(value) < _LEAST_CHI_SQUARE else f"< {_LEAST_CHI_SQUARE:g}"
 
 
 def _scaling(scaling: Scaling) -> str:
