@@ -70,7 +70,8 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in ("keys", "effects.json", "rec.csv"):
         Path(name).write_text("kept")
     for name, key in (("slip", "slip_deg"), ("side-force", "side_force_n")):
-        Path(f"{name}.toml").write_text(f"[[run]]\nrecording = 'rec.mcap'\n{key} = 0\n" * 3)
+        runs = (f"[[run]]\nrecording = 'rec.mcap'\nfrom_s = {at}\nto_s = {at + 1}\n{key} = 0\n" for at in range(3))
+        Path(f"{name}.toml").write_text("".join(runs))
     Path("symbolic.mcap").symlink_to("rec.mcap")
     os.link("rec.mcap", "hard.mcap")
     return tmp_path

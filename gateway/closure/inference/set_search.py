@@ -312,6 +312,7 @@ class SetSearch:
         near = self.best.log_evidence - criteria.WITHIN
         bare = [without for effect in best.fit.model.effects if (without := self._bare(best, effect)) is not None]
         worths = [best.log_evidence - self._score(without) for without in bare]
+        expected = frozenset(effect.name for effect in self._expected)
         grows = len(best.names) < criteria.MOST_EFFECTS
         if grows and not self._stop() and min(worths, default=math.inf) > criteria.LOOKED_AT:
             self._begin(best.fit, self.effects)
@@ -319,7 +320,8 @@ class SetSearch:
             if self._stop():
                 return
             self._evaluate_anew(bare[place], best.fit.applied)
-            if self._score(bare[place]) > best.log_evidence:
+            alike = _names(bare[place]) & expected == best.names & expected
+            if alike and self._score(bare[place]) > best.log_evidence:
                 # From there on: the other neighbours of a set that can do with less are not worth the work.
                 return
         for without, worth in zip(bare, worths, strict=True):
