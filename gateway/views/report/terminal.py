@@ -60,8 +60,8 @@ def closure_summary_lines(diagnosis: Diagnosis, columns: int = LINE_WIDTH, *, ha
     Args:
         diagnosis: the result.
         columns: width of the terminal.
-        has_all_notes: whether to print every note, as for a file, which nobody can look behind; else those that bear
-            on the result and a few others, and the number of the rest.
+        has_all_notes: whether to print every note, as in a file; else those that bear on the result and a few others,
+            and the number of the rest.
     """
     columns = max(LINE_WIDTH, min(columns, MOST_WIDE))
     return [crop(line.rstrip(), columns) for line in _Lines(columns, has_all_notes).of(diagnosis)]
