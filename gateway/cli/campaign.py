@@ -109,14 +109,15 @@ def campaign(
     again; a changed file replaces its rows.
 
     A recording that cannot be estimated is a row of the table failures and does not stop the others. One whose worker
-    process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure, or a wheel
-    that sent samples has no revolution.
+    process is killed or runs out of memory is tried once more. The exit status is 1 if there is a failure, a damaged
+    recording, or a wheel that sent samples and has no revolution.
     """
     if scheduler is not None and jobs is not None:
         raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()
+    from gateway.config.effects_file import check_effects
     from gateway.config.vehicle import load_vehicle
     from gateway.fleet.campaign_run import CampaignRun, find_recordings
     from gateway.fleet.content_keys import estimators_version
@@ -130,12 +131,16 @@ def campaign(
     found = find_recordings(paths)
     key_file = key_file.resolve() if key_file is not None else None  # workers have other working folders
     chosen = tuple(in_order(estimators or CAMPAIGN_ESTIMATORS))
+    vehicle = load_vehicle(config_path) if config_path is not None else None
+    effects = tuple(map(open_effects_file, effects_paths))
+    if vehicle is not None:
+        check_effects(effects, vehicle)
     settings = EstimationSettings(
         estimators=chosen,
         columns=estimate_names(chosen),
         rows=RowsKept(rows),
-        vehicle=load_vehicle(config_path) if config_path is not None else None,
-        effects=tuple(map(open_effects_file, effects_paths)),
+        vehicle=vehicle,
+        effects=effects,
         key_file=key_file,
         code=estimators_version(),
     )
@@ -196,7 +201,7 @@ def campaign(
     if stop.is_set():
         click.echo("stopped: run the same command to continue", err=True)
         _stopped(stop)
-    if progress.failed or progress.failed_before or progress.standing or counts.failed:
+    if progress.failed or progress.failed_before or progress.standing or progress.damaged or counts.failed:
         raise SystemExit(exit_status.NO_RESULT)
 
 
@@ -297,7 +302,7 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
         (progress.known, "done before"),
         (progress.copies, "with the content of another"),
         (progress.restored, "estimated again, because their file in the dataset was missing or damaged"),
-        (progress.damaged, "damaged: their readable part was estimated"),
+        (progress.damaged, "damaged: only their readable part is estimated (treadlink inspect names the damage)"),
         (progress.failed_before, "failed before and have not changed (--retry tries them again)"),
         (progress.failed, "failed"),
     ):

@@ -45,7 +45,7 @@ class CampaignProgress:
         known: recordings whose results were there.
         failed_before: recordings known to fail, which have not changed.
         copies: files with the content of another file.
-        damaged: of the estimated, files with an unreadable part.
+        damaged: recordings with an unreadable part, also of those known before.
         restored: of the estimated, recordings whose file in the dataset was missing or damaged.
         standing: wheels without a revolution: path, position and why, also of recordings known before.
         alarms: recordings with each alarm by its name, also of those known before.
@@ -232,7 +232,6 @@ class CampaignRun:
             self.dataset.commit(job.content, key, outcome.parts, outcome.vehicle, outcome.start_ns)
             self.progress.estimated += 1
             self.progress.revolutions += outcome.revolutions
-            self.progress.damaged += outcome.damage is not None
             self._take_wheels(job.content)
         self._settle(job.content.path, counts=True)
 
@@ -247,6 +246,7 @@ class CampaignRun:
         names = {name for one in wheels for name in one.alarms}
         self.progress.alarms.update(names)
         self.progress.with_alarms += bool(names)
+        self.progress.damaged += any(one.is_damaged for one in wheels)
         return True
 
     def _fail(self, job: _Job, failure: Failure, key: str) -> None:

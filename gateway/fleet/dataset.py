@@ -51,7 +51,7 @@ FAILURES: Final = "failures"
 INCOMING: Final = ".incoming"
 _LOCK: Final = ".lock"
 _FINAL, _AGAIN = "final", "again"
-_OF_WHEELS: Final = ("position", "revolutions", "missing", "alarms")
+_OF_WHEELS: Final = ("position", "revolutions", "missing", "alarms", "damage")
 _NO_REVOLUTIONS: Final = "none"
 _LONGEST_NAME: Final = 80
 _NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
@@ -92,11 +92,13 @@ class RecordedWheel:
         position: of the wheel.
         missing: why it has no revolution; empty where it has.
         alarms: names of its alarms.
+        is_damaged: whether a part of the recording could not be read.
     """
 
     position: str
     missing: str
     alarms: tuple[str, ...]
+    is_damaged: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,7 +353,8 @@ def _recorded_wheel(row: Mapping[str, Any]) -> RecordedWheel:
     if not row["revolutions"]:
         missing = json.loads(row["missing"])["text"] if row["missing"] else text(Reason(Code.NO_REVOLUTION_YET))
     alarms = json.loads(row["alarms"] or "[]")
-    return RecordedWheel(str(row["position"]), missing, tuple(str(alarm["name"]) for alarm in alarms))
+    names = tuple(str(alarm["name"]) for alarm in alarms)
+    return RecordedWheel(str(row["position"]), missing, names, bool(row["damage"]))
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway import __version__
-from gateway.config.effects_file import check_effects
+from gateway.config.effects_file import check_effects, effects_doubts
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, recorded_vehicle
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.estimator import Revolution
@@ -29,7 +29,7 @@ from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapsho
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.plugins import PluginGroup, installed
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code, Notice, Reason
 from gateway.recording.file_content import FileContent
 from gateway.recording.reader import RecordingReader
 from gateway.security.guard import open_guard
@@ -56,6 +56,7 @@ _NS: Final = 1_000_000_000
 _ANGLES: Final = 1024
 _ORDERS: Final = 61
 _FALSE_STATEMENT: Final = "false statement"
+_OTHER_EFFECTS: Final = "effects of another tire"
 
 
 class RowsKept(StrEnum):
@@ -305,7 +306,8 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
     if vehicle is None and reader.vehicle_toml:
         vehicle = recorded_vehicle(reader.vehicle_toml, str(order.content.path))
     positions = {wheel.position for wheel in vehicle.wheel} if vehicle is not None else set()
-    effects = tuple(table for table in settings.effects if table.position in positions)
+    # Vehicles of a fleet differ in their wheels. Without a configuration there is none to compare with: refused.
+    effects = tuple(table for table in settings.effects if vehicle is None or table.position in positions)
     check_effects(effects, vehicle)
     guard = open_guard(vehicle, settings.key_file, remembers=False)
     alarms = BatchAlarms(vehicle)
@@ -334,7 +336,8 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
         notice = missing_frames(links)[0]
         final = notice.reason.code is Code.NO_FRAME_RECEIVED
         return Estimated(failure=Failure(notice.reason, is_final=final), damage=reader.damage, peak_bytes=_peak_bytes())
-    return _recording_rows(order, reader, vehicle, collected, counters, alarms.finish())
+    doubts = effects_doubts(effects, vehicle)
+    return _recording_rows(order, reader, vehicle, collected, counters, alarms.finish(), doubts)
 
 
 def _recording_rows(
@@ -344,6 +347,7 @@ def _recording_rows(
     collected: _Collector,
     counters: dict[str, LinkCounters],
     alarms: Sequence[AlarmRecord],
+    doubts: Sequence[Notice],
 ) -> Estimated:
     """Write the rows of the recording's wheels and return what was made."""
     names, content = order.settings.columns, order.content
@@ -365,7 +369,12 @@ def _recording_rows(
         for position in own:
             wheel = configured(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
-            false = [notice.reason for notice in statements if _concerns(notice.subject, position, own)]
+            stated = [
+                (name, notice.reason)
+                for name, notices in ((_FALSE_STATEMENT, statements), (_OTHER_EFFECTS, doubts))
+                for notice in notices
+                if _concerns(notice.subject, position, own)
+            ]
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             cells |= {
                 "recording_id": content.recording_id,
@@ -383,10 +392,10 @@ def _recording_rows(
                 "alarms": _json(
                     [
                         *({"position": alarm.position, **alarm_fields(alarm)} for alarm in mine),
-                        *({"position": position, "name": _FALSE_STATEMENT, **as_json(reason)} for reason in false),
+                        *({"position": position, "name": name, **as_json(reason)} for name, reason in stated),
                     ]
                 ),
-                "alarm_count": sum(alarm.count for alarm in mine) + len(false),
+                "alarm_count": sum(alarm.count for alarm in mine) + len(stated),
                 "damage": _json(as_json(reader.damage)) if reader.damage is not None else None,
                 "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
                 "size_bytes": content.size_bytes,

@@ -16,6 +16,7 @@ from gateway.fleet.dataset import Description, opened
 from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names, estimate_recording
 from gateway.fleet.worker_cluster import Workers, local_workers
 from gateway.fleet.worker_tasks import WorkerTasks
+from gateway.pipeline.wheel_setup import CorrectionTable
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 ESTIMATORS = ("kinematic", "weak-form", "wear")
@@ -69,9 +70,11 @@ def campaign(workers: Workers, tmp_path: Path) -> Campaign:
         stop: threading.Event | None = None,
         estimators: tuple[str, ...] = ESTIMATORS,
         code: str = "",
+        effects: tuple[CorrectionTable, ...] = (),
         **options: object,
     ) -> CampaignProgress:
-        settings = EstimationSettings(estimators, estimate_names(estimators), rows, code=code or estimators_version())
+        version = code or estimators_version()
+        settings = EstimationSettings(estimators, estimate_names(estimators), rows, effects=effects, code=version)
         description = Description(estimators, settings.columns, str(rows))
         with opened(tmp_path / "dataset", description, lambda _: False) as dataset:
             return CampaignRun(

@@ -9,6 +9,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -17,12 +18,23 @@ from gateway.errors import OutputError, RecordingError, TreadlinkError
 from gateway.fleet.campaign_run import CampaignProgress, find_recordings
 from gateway.fleet.recording_estimation import RowsKept
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.recording.reader import RecordingReader
 from gateway.session.batch_estimation import estimate_items
 from gateway.views.tables.result_table import row_of
 from tests.fleet.conftest import ESTIMATORS
 from tests.testkit.campaign_recordings import write_recording
 from tests.testkit.faulty_work import faulty_work
+
+EFFECTS = CorrectionTable(
+    position="W0",
+    omega_radps=np.array([60.0, 80.0]),
+    orders_mps2=np.zeros((2, 3, 8), complex),
+    effects=(CorrectedEffect("mounting offset", (EffectParameter("offset_m", 0.004, 1e-6, "m"),)),),
+    radius_m=0.32,
+    omega_range_radps=(60.0, 80.0),
+    vehicle="van 7",
+)
 
 
 def rows(tmp_path: Path, table: str) -> list[dict[str, Any]]:
@@ -181,7 +193,30 @@ def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_pat
     assert standing["samples"] > 4000
     assert [(path.name, position) for path, position, _ in found.standing] == [("standing.mcap", "W0")]
     assert "the wheel stands still" in found.standing[0][2]
-    assert campaign(recordings / "standing.mcap").standing == found.standing
+    again = campaign(recordings / "standing.mcap", recordings / "cut.mcap")
+    assert (again.known, again.damaged, again.standing) == (2, 1, found.standing)
+
+
+def test_effects_of_another_vehicle_are_noted(campaign, recordings, tmp_path):
+    found = campaign(recordings, effects=(EFFECTS,))
+    assert (found.estimated, found.failed) == (3, 0)
+    noted = {
+        row["recording"]: [alarm["text"] for alarm in json.loads(row["alarms"] or "[]")]
+        for row in rows(tmp_path, "recordings")
+        if row["alarm_count"]
+    }
+    assert noted == {"drive2.mcap": ["the effects were found on vehicle van 7, but this is a/b=c ü"]}
+    assert found.alarms == {"effects of another tire": 1}
+
+
+def test_effects_need_a_configuration(campaign, tmp_path):
+    folder = tmp_path / "plain"
+    folder.mkdir()
+    write_recording(folder / "plain.mcap", "[motion]\nspeed_kmh = 80\n", duration_s=1.0, configured=False)
+    assert campaign(folder, effects=(EFFECTS,)).failed == 1
+    (row,) = rows(tmp_path, "failures")
+    assert "the effects belong to wheel W0, but there is no configuration" in row["text"]
+    assert row["is_final"]
 
 
 @pytest.mark.parametrize("table", ["recordings", "revolutions"])

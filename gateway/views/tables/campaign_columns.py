@@ -92,7 +92,10 @@ RECORDING_HEAD: Final[dict[str, Column]] = {
     "frames": Column(int, "frames of the recording's links"),
     "frames_lost": Column(int, "frames lost on the recording's links"),
     "faults": Column(str, "faults of revolutions, as JSON: code, values, text and count"),
-    "alarms": Column(str, "alarms of the wheel and of the links, and false statements of the sensor, as JSON"),
+    "alarms": Column(
+        str,
+        "alarms of wheel and links, false statements of the sensor, effects of another tire, as JSON",
+    ),
     "alarm_count": Column(int, "number of these alarms"),
     "missing": Column(str, "why the wheel has no revolution, as JSON; null when it has"),
     "damage": Column(str, "first unreadable part of the file, as JSON; null when all was read"),
