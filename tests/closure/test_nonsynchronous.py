@@ -351,3 +351,15 @@ def test_effect_beside_something_larger_is_undecided() -> None:
     (doubted,) = beside_larger((cavity,), larger, several=True)
     assert doubted.decide_with == Reason(Code.RECORD_ON_ANOTHER_ROAD)
     assert beside_larger((cavity, road), dict.fromkeys(larger, 0.0), several=True) == [cavity, road]
+
+
+def test_undecided_effects_beside_something_larger_are_open_with_it() -> None:
+    cavity = Finding("cavity resonance", Verdict.INDISTINGUISHABLE, {}, 1e3, 0.3, rivals=("hub vibration",))
+    hub = Finding("hub vibration", Verdict.INDISTINGUISHABLE, {}, 1e3, 3.0, rivals=("cavity resonance",))
+    refused = Finding("road vibration", Verdict.REFUSED, {}, 1.0, 0.1)
+    larger = {"cavity resonance": 2.2, "hub vibration": 2.2, "road vibration": 2.2}
+    found = beside_larger((cavity, hub, refused), larger, several=True)
+    assert [one.rivals for one in found] == [("hub vibration", UNKNOWN), ("cavity resonance", UNKNOWN), ()]
+    assert found[0].reason == Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=0.3, larger_mps2=2.2)
+    assert found[1].reason is None
+    assert found[2] == refused

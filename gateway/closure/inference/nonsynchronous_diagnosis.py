@@ -87,7 +87,7 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
 
 
 def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, several: bool) -> list[Finding]:
-    """Make effects undecided that are smaller than something unknown of which they may be a part.
+    """Make effects undecided that are smaller than something unknown of which they may be a part, and their rivals.
 
     Args:
         findings: of the spectra.
@@ -95,18 +95,21 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
         several: whether the recordings have several speeds.
     """
     decides = Code.RECORD_ON_ANOTHER_ROAD if several else Code.RECORD_ROAD_AT_ANOTHER_SPEED
-    return [
-        replace(
-            finding,
-            verdict=Verdict.INDISTINGUISHABLE,
-            rivals=(*finding.rivals, UNKNOWN),
-            decide_with=finding.decide_with or Reason(decides),
-            reason=Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=larger[finding.name]),
-        )
-        if finding.verdict is Verdict.NAMED and finding.rms_mps2 < larger[finding.name]
-        else finding
-        for finding in findings
-    ]
+    found = []
+    smaller = {one.name for one in findings if one.verdict is not Verdict.REFUSED and one.rms_mps2 < larger[one.name]}
+    for one in findings:
+        if one.name in smaller:
+            own = Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=one.rms_mps2, larger_mps2=larger[one.name])
+            one = replace(one, reason=own)
+        if one.verdict is not Verdict.REFUSED and smaller & {one.name, *one.rivals}:
+            one = replace(
+                one,
+                verdict=Verdict.INDISTINGUISHABLE,
+                rivals=(*one.rivals, UNKNOWN),
+                decide_with=one.decide_with or Reason(decides),
+            )
+        found.append(one)
+    return found
 
 
 def _larger(
