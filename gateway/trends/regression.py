@@ -62,11 +62,15 @@ class Fit:
 def weights_of(design: FloatArray, values: FloatArray, stds: FloatArray) -> FloatArray:
     """Return (n,) weights 1 / (s^2 + tau^2), with tau the scatter about an unweighted fit.
 
-    The scatter keeps a few points with small stated errors from deciding alone. Unknown errors count as none.
+    The scatter keeps a few points with small stated errors from deciding alone. Stated errors above the scatter are
+    mostly shared by all points: they are scaled down to it, so that they do not decide either. Unknown errors count as
+    none.
     """
     own = np.where(np.isfinite(stds) & (stds > 0.0), stds, 0.0)
     residuals = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     tau = _MAD_TO_STD * float(np.median(np.abs(residuals - np.median(residuals))))
+    typical = float(np.median(own))
+    own *= min(1.0, tau / typical) if typical > 0.0 else 1.0
     variance = own**2 + tau**2
     largest = float(variance.max())
     if not largest > 0.0:

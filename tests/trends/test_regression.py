@@ -48,6 +48,22 @@ def test_errors_are_not_inflated():
     assert 0.95 < np.mean(ratios) < 1.15
 
 
+@pytest.mark.parametrize(("is_shared", "low", "high"), [(True, 1.0, 1.07), (False, 0.5, 0.8)])
+def test_stated_errors_count_as_far_as_points_scatter(is_shared, low, high):
+    # Errors that all points share say nothing about a slope: weights by them would make it scatter by a further 13 %.
+    rng = np.random.default_rng(3)
+    weighted, unweighted = [], []
+    for _ in range(400):
+        _, design = line(60, rng)
+        stds = np.exp(rng.uniform(np.log(0.13), np.log(0.37 if is_shared else 0.8), 60))
+        values = (0.05 if is_shared else stds) * rng.normal(size=60)
+        for slopes, weights in ((weighted, weights_of(design, values, stds)), (unweighted, np.ones(60))):
+            found = fit(design, values, weights, np.ones(60, dtype=bool))
+            assert found is not None
+            slopes.append(found.coefficients[1])
+    assert low < np.std(weighted) / np.std(unweighted) < high
+
+
 def test_too_few_points_determine_nothing():
     design = np.column_stack([np.ones(4), np.arange(4.0)])
     assert fit(design, np.arange(4.0), np.ones(4), np.ones(4, dtype=bool)) is None
