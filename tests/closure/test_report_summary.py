@@ -109,6 +109,18 @@ def test_probable_effects_are_in_the_summary():
     assert "not certain" not in "\n".join(closure_summary_lines(replace(ordinary(), findings=(rare,))))
 
 
+def test_implausible_effect_that_would_fit_better_is_in_the_summary():
+    why = Reason(Code.IMPLAUSIBLE_PARAMETER, parameter="inertia_kgm", value=1308.33, low=0.0, high=1000.0, unit="mg m")
+    found = replace(ordinary().findings[0], name="rotary inertia", verdict=Verdict.REFUSED, probability=0.0, reason=why)
+    missing = replace(ordinary(), findings=(found,), noise_floor_mps2=1.8)
+    text = " ".join(map(str.strip, closure_summary_lines(missing)))
+    expected = "rejected     rotary inertia would fit better, but its inertia would be 1308 mg m, outside its plausible"
+    assert expected in text
+    rare = replace(found, reason=Reason(Code.PROBABILITY_TOO_LOW, probability=0.1, needed=0.99))
+    for other in (replace(missing, findings=(rare,)), replace(missing, noise_floor_mps2=2.05)):
+        assert "rejected  " not in "\n".join(closure_summary_lines(other))
+
+
 def test_non_stationary_and_unknown_lock_are_marked():
     diagnosis = ordinary()
     line, wave = diagnosis.unexplained

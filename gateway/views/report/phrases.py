@@ -56,6 +56,8 @@ GROWN: Final = 1.02
 
 # Probability from which an effect is rather present than not.
 _EVEN: Final = 0.5
+# Ratio of the held-out error after to the noise floor above which something is missing.
+_MISSING: Final = 1.05
 
 # Relative standard error above which an estimate is not determined.
 _LARGEST_RELATIVE_STD: Final = 0.3
@@ -222,6 +224,14 @@ def likely(diagnosis: Diagnosis) -> list[Finding]:
         for finding in diagnosis.findings
         if finding.verdict is Verdict.REFUSED and finding.lock == "angle" and finding.probability > _EVEN
     ]
+
+
+def implausible(diagnosis: Diagnosis) -> Finding | None:
+    """Return the effect that would fit better, but with an implausible value; None where nothing is missing."""
+    if not diagnosis.held_out.rms_after_mps2 > _MISSING * diagnosis.noise_floor_mps2:
+        return None
+    found = (one for one in diagnosis.findings if one.verdict is Verdict.REFUSED and one.reason is not None)
+    return next((one for one in found if one.reason and one.reason.code is Code.IMPLAUSIBLE_PARAMETER), None)
 
 
 def undetermined(diagnosis: Diagnosis) -> list[str]:

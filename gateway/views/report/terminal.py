@@ -17,6 +17,7 @@ from gateway.views.report.phrases import (
     counted,
     effect_title,
     effects_listed,
+    implausible,
     likely,
     listed,
     model_words,
@@ -90,6 +91,7 @@ class _Lines:
         yield from self._named(diagnosis, bool(undecided))
         yield from self._undecided(undecided)
         yield from self._likely(likely(diagnosis))
+        yield from self._implausible(implausible(diagnosis))
         yield from self._unexplained(diagnosis)
         yield from self._estimates(diagnosis)
         yield from self._notes(diagnosis.notes)
@@ -135,6 +137,11 @@ class _Lines:
         if uncertain:
             names = [f"{effect_title(one.name)} (probability {probability_text(one.probability)})" for one in uncertain]
             yield from self._rows("not certain", f"{listed(names)}: in the error after, but not identified")
+
+    def _implausible(self, finding: Finding | None) -> Iterator[str]:
+        if finding is not None and finding.reason is not None:
+            text = f"{effect_title(finding.name)} would fit better, but its {reason_text(finding.reason)}"
+            yield from self._rows("rejected", text)
 
     def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
         if not diagnosis.unexplained:
