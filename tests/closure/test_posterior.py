@@ -129,7 +129,7 @@ def test_impossible_set_has_no_weight() -> None:
 
 
 def test_no_name_rests_on_impossible_sets() -> None:
-    """Half a recording with a loose sensor: an impossible filter, and waves that mend what it leaves."""
+    """An impossible filter, and waves that mend what it leaves."""
     objection = (("filter", Reason(Code.IMPLAUSIBLE_PARAMETER)),)
     sets = [
         SimpleNamespace(names=frozenset(names), log_evidence=log_evidence, log_prior_odds=0.0, objections=objections)

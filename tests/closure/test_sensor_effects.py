@@ -80,6 +80,27 @@ def test_contribution_matches_the_simulated_sensor(sensor: str, parameters: dict
     assert rms(measured - plain - expected) < close * rms(expected) + 0.03
 
 
+@pytest.mark.parametrize(("resonance_hz", "quality"), [(700.0, 10.0), (1000.0, 10.0), (1000.0, 20.0)])
+def test_mounting_resonance_matches_the_simulated_one(resonance_hz: float, quality: float) -> None:
+    """The simulated bond has viscous damping, the effect's a loss factor: they agree at the resonance."""
+    defect = f"[wheel.defect]\nloose_hz = {resonance_hz}\nloose_q = {quality}"
+    measured, angle = tail(samples(plan_of(defect), 0.5))
+    plain, _ = tail(samples(plan_of(), 0.5))
+    block = block_of()
+    parameters = (1.0 / resonance_hz, 1.0, 1.0 / quality)
+    expected = at_angles(applied(block, mounting_resonance=parameters).signal_mps2 - block.signal_mps2, angle)
+    assert rms(expected) > 0.5
+    assert rms(measured - plain - expected) < 0.1 * rms(expected)
+
+
+def test_mounting_resonance_is_lower_along_the_inner_liner() -> None:
+    block = block_of()
+    made = applied(block, mounting_resonance=(5e-4, 2.0, 0.1)).signal_mps2 - block.signal_mps2
+    alike = applied(block, mounting_resonance=(1e-3, 1.0, 0.1)).signal_mps2 - block.signal_mps2
+    assert made[:RADIAL] == pytest.approx(alike[:RADIAL])
+    assert rms(made[RADIAL]) < 0.5 * rms(alike[RADIAL])
+
+
 def test_mounting_in_reverse_matches_the_simulated_sensor() -> None:
     sensor = "pitch_deg = 2.0\nroll_deg = 1.0\nzero_g_offset_g = [3.0, 1.0, 0.5]"
     motion = "[wheel.motion]\ndirection = 'reverse'"

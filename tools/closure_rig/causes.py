@@ -214,6 +214,10 @@ def _scatter(drawn: Drawing) -> Tables:
     return {"road": {"leading_jitter_mm": drawn.size, "trailing_jitter_mm": drawn.size * drawn.between(0.1, 0.6)}}
 
 
+def _loose(drawn: Drawing) -> Tables:
+    return {"defect": {"loose_hz": drawn.size, "loose_q": drawn.between(8.0, 20.0)}}
+
+
 def _radius(drawn: Drawing) -> Tables:
     return {"stated": {"radius_mm": drawn.bench.radius_mm / (1.0 + 0.01 * drawn.sign() * drawn.size)}}
 
@@ -257,6 +261,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("camber", "deg", (0.35, 1.0, 4.0), _camber, highest=6.0),
     # Visible in single revolutions, not in their mean; at 15 mg/rtHz three times the size is needed.
     Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter, locked=Locked.EDGES),
+    Cause("mounting resonance", "Hz", (2400.0, 1600.0, 800.0), _loose, lowest=0.45 * SAMPLE_RATE_HZ),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
 )
 

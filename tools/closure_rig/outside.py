@@ -108,10 +108,6 @@ def _tone(drawn: Drawing) -> Tables:
     return {"sensor": {"tone_mg": drawn.size, "tone_hz": drawn.between(60.0, 900.0)}}
 
 
-def _loose(drawn: Drawing) -> Tables:
-    return {"defect": {"loose_hz": drawn.size, "loose_q": drawn.between(8.0, 20.0)}}
-
-
 def splice(size: float, rng: np.random.Generator) -> Disturbance:
     """A stiff belt splice away from the sensor: an impulse at each contact, proportional to omega squared."""
     at, width = rng.uniform(0.9, 2.6) * rng.choice([-1.0, 1.0]), rng.uniform(0.05, 0.12)
@@ -265,7 +261,6 @@ STRANGERS: Final[tuple[Stranger, ...]] = (
     Stranger("belt bump", "m/s^2 at 65 km/h", (1.0, 3.0, 30.0), _bump),
     Stranger("stone in the tread", "m/s^2 at 65 km/h", (2.0, 6.0, 60.0), _stone),
     Stranger("electrical tone", "mg", (5.0, 15.0, 200.0), _tone),
-    Stranger("loose sensor", "Hz", (3500.0, 2000.0, 800.0), _loose, lowest=0.45 * SAMPLE_RATE_HZ),
     Stranger("stiff splice", "m/s^2 at 65 km/h", (0.5, 1.5, 15.0), _nothing, splice),
     Stranger("rub every second turn", "m/s^2 at 65 km/h", (2.0, 6.0, 40.0), _nothing, rub),
     Stranger("pole wheel", "m/s^2", (0.05, 0.15, 2.0), _nothing, pole_wheel),

@@ -1,7 +1,4 @@
-"""Signal acquisition behind the sensing element: clipping, anti-alias filter, AC coupling, sample clock.
-
-A linear filter acts on signals that repeat with the wheel: order n at angular speed omega passes at n omega / 2 pi.
-"""
+"""Signal acquisition behind the sensing element: clipping, anti-alias filter, AC coupling, sample clock."""
 
 from __future__ import annotations
 
@@ -15,7 +12,6 @@ from scipy.special import ndtr
 from gateway.closure.effects.belt_geometry import belt_inertia
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
-    FIELD_SIZE,
     LATERAL,
     RADIAL,
     Confounder,
@@ -25,6 +21,7 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
+from gateway.closure.effects.periodic_filter import ORDER, filtered, order_hz
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
 
@@ -38,8 +35,6 @@ _START_KNEE: Final = 0.01
 # Ends of p within which a low-pass has a corner at half its power, 1 -+ sqrt(2), with room.
 _FEWEST: Final = -0.4
 _SHARPEST: Final = 2.4
-# Orders of the spectra, 0 to FIELD_SIZE / 2.
-_ORDER: Final[ComplexArray] = np.arange(FIELD_SIZE // 2 + 1).astype(np.complex128)
 
 
 class ClockError(SignalEffect):
@@ -183,7 +178,7 @@ class AntiAliasFilter(SignalEffect):
             display_unit="ms",
             inverse_display=(1.0, "Hz"),
         ),
-        # From one pole, with room for its error, to a little beyond Butterworth: only a loose sensor rings more.
+        # From one pole, with room for its error, to a little beyond Butterworth: only a mounting resonance rings more.
         Parameter("second_pole", "", -0.2, 1.3, 0.4, 1e-4, prior_mean=0.8),
     )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
@@ -202,16 +197,12 @@ class AntiAliasFilter(SignalEffect):
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the change by the filter."""
-        return _filtered(block.signal_mps2, _low_pass(self._order_hz(block), parameters)[0] - 1.0)
+        return filtered(block.signal_mps2, _low_pass(order_hz(block.conditions), parameters)[0] - 1.0)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by the inverse corner and by p."""
-        _, by_corner, by_pole = _low_pass(self._order_hz(block), parameters)
-        return np.stack([_filtered(block.signal_mps2, by_corner), _filtered(block.signal_mps2, by_pole)])
-
-    @staticmethod
-    def _order_hz(block: ModelledBlock) -> ComplexArray:
-        return _ORDER * (block.conditions.omega_radps / (2.0 * math.pi))
+        _, by_corner, by_pole = _low_pass(order_hz(block.conditions), parameters)
+        return np.stack([filtered(block.signal_mps2, by_corner), filtered(block.signal_mps2, by_pole)])
 
 
 class AcCoupling(SignalEffect):
@@ -246,15 +237,15 @@ class AcCoupling(SignalEffect):
         if corner == 0.0:
             return block.zeros()
         decay = self._decay(block) * corner
-        filtered = _filtered(block.signal_mps2, -decay / (1j * _ORDER + decay))
-        return filtered + float(parameters[1]) * self._rate_of_mean(block)
+        passed = filtered(block.signal_mps2, -decay / (1j * ORDER + decay))
+        return passed + float(parameters[1]) * self._rate_of_mean(block)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by the corner, which the mean does not depend on, and by the lag, (2, 3, n)."""
         decay = self._decay(block)
-        below = 1j * _ORDER + decay * float(parameters[0])
+        below = 1j * ORDER + decay * float(parameters[0])
         below[0] = 1.0
-        by_corner = _filtered(block.signal_mps2, -decay * 1j * _ORDER / below**2)
+        by_corner = filtered(block.signal_mps2, -decay * 1j * ORDER / below**2)
         return np.stack([by_corner, self._rate_of_mean(block)])
 
     @staticmethod
@@ -268,20 +259,6 @@ class AcCoupling(SignalEffect):
     def _decay(block: ModelledBlock) -> float:
         """Return the droop of a plateau per radian and Hz of corner."""
         return 2.0 * math.pi / block.conditions.omega_radps
-
-
-def _filtered(signal: FloatArray, response: ComplexArray) -> FloatArray:
-    """Return a periodic signal (..., FIELD_SIZE) behind a filter.
-
-    Args:
-        signal: one revolution on the grid; theta grows with time.
-        response: (FIELD_SIZE / 2 + 1,) complex gain at `_ORDER`, or (..., FIELD_SIZE / 2 + 1).
-    """
-    # The grid's last order has no phase, so it is left out.
-    spectrum = np.fft.rfft(signal) * response
-    spectrum[..., -1] = 0.0
-    result: FloatArray = np.fft.irfft(spectrum, n=FIELD_SIZE)
-    return result
 
 
 def _low_pass(frequency_hz: ComplexArray, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:

@@ -1,4 +1,4 @@
-"""Sensor mounting: depth below the neutral layer, and yaw, roll and pitch beyond those declared.
+"""Sensor mounting: depth below the neutral layer, yaw, roll and pitch beyond those declared, and its resonance.
 
 A tilt is a rotation of the sensor. In reverse the data's circumferential axis is turned to point along the rotation, so
 the sign of yaw and pitch changes.
@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from typing import Final
+
+import numpy as np
 
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -22,7 +24,11 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.types import FloatArray
+from gateway.closure.effects.periodic_filter import filtered, order_hz
+from gateway.types import ComplexArray, FloatArray
+
+# Rubber's smallest loss factor, with room; a resonance without any would have no finite response.
+_LEAST_LOSS: Final = 0.02
 
 
 def _angle(name: str) -> Parameter:
@@ -202,4 +208,85 @@ def _radial_leak_derivative(block: ModelledBlock, axis: int, angle_rad: float) -
     return change
 
 
-EFFECTS: Final = (MountingOffset(), YawTilt(), RollTilt(), PitchTilt())
+class MountingResonance(SignalEffect):
+    """Resonance of the sensor's mass on its bond; its first parameter is 1 / resonance, 0 for a firm bond.
+
+    The bond is a spring with a loss factor eta. Its layer is stiffer across than along, so that the resonance of the
+    axes along the inner liner, circumferential and lateral, is lower by the second parameter.
+    """
+
+    name = "mounting resonance"
+    rank = 295
+    summary = "The sensor rides on a soft or loose bond: its mass and the bond's stiffness resonate."
+    equation = (
+        "order n times (1 + i eta) / (1 + i eta - x^2), x = n omega / (2 pi resonance), along the inner liner times "
+        "the ratio of the resonances"
+    )
+    source = "transmissibility of a mass on a spring with a loss factor"
+    # A gram on a rubber patch: 1 kHz when it comes loose, 10 kHz when it is firm. Loss factors of rubber: 0.05 to 0.5.
+    parameters = (
+        Parameter(
+            "inverse_resonance_s",
+            "s",
+            -1e-5,
+            1.0 / 400.0,
+            3e-4,
+            1e-6,
+            factor=1e3,
+            display_unit="ms",
+            inverse_display=(1.0, "Hz"),
+        ),
+        # From a block as high as wide to a thin layer.
+        Parameter("radial_over_tangential", "", 0.3, 5.0, 0.5, 1e-3, prior_mean=1.0),
+        Parameter("loss_factor", "", -0.1, 1.0, 0.15, 1e-3, prior_mean=0.1),
+    )
+    axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
+    observed_in = "contact edges, all axes, with the square of the speed; ringing behind them where it is in the band"
+    confounders = (
+        Confounder(("anti-alias filter",), "it attenuates high orders, a resonance amplifies them"),
+        Confounder(
+            ("bending stiffness (Bs)", "shear flexibility", "rotary inertia"),
+            "two speeds: they go with the angle, the resonance with frequency",
+        ),
+    )
+    start_values = tuple((1.0 / hz, 1.0, 0.1) for hz in (3000.0, 1800.0, 1200.0, 800.0))
+    stage = Stage.MOUNTING
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return what the resonance adds."""
+        changes = [change for change, _, _ in self._of_axes(block, parameters)]
+        return np.stack([filtered(row, change) for row, change in zip(block.signal_mps2, changes, strict=True)])
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives by the inverse resonance, the ratio and the loss factor."""
+        inverse, ratio = float(parameters[0]), float(parameters[1])
+        rows = np.zeros((3, *block.signal_mps2.shape))
+        for axis, (_, by_inverse, by_loss) in enumerate(self._of_axes(block, parameters)):
+            row = block.signal_mps2[axis]
+            moved = filtered(row, by_inverse)
+            rows[0, axis] = moved * (1.0 if axis == RADIAL else ratio)
+            rows[1, axis] = moved * (0.0 if axis == RADIAL else inverse)
+            rows[2, axis] = filtered(row, by_loss)
+        return rows
+
+    @staticmethod
+    def _of_axes(block: ModelledBlock, parameters: FloatArray) -> list[tuple[ComplexArray, ComplexArray, ComplexArray]]:
+        """Return the change of the gain of each axis, and its derivatives by 1 / resonance and the loss factor."""
+        inverse, ratio, loss = parameters.tolist()
+        frequency_hz = order_hz(block.conditions)
+        along = _resonant(frequency_hz, ratio * inverse, loss)
+        return [along, along, _resonant(frequency_hz, inverse, loss)]
+
+
+def _resonant(
+    frequency_hz: ComplexArray, inverse_s: float, loss: float
+) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """Return the change of the gain by a resonance, and its derivatives by 1 / resonance and the loss factor."""
+    lossy = 1.0 + 1j * max(loss, _LEAST_LOSS)
+    x = frequency_hz * inverse_s
+    below = lossy - x * x
+    by_loss = -1j * (x / below) ** 2 if loss > _LEAST_LOSS else 0.0 * x
+    return x * x / below, 2.0 * lossy * frequency_hz * x / below**2, by_loss
+
+
+EFFECTS: Final = (MountingOffset(), YawTilt(), RollTilt(), PitchTilt(), MountingResonance())
