@@ -491,6 +491,7 @@ class Code(StrEnum):
     TIME_LIMIT_SPENT = "time_limit_spent"
     SEARCH_ENDED_EARLY = "search_ended_early"
     EVIDENCE_TEMPERED = "evidence_tempered"
+    NOT_ON_EXACT_RING = "not_on_exact_ring"
     LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
     SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"
     LEAVES_RESIDUAL_AT_EDGES = "leaves_residual_at_edges"

@@ -7,8 +7,8 @@ import pytest
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import candidates, catalogue, corrections
-from gateway.closure.effects.effect import BaselineModel, GroupConditions
-from gateway.closure.inference.findings import apart_from
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, BaselineModel, GroupConditions
+from gateway.closure.inference.findings import apart_from, confirmed
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
@@ -21,6 +21,7 @@ from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal, field_orders
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
+from gateway.reasons import Code
 from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import (
     LOAD_N,
@@ -37,6 +38,7 @@ from tests.closure.planted_campaign import (
     nothing,
     ring,
     searched,
+    turned,
 )
 
 # Of `ring`, and the share by which `larger_belt` is larger.
@@ -279,3 +281,23 @@ def test_nothing_of_a_contradicted_state_is_determined() -> None:
     _, contradicted = estimates_of([(fit, 1.0)], contradicted=frozenset([0]))
     assert any(sure.values())
     assert not any(contradicted.values())
+
+
+def test_exact_ring_does_not_confirm_what_absorbs_errors_of_a_series() -> None:
+    """At nothing on the exact ring: rejected, with what is open beside it. An effect that is there stays."""
+    campaign = campaign_of(TWO_SPEEDS, turned(CIRCUMFERENTIAL, 0.03))
+    exact = on_exact_ring(fit_of_series(campaign, "sensor nonlinearity", "pitch tilt"))
+    assert exact is not None
+    assert set(exact.absent) == {"sensor nonlinearity"}
+    assert exact.absent["sensor nonlinearity"] < 9.0
+    found = confirmed(
+        [
+            Finding("pitch tilt", Verdict.NAMED, {}, 100.0, 1.0),
+            Finding("gain", Verdict.INDISTINGUISHABLE, {}, 100.0, 1.0, rivals=("sensor nonlinearity",)),
+            Finding("sensor nonlinearity", Verdict.INDISTINGUISHABLE, {}, 100.0, 1.0, rivals=("gain",)),
+        ],
+        exact.absent,
+    )
+    assert [one.verdict for one in found] == [Verdict.NAMED, Verdict.REFUSED, Verdict.REFUSED]
+    assert [one.reason.code for one in found[1:] if one.reason is not None] == [Code.NOT_ON_EXACT_RING] * 2
+    assert found[1].rivals == ()

@@ -114,11 +114,24 @@ def test_implausible_effect_that_would_fit_better_is_in_the_summary():
     found = replace(ordinary().findings[0], name="rotary inertia", verdict=Verdict.REFUSED, probability=0.0, reason=why)
     missing = replace(ordinary(), findings=(found,), noise_floor_mps2=1.8)
     text = " ".join(map(str.strip, closure_summary_lines(missing)))
-    expected = "rejected     rotary inertia would fit better, but its inertia would be 1308 mg m, outside its plausible"
+    expected = "rejected     rotary inertia: inertia would be 1308 mg m, outside its plausible range"
     assert expected in text
     rare = replace(found, reason=Reason(Code.PROBABILITY_TOO_LOW, probability=0.1, needed=0.99))
-    for other in (replace(missing, findings=(rare,)), replace(missing, noise_floor_mps2=2.05)):
+    spectral = replace(found, lock="time")
+    none = [replace(missing, findings=(one,)) for one in (rare, spectral)]
+    for other in (*none, replace(missing, noise_floor_mps2=2.05)):
         assert "rejected  " not in "\n".join(closure_summary_lines(other))
+
+
+def test_effect_that_the_exact_ring_does_not_confirm_is_in_the_summary():
+    why = Reason(Code.NOT_ON_EXACT_RING, errors=0.3)
+    found = replace(
+        ordinary().findings[0], name="gain-temperature drift", verdict=Verdict.REFUSED, probability=0.999, reason=why
+    )
+    text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(found,)))))
+    assert "rejected     gain-temperature drift: it absorbs errors of this model's equations: on the exact ring" in text
+    assert "it is 0.3 standard errors from zero" in text
+    assert "not certain" not in text
 
 
 def test_non_stationary_and_unknown_lock_are_marked():

@@ -146,6 +146,12 @@ and some thousand places are looked at."""
 SIGMAS_LISTED: Final = 3.0
 """Standard errors above which the size of something listed is taken as known."""
 
+AT_NOTHING: Final = 9.0
+"""Chi-square of an effect's sizes below which the exact ring does not confirm it: three standard errors."""
+
+FITS_AS_WELL: Final = 1.2
+"""Ratio of the misfit to that of noise, or of the series, up to which the exact ring judges effects of the series."""
+
 EXPLAINED_TO: Final = 0.2
 """Share of an effect's density within which a remainder is not listed: two of its errors (`DENSITY_ERROR`)."""
 

@@ -70,6 +70,23 @@ def apart_from(findings: Sequence[Finding], other: Mapping[str, FloatArray]) -> 
     ]
 
 
+def confirmed(findings: Sequence[Finding], absent: Mapping[str, float]) -> list[Finding]:
+    """Reject effects that a better model on the same data has at nothing, and what is open with them.
+
+    Args:
+        findings: of effects.
+        absent: chi-square against nothing of the sizes of such effects, by name.
+    """
+    found = []
+    for one in findings:
+        against = [absent[name] for name in (one.name, *one.rivals) if name in absent]
+        if against and one.verdict is not Verdict.REFUSED:
+            reason = Reason(Code.NOT_ON_EXACT_RING, errors=math.sqrt(min(against)))
+            one = replace(one, verdict=Verdict.REFUSED, rivals=(), decide_with=None, reason=reason)
+        found.append(one)
+    return found
+
+
 def _apart(parameters: Mapping[str, Fitted], other: FloatArray) -> dict[str, Fitted]:
     return {
         name: replace(one, std=math.hypot(one.std, one.value - there))

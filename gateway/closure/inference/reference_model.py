@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.set_evidence import evaluate
 from gateway.closure.model.baseline_registry import make_core
-from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.closure.result import Fitted
 from gateway.types import FloatArray
 
@@ -25,10 +29,12 @@ class OnExactRing:
     Attributes:
         numbers: estimates.
         parameters: of each effect by name, (K,).
+        absent: chi-square of the sizes of those effects that it has at nothing, by name.
     """
 
     numbers: Mapping[str, Fitted]
     parameters: Mapping[str, FloatArray]
+    absent: Mapping[str, float]
 
 
 def on_exact_ring(fit: Fit) -> OnExactRing | None:
@@ -58,4 +64,19 @@ def on_exact_ring(fit: Fit) -> OnExactRing | None:
         return None
     estimates, _ = estimates_of([(found.fit, 1.0)])
     layout = there.layout
-    return OnExactRing(estimates, {one.name: found.fit.vector[layout.effect(one.name)] for one in there.effects})
+    parameters = {one.name: found.fit.vector[layout.effect(one.name)] for one in there.effects}
+    # What fits worse than the series and the noise says nothing about the effects.
+    fits = found.fit.misfit / data.size < criteria.FITS_AS_WELL * max(1.0, fit.misfit / fit.data.size)
+    sizes = {one.name: _size_chi2(found.fit, one) for one in there.effects} if fits else {}
+    absent = {name: chi2 for name, chi2 in sizes.items() if chi2 < criteria.AT_NOTHING}
+    return OnExactRing(estimates, parameters, absent)
+
+
+def _size_chi2(fit: Fit, effect: AngleEffect) -> float:
+    """Return the chi-square of an effect's sizes against nothing; shapes, which have a prior mean, say nothing."""
+    sizes = [place for place, one in enumerate(effect.parameters) if one.prior_mean == 0.0]
+    if not sizes:
+        return math.inf
+    where = np.arange(len(fit.vector))[fit.model.layout.effect(effect.name)][sizes]
+    values = fit.vector[where]
+    return float(values @ np.linalg.solve(fit.covariance[np.ix_(where, where)], values))

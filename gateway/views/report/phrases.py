@@ -58,6 +58,8 @@ GROWN: Final = 1.02
 _EVEN: Final = 0.5
 # Ratio of the held-out error after to the noise floor above which something is missing.
 _MISSING: Final = 1.05
+# Reasons against the value of an effect with which the model would fit better.
+_IMPLAUSIBLE: Final = frozenset({Code.IMPLAUSIBLE_PARAMETER, Code.HOLLOW_ROAD, Code.FADES_WITHIN_ONE_WAVE})
 
 # Relative standard error above which an estimate is not determined.
 _LARGEST_RELATIVE_STD: Final = 0.3
@@ -222,16 +224,28 @@ def likely(diagnosis: Diagnosis) -> list[Finding]:
     return [
         finding
         for finding in diagnosis.findings
-        if finding.verdict is Verdict.REFUSED and finding.lock == "angle" and finding.probability > _EVEN
+        if finding.verdict is Verdict.REFUSED
+        and finding.lock == "angle"
+        and finding.probability > _EVEN
+        and _code(finding) is not Code.NOT_ON_EXACT_RING
     ]
 
 
-def implausible(diagnosis: Diagnosis) -> Finding | None:
-    """Return the effect that would fit better, but with an implausible value; None where nothing is missing."""
-    if not diagnosis.held_out.rms_after_mps2 > _MISSING * diagnosis.noise_floor_mps2:
-        return None
-    found = (one for one in diagnosis.findings if one.verdict is Verdict.REFUSED and one.reason is not None)
-    return next((one for one in found if one.reason and one.reason.code is Code.IMPLAUSIBLE_PARAMETER), None)
+def decisively_rejected(diagnosis: Diagnosis) -> list[Finding]:
+    """Return the effects that were as good as identified but for the reason against them.
+
+    These are the effects that the exact ring does not confirm and, where something is missing, the first one with which
+    the model would fit better, but with an implausible value.
+    """
+    refused = [one for one in diagnosis.findings if one.verdict is Verdict.REFUSED and one.lock == "angle"]
+    unconfirmed = [one for one in refused if _code(one) is Code.NOT_ON_EXACT_RING]
+    if diagnosis.held_out.rms_after_mps2 > _MISSING * diagnosis.noise_floor_mps2:
+        return [*unconfirmed, *[one for one in refused if _code(one) in _IMPLAUSIBLE][:1]]
+    return unconfirmed
+
+
+def _code(finding: Finding) -> Code | None:
+    return finding.reason.code if finding.reason is not None else None
 
 
 def undetermined(diagnosis: Diagnosis) -> list[str]:

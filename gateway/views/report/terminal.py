@@ -15,9 +15,9 @@ from gateway.views.report.phrases import (
     NON_STATIONARY,
     SINGLE_TURNS,
     counted,
+    decisively_rejected,
     effect_title,
     effects_listed,
-    implausible,
     likely,
     listed,
     model_words,
@@ -91,7 +91,7 @@ class _Lines:
         yield from self._named(diagnosis, bool(undecided))
         yield from self._undecided(undecided)
         yield from self._likely(likely(diagnosis))
-        yield from self._implausible(implausible(diagnosis))
+        yield from self._rejected(decisively_rejected(diagnosis))
         yield from self._unexplained(diagnosis)
         yield from self._estimates(diagnosis)
         yield from self._notes(diagnosis.notes)
@@ -138,10 +138,10 @@ class _Lines:
             names = [f"{effect_title(one.name)} (probability {probability_text(one.probability)})" for one in uncertain]
             yield from self._rows("not certain", f"{listed(names)}: in the error after, but not identified")
 
-    def _implausible(self, finding: Finding | None) -> Iterator[str]:
-        if finding is not None and finding.reason is not None:
-            text = f"{effect_title(finding.name)} would fit better, but its {reason_text(finding.reason)}"
-            yield from self._rows("rejected", text)
+    def _rejected(self, findings: Sequence[Finding]) -> Iterator[str]:
+        for finding in findings[:_MOST_OTHERS]:
+            if finding.reason is not None:
+                yield from self._rows("rejected", f"{effect_title(finding.name)}: {reason_text(finding.reason)}")
 
     def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
         if not diagnosis.unexplained:
