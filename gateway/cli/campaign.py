@@ -302,7 +302,6 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
         (progress.known, "done before"),
         (progress.copies, "with the content of another"),
         (progress.restored, "estimated again, because their file in the dataset was missing or damaged"),
-        (progress.damaged, "damaged: only their readable part is estimated (treadlink inspect names the damage)"),
         (progress.failed_before, "failed before and have not changed (--retry tries them again)"),
         (progress.failed, "failed"),
     ):
@@ -312,6 +311,12 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
         click.echo(f"  {clean(str(path))}: {clean(text(failure.reason))}")
     if len(failures) > _LISTED_FAILURES:
         click.echo(f"  and {len(failures) - _LISTED_FAILURES} more, in the table failures")
+    if progress.damaged:
+        click.echo(f"{len(progress.damaged)} damaged: only their readable part is estimated")
+    for path in progress.damaged[:_LISTED_FAILURES]:
+        click.echo(f"  {clean(str(path))}: see treadlink inspect")
+    if len(progress.damaged) > _LISTED_FAILURES:
+        click.echo(f"  and {len(progress.damaged) - _LISTED_FAILURES} more, in the column damage")
     if progress.standing or progress.with_alarms:
         click.echo(", ".join(_troubles(progress)))
     for path, position, why in progress.standing[:_LISTED_FAILURES]:

@@ -45,7 +45,7 @@ class CampaignProgress:
         known: recordings whose results were there.
         failed_before: recordings known to fail, which have not changed.
         copies: files with the content of another file.
-        damaged: recordings with an unreadable part, also of those known before.
+        damaged: paths of recordings with an unreadable part, also of those known before.
         restored: of the estimated, recordings whose file in the dataset was missing or damaged.
         standing: wheels without a revolution: path, position and why, also of recordings known before.
         alarms: recordings with each alarm by its name, also of those known before.
@@ -65,7 +65,7 @@ class CampaignProgress:
     known: int = 0
     failed_before: int = 0
     copies: int = 0
-    damaged: int = 0
+    damaged: list[Path] = field(default_factory=list)
     restored: int = 0
     standing: list[tuple[Path, str, str]] = field(default_factory=list)
     alarms: Counter[str] = field(default_factory=Counter)
@@ -246,7 +246,8 @@ class CampaignRun:
         names = {name for one in wheels for name in one.alarms}
         self.progress.alarms.update(names)
         self.progress.with_alarms += bool(names)
-        self.progress.damaged += any(one.is_damaged for one in wheels)
+        if any(one.is_damaged for one in wheels):
+            self.progress.damaged.append(content.path)
         return True
 
     def _fail(self, job: _Job, failure: Failure, key: str) -> None:

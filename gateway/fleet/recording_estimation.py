@@ -370,10 +370,8 @@ def _recording_rows(
             wheel = configured(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
             stated = [
-                (name, notice.reason)
-                for name, notices in ((_FALSE_STATEMENT, statements), (_OTHER_EFFECTS, doubts))
-                for notice in notices
-                if _concerns(notice.subject, position, own)
+                *((_FALSE_STATEMENT, one.reason) for one in statements if _concerns(one.subject, position, own)),
+                *((_OTHER_EFFECTS, one.reason) for one in doubts if one.subject == position),
             ]
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             cells |= {

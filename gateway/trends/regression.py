@@ -69,8 +69,9 @@ def weights_of(design: FloatArray, values: FloatArray, stds: FloatArray) -> Floa
     own = np.where(np.isfinite(stds) & (stds > 0.0), stds, 0.0)
     residuals = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     tau = _MAD_TO_STD * float(np.median(np.abs(residuals - np.median(residuals))))
-    typical = float(np.median(own))
-    own *= min(1.0, tau / typical) if typical > 0.0 else 1.0
+    stated = own[own > 0.0]
+    if stated.size:
+        own *= min(1.0, tau / float(np.median(stated)))
     variance = own**2 + tau**2
     largest = float(variance.max())
     if not largest > 0.0:

@@ -6,6 +6,7 @@ import json
 import shutil
 import threading
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -183,7 +184,7 @@ def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_pat
         duration_s=2.5,
     )
     found = campaign(recordings / "cut.mcap", recordings / "standing.mcap")
-    assert (found.estimated, found.failed, found.damaged) == (2, 0, 1)
+    assert (found.estimated, found.failed, [path.name for path in found.damaged]) == (2, 0, ["cut.mcap"])
     cut, standing = sorted(rows(tmp_path, "recordings"), key=lambda row: row["recording"])
     assert json.loads(cut["damage"])["code"] == "recording_cut_off"
     assert cut["revolutions"] > 3
@@ -194,7 +195,7 @@ def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_pat
     assert [(path.name, position) for path, position, _ in found.standing] == [("standing.mcap", "W0")]
     assert "the wheel stands still" in found.standing[0][2]
     again = campaign(recordings / "standing.mcap", recordings / "cut.mcap")
-    assert (again.known, again.damaged, again.standing) == (2, 1, found.standing)
+    assert (again.known, again.damaged, again.standing) == (2, found.damaged, found.standing)
 
 
 def test_effects_of_another_vehicle_are_noted(campaign, recordings, tmp_path):
@@ -207,6 +208,22 @@ def test_effects_of_another_vehicle_are_noted(campaign, recordings, tmp_path):
     }
     assert noted == {"drive2.mcap": ["the effects were found on vehicle van 7, but this is a/b=c ü"]}
     assert found.alarms == {"effects of another tire": 1}
+
+
+def test_effects_of_a_silent_wheel_are_noted_on_no_other(campaign, tmp_path):
+    folder = tmp_path / "silent"
+    folder.mkdir()
+    silent = '\n[[wheel]]\nposition = "W9"\nhub = 0\nwheel = 9\ntire.radius_mm = 320.0\n'
+    tables = "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 80\n"
+    write_recording(
+        folder / "drive.mcap",
+        tables,
+        duration_s=1.6,
+        change=lambda toml: toml.replace('name = ""', 'name = "bus"') + silent,
+    )
+    found = campaign(folder, effects=(replace(EFFECTS, position="W9"),))
+    assert found.estimated == 1
+    assert "effects of another tire" not in found.alarms
 
 
 def test_effects_need_a_configuration(campaign, tmp_path):

@@ -81,6 +81,18 @@ def test_a_wheel_without_a_revolution_is_told_by_status_and_line(recordings, tmp
         assert "standing.mcap W0: no revolution in 2.5 s of samples: the wheel stands still" in done.output
 
 
+def test_a_damaged_recording_is_told_by_status_and_line(recordings, tmp_path, workers):
+    cut = recordings / "drive0.mcap"
+    cut.write_bytes(cut.read_bytes()[: cut.stat().st_size * 3 // 4])
+    address = workers.cluster.scheduler_address
+    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW[:4], "--scheduler", address]
+    for _ in range(2):  # now, and known from before
+        done = CliRunner().invoke(treadlink, arguments)
+        assert done.exit_code == 1, done.output
+        assert "1 damaged: only their readable part is estimated\n" in done.output
+        assert f"  {cut}: see treadlink inspect\n" in done.output
+
+
 def test_workers_that_do_not_end_are_killed():
     class Cluster:
         def __init__(self, pid: int) -> None:

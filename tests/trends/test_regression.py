@@ -64,6 +64,17 @@ def test_stated_errors_count_as_far_as_points_scatter(is_shared, low, high):
     assert low < np.std(weighted) / np.std(unweighted) < high
 
 
+def test_unknown_errors_do_not_change_what_known_ones_count():
+    rng = np.random.default_rng(5)
+    _, design = line(20, rng)
+    values = 0.05 * rng.normal(size=20)
+    stds = np.exp(rng.uniform(np.log(0.13), np.log(0.37), 20))
+    for unknown in (9, 11):
+        stds[:unknown] = np.nan
+        weights = weights_of(design, values, stds)
+        assert (weights[unknown:] > 0.1 * weights[0]).all()
+
+
 def test_too_few_points_determine_nothing():
     design = np.column_stack([np.ones(4), np.arange(4.0)])
     assert fit(design, np.arange(4.0), np.ones(4), np.ones(4, dtype=bool)) is None

@@ -26,6 +26,8 @@ UNPAIRED: Final = frozenset(
         ("gain", "gain-temperature drift"),
         ("camber", "zero-g offset"),
         ("camber", "AC coupling"),
+        # One table of the scenario has both, and one list of axes.
+        ("clipping", "mounting resonance"),
     )
 )
 

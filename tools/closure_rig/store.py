@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import shutil
@@ -35,19 +36,23 @@ class Store:
         """Open or create a folder of cases.
 
         Raises:
-            ValueError: it holds the cases of another seed.
+            ValueError: it holds the cases of another seed, or of another plan.
         """
         self._folder = folder
+        self.cases = plan(seed)
+        digest = hashlib.sha256(repr(self.cases).encode()).hexdigest()
         about = folder / "plan.json"
         if about.is_file():
-            found = json.loads(about.read_text(encoding="utf-8"))["seed"]
-            if found != seed:
-                raise ValueError(f"'{folder}' holds the cases of seed {found}, not {seed}: give another folder")
+            found = json.loads(about.read_text(encoding="utf-8"))
+            if found["seed"] != seed:
+                raise ValueError(f"'{folder}' holds the cases of seed {found['seed']}, not {seed}: give another folder")
+            if found.get("digest") != digest:
+                raise ValueError(f"'{folder}' holds the cases of another version of the rig: give another folder")
         else:
             (folder / "cases").mkdir(parents=True, exist_ok=True)
             (folder / "labels").mkdir(exist_ok=True)
-            about.write_text(json.dumps({"seed": seed, "treadlink": __version__}), encoding="utf-8")
-        self.cases = plan(seed)
+            kept = {"seed": seed, "digest": digest, "treadlink": __version__}
+            about.write_text(json.dumps(kept), encoding="utf-8")
 
     def get(self, planned: Planned) -> Stored:
         """Return a case, made if it is not there yet."""

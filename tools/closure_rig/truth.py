@@ -74,7 +74,8 @@ def parameters_of(case: Case) -> dict[str, dict[str, float]]:
     """Return the true parameters of a case's effects, by the catalogue's names; those without a sure one are absent.
 
     A number that has a value of its own in every state, or that depends on the sense of rotation, has none when the
-    runs differ in it.
+    runs differ in it. A mounting resonance has none: the simulator's filter is exact at the resonance alone, and low
+    orders see one at fs / pi tan(pi f / fs), 3.1 kHz for 2.4 kHz at 9600 Hz.
     """
     names = case.label["truth"]
     found: dict[str, dict[str, float]] = {}

@@ -189,6 +189,7 @@ class AntiAliasFilter(SignalEffect):
             "two speeds: they go with the angle, the filter with frequency",
         ),
         Confounder(("contact centre",), "the rounding of the edges; the delay alone looks like another centre"),
+        Confounder(("mounting resonance",), "it amplifies high orders, a filter attenuates them"),
     )
     # Corners of 1400 and 700 Hz, with two poles and with one. The effect goes with the square or the cube: a linear
     # step from far below would overshoot.

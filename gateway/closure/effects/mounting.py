@@ -211,8 +211,9 @@ def _radial_leak_derivative(block: ModelledBlock, axis: int, angle_rad: float) -
 class MountingResonance(SignalEffect):
     """Resonance of the sensor's mass on its bond; its first parameter is 1 / resonance, 0 for a firm bond.
 
-    The bond is a spring with a loss factor eta. Its layer is stiffer across than along, so that the resonance of the
-    axes along the inner liner, circumferential and lateral, is lower by the second parameter.
+    The bond is a spring with a loss factor eta. A thin layer is stiffer across than along: the resonance of the axes
+    along the inner liner, circumferential and lateral, is lower than the radial one by the factor of the second
+    parameter, 1 for a sensor that hangs loose.
     """
 
     name = "mounting resonance"
@@ -238,7 +239,7 @@ class MountingResonance(SignalEffect):
         ),
         # From a block as high as wide to a thin layer.
         Parameter("radial_over_tangential", "", 0.3, 5.0, 0.5, 1e-3, prior_mean=1.0),
-        Parameter("loss_factor", "", -0.1, 1.0, 0.15, 1e-3, prior_mean=0.1),
+        Parameter("loss_factor", "", 0.0, 1.0, 0.15, 1e-3, prior_mean=0.1),
     )
     axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     observed_in = "contact edges, all axes, with the square of the speed; ringing behind them where it is in the band"

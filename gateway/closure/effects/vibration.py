@@ -151,7 +151,7 @@ class CavityResonance(SpectrumEffect):
     confounders = (
         Confounder(("an electrical tone",), "it is narrower, and its envelope is steady"),
         Confounder(("an order of the wheel",), "it moves with speed"),
-        Confounder(("a loose sensor",), "it resonates on every axis that is loose"),
+        Confounder(("mounting resonance",), "it resonates on every axis that is loose"),
     )
     # Narrow peaks every few Hz over the range of tires.
     start_values = tuple((0.2, centre, 6.0, 0.9) for centre in np.arange(153.0, 300.0, 6.0).tolist())
