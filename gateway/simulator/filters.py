@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 
 import numpy as np
@@ -69,14 +70,21 @@ def resonator(centre_hz: float, width_hz: float, rate_hz: float) -> Biquad:
 
 
 def loose_mass(resonance_hz: float, quality: float, rate_hz: float) -> Biquad:
-    """Return the transmissibility of a damped spring-mass: gain 1 below, sqrt(1 + Q^2) at the resonance."""
-    k = math.tan(math.pi * resonance_hz / rate_hz)
-    across = k / quality
-    scale = 1.0 + across + k * k
-    return Biquad(
-        ((across + k * k) / scale, 2.0 * k * k / scale, (k * k - across) / scale),
-        (2.0 * (k * k - 1.0) / scale, (1.0 - across + k * k) / scale),
-    )
+    """Return the transmissibility of a damped spring-mass: gain 1 below, sqrt(1 + Q^2) at the resonance.
+
+    T = (1 + i x / Q) / (1 - x^2 + i x / Q), x = f / resonance. The poles are those of the mass. The zeros make gain,
+    delay and curvature at low frequencies exact: a bilinear transform warps them, for 2.5 kHz at 9600 Hz by 40 % of
+    T - 1.
+    """
+    turn = 2.0 * math.pi * resonance_hz / rate_hz
+    pole = cmath.exp(turn * (-0.5 / quality + 1j * math.sqrt(max(1.0 - 0.25 / quality**2, 0.0))))
+    a1, a2 = -2.0 * pole.real, abs(pole) ** 2
+    # Moments of b: those of a, the second with T = 1 + x^2 + ...
+    gain = 1.0 + a1 + a2
+    delay, curvature = a1 + 2.0 * a2, a1 + 4.0 * a2 - 2.0 * gain / turn**2
+    b2 = 0.5 * (curvature - delay)
+    b1 = delay - 2.0 * b2
+    return Biquad((gain - b1 - b2, b1, b2), (a1, a2))
 
 
 def lowpass_noise_gain(corner_hz: float, rate_hz: float) -> float:

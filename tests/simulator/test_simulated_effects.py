@@ -126,13 +126,18 @@ def test_resonances_have_their_gain() -> None:
     time = np.arange(38400) / RATE
 
     def gain(section, hz: float) -> float:
-        return float(np.abs(section(np.sin(2 * math.pi * hz * time)[:, None])[19200:]).max())
+        return math.sqrt(2.0) * float(section(np.sin(2 * math.pi * hz * time)[:, None])[19200:].std())
 
     assert gain(resonator(300.0, 20.0, RATE), 300.0) == pytest.approx(1.0, abs=1e-3)
     assert gain(resonator(300.0, 20.0, RATE), 310.0) == pytest.approx(1 / math.sqrt(2), abs=0.02)
     assert gain(loose_mass(800.0, 5.0, RATE), 800.0) == pytest.approx(math.sqrt(26.0), rel=2e-2)
     assert gain(loose_mass(800.0, 5.0, RATE), 20.0) == pytest.approx(1.0, abs=2e-3)
     assert loose_mass(800.0, 5.0, RATE)(np.full((50, 2), 7.0)) == pytest.approx(7.0)
+    for resonance_hz, quality in ((800.0, 5.0), (2500.0, 15.0), (3700.0, 10.0)):
+        for hz in (300.0, 600.0, 1200.0):
+            x = hz / resonance_hz
+            expected = abs((1.0 + 1j * x / quality) / (1.0 - x * x + 1j * x / quality))
+            assert gain(loose_mass(resonance_hz, quality, RATE), hz) == pytest.approx(expected, rel=0.02)
     noise = resonator(300.0, 20.0, RATE)(np.random.default_rng(1).standard_normal((400_000, 1)))
     assert noise.std() == pytest.approx(band_noise_gain(300.0, 20.0, RATE), rel=0.05)
 

@@ -74,8 +74,7 @@ def parameters_of(case: Case) -> dict[str, dict[str, float]]:
     """Return the true parameters of a case's effects, by the catalogue's names; those without a sure one are absent.
 
     A number that has a value of its own in every state, or that depends on the sense of rotation, has none when the
-    runs differ in it. A mounting resonance has none: the simulator's filter is exact at the resonance alone, and low
-    orders see one at fs / pi tan(pi f / fs), 3.1 kHz for 2.4 kHz at 9600 Hz.
+    runs differ in it.
     """
     names = case.label["truth"]
     found: dict[str, dict[str, float]] = {}
@@ -114,6 +113,8 @@ def _parameters(name: str, case: Case) -> dict[str, float]:
         }
     if name == "anti-alias filter":
         return {"inverse_corner_s": 1.0 / sensor["bandwidth_hz"]}
+    if name == "mounting resonance":
+        return {"inverse_resonance_s": 1.0 / tables["defect"]["loose_hz"], "radial_over_tangential": 1.0}
     if name == "clipping":
         return {"inverse_limit_s2pm": 1.0 / (tables["defect"]["clip_g"] * STANDARD_GRAVITY_MPS2)}
     if name == "rolling radius":
