@@ -149,7 +149,7 @@ SIGMAS_LISTED: Final = 3.0
 AT_NOTHING: Final = 9.0
 """Chi-square of an effect's sizes below which the exact ring does not confirm it: three standard errors."""
 
-FITS_AS_WELL: Final = 1.2
+FITS_AS_WELL: Final = 1.5
 """Ratio of the misfit to that of noise, or of the series, up to which the exact ring judges effects of the series."""
 
 EXPLAINED_TO: Final = 0.2
