@@ -11,7 +11,7 @@ from gateway.closure.effects.effect import GroupConditions
 from gateway.types import ComplexArray, FloatArray
 from tests.closure.planted_campaign import PLANE, TWO_SPEEDS, Plant, among, campaign_of, nothing, searched
 
-EFFECTS = among("mounting resonance", "anti-alias filter", "shear flexibility", "rotary inertia", "mounting offset")
+EFFECTS = among("mounting resonance", "anti-alias filter", "mounting offset")
 
 
 def filtered(gain: ComplexArray, signal: FloatArray) -> FloatArray:
