@@ -840,7 +840,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.HOLLOW_ROAD: "the road would be hollow with a radius of {radius_m:.3g m}, larger than any inner drum (5 m)",
     Code.PROBABILITY_TOO_LOW: "its probability is {probability:probability}, and {needed:.2g} is needed",
     Code.NOT_ON_EXACT_RING: (
-        "it absorbs errors of this model's equations: on the exact ring it is {errors:.1f} standard errors from zero"
+        "it absorbs errors of this model's equations: on the exact ring {effect} is {errors:.1f} errors from zero"
     ),
     Code.LEAVES_MORE_THAN_WITHOUT: (
         "with it the fit leaves {with_it:.3g} times the noise of the means, without it {without:.3g} times"

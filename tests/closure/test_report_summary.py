@@ -124,13 +124,13 @@ def test_implausible_effect_that_would_fit_better_is_in_the_summary():
 
 
 def test_effect_that_the_exact_ring_does_not_confirm_is_in_the_summary():
-    why = Reason(Code.NOT_ON_EXACT_RING, errors=0.3)
+    why = Reason(Code.NOT_ON_EXACT_RING, effect="gain-temperature drift", errors=0.3)
     found = replace(
         ordinary().findings[0], name="gain-temperature drift", verdict=Verdict.REFUSED, probability=0.999, reason=why
     )
     text = " ".join(map(str.strip, closure_summary_lines(replace(ordinary(), findings=(found,)))))
     assert "rejected     gain-temperature drift: it absorbs errors of this model's equations: on the exact ring" in text
-    assert "it is 0.3 standard errors from zero" in text
+    assert "gain-temperature drift is 0.3 errors from zero" in text
     assert "not certain" not in text
 
 

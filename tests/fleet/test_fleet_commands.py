@@ -65,6 +65,16 @@ def test_campaign_and_trends_end_to_end(recordings, tmp_path, monkeypatch, worke
     assert isinstance(again.exception, OutputError)
 
 
+def told_twice(recordings, tmp_path, workers):
+    """Yield what a campaign prints of recordings that lack something, now and when they are known; its status is 1."""
+    address = workers.cluster.scheduler_address
+    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW[:4], "--scheduler", address]
+    for _ in range(2):
+        done = CliRunner().invoke(treadlink, arguments)
+        assert done.exit_code == 1, done.output
+        yield done.output
+
+
 def test_a_wheel_without_a_revolution_is_told_by_status_and_line(recordings, tmp_path, workers):
     write_recording(
         recordings / "standing.mcap",
@@ -72,25 +82,17 @@ def test_a_wheel_without_a_revolution_is_told_by_status_and_line(recordings, tmp
         wheels=("load_n = 4000\n",),
         duration_s=2.5,
     )
-    address = workers.cluster.scheduler_address
-    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW[:4], "--scheduler", address]
-    for _ in range(2):  # now, and known from before
-        done = CliRunner().invoke(treadlink, arguments)
-        assert done.exit_code == 1, done.output
-        assert "1 wheel without a revolution" in done.output
-        assert "standing.mcap W0: no revolution in 2.5 s of samples: the wheel stands still" in done.output
+    for output in told_twice(recordings, tmp_path, workers):
+        assert "1 wheel without a revolution" in output
+        assert "standing.mcap W0: no revolution in 2.5 s of samples: the wheel stands still" in output
 
 
 def test_a_damaged_recording_is_told_by_status_and_line(recordings, tmp_path, workers):
     cut = recordings / "drive0.mcap"
     cut.write_bytes(cut.read_bytes()[: cut.stat().st_size * 3 // 4])
-    address = workers.cluster.scheduler_address
-    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW[:4], "--scheduler", address]
-    for _ in range(2):  # now, and known from before
-        done = CliRunner().invoke(treadlink, arguments)
-        assert done.exit_code == 1, done.output
-        assert "1 damaged: only their readable part is estimated\n" in done.output
-        assert f"  {cut}: see treadlink inspect\n" in done.output
+    for output in told_twice(recordings, tmp_path, workers):
+        assert "1 damaged: only their readable part is estimated\n" in output
+        assert f"  {cut}: see treadlink inspect\n" in output
 
 
 def test_workers_that_do_not_end_are_killed():

@@ -79,9 +79,10 @@ def confirmed(findings: Sequence[Finding], absent: Mapping[str, float]) -> list[
     """
     found = []
     for one in findings:
-        against = [absent[name] for name in (one.name, *one.rivals) if name in absent]
+        against = [(name, absent[name]) for name in (one.name, *one.rivals) if name in absent]
         if against and one.verdict is not Verdict.REFUSED:
-            reason = Reason(Code.NOT_ON_EXACT_RING, errors=math.sqrt(min(against)))
+            name, chi2 = against[0]
+            reason = Reason(Code.NOT_ON_EXACT_RING, effect=name, errors=math.sqrt(chi2))
             one = replace(one, verdict=Verdict.REFUSED, rivals=(), decide_with=None, reason=reason)
         found.append(one)
     return found
