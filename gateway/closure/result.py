@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from gateway.closure.data.campaign_data import Remark
+from gateway.closure.effects.effect import InverseDisplay
 from gateway.reasons import Reason
 from gateway.signal.effect_correction import CorrectionTable
 from gateway.types import FloatArray
@@ -71,7 +72,7 @@ class Fitted:
         unit: of both; empty for a pure number.
         factor: conversion from `unit` to `display_unit`.
         display_unit: of the number in tables; `unit` when empty.
-        inverse_display: (factor, unit) where tables show factor / value instead; as in `Parameter`.
+        inverse_display: where tables show an inverse instead; as in `Parameter`.
         quantity: name of an estimate without its state; empty where that is its key.
         state: load and pressure of an estimate, None for the state of the most revolutions.
     """
@@ -81,7 +82,7 @@ class Fitted:
     unit: str = ""
     factor: float = 1.0
     display_unit: str = ""
-    inverse_display: tuple[float, str] | None = None
+    inverse_display: InverseDisplay | None = None
     quantity: str = ""
     state: TireState | None = None
 

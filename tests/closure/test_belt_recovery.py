@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -78,9 +79,9 @@ def std_of_recovered(effect: AngleEffect, truth: FloatArray, seed: int, speeds_k
         ("anti-alias filter", (1.0 / 800.0, 1.0), 12),
         ("anti-alias filter", (1.0 / 600.0, 0.0), 15),
         ("anti-alias filter", (1.0 / 700.0, 1.8), 16),
-        ("mounting resonance", (1.0 / 900.0, 1.0, 0.1), 17),
-        ("mounting resonance", (1.0 / 1500.0, 1.4, 0.15), 18),
-        ("mounting resonance", (1.0 / 600.0, 1.2, 0.06), 19),
+        ("mounting resonance", ((2.0 * math.pi * 900.0) ** -2, 1.0, 0.1), 17),
+        ("mounting resonance", ((2.0 * math.pi * 1500.0) ** -2, 1.4, 0.15), 18),
+        ("mounting resonance", ((2.0 * math.pi * 600.0) ** -2, 1.2, 0.06), 19),
     ],
 )
 def test_effect_is_found_from_its_start_values(name: str, values: tuple[float, ...], seed: int) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.closure.effects.effect import InverseDisplay
 from gateway.closure.result import Diagnosis, Fitted, Scaling, ScalingStatus
 from gateway.errors import OutputError
 from gateway.views.report.diagnosis_json import FORMAT, FORMAT_VERSION, diagnosis_json, write_json
@@ -86,7 +87,7 @@ def test_keys_are_stable(tmp_path):
 
 def test_inverse_keeps_name_and_si_value():
     diagnosis = ordinary()
-    inverse = {"inverse_corner_s": Fitted(7e-4, 7e-6, "s", 1e3, "ms", (1.0, "Hz"))}
+    inverse = {"inverse_corner_s": Fitted(7e-4, 7e-6, "s", 1e3, "ms", InverseDisplay(1.0, "Hz"))}
     finding = replace(diagnosis.findings[0], parameters=inverse)
     effect = diagnosis_json(replace(diagnosis, findings=(finding,)))["effects"][0]
     assert (effect["parameters"], effect["units"]) == ({"inverse_corner_s": 7e-4}, {"inverse_corner_s": "s"})

@@ -114,7 +114,10 @@ def _parameters(name: str, case: Case) -> dict[str, float]:
     if name == "anti-alias filter":
         return {"inverse_corner_s": 1.0 / sensor["bandwidth_hz"]}
     if name == "mounting resonance":
-        return {"inverse_resonance_s": 1.0 / tables["defect"]["loose_hz"], "radial_over_tangential": 1.0}
+        return {
+            "inverse_resonance_s2": (2.0 * math.pi * tables["defect"]["loose_hz"]) ** -2,
+            "radial_over_tangential": 1.0,
+        }
     if name == "clipping":
         return {"inverse_limit_s2pm": 1.0 / (tables["defect"]["clip_g"] * STANDARD_GRAVITY_MPS2)}
     if name == "rolling radius":

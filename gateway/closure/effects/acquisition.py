@@ -16,6 +16,7 @@ from gateway.closure.effects.effect import (
     RADIAL,
     Confounder,
     GroupConditions,
+    InverseDisplay,
     ModelledBlock,
     Parameter,
     SignalEffect,
@@ -95,7 +96,13 @@ class Clipping(SignalEffect):
     # 3 % within a group.
     parameters = (
         Parameter(
-            "inverse_limit_s2pm", "s^2/m", 0.0, 0.01, 1e-3, 1e-7, inverse_display=(1.0 / STANDARD_GRAVITY_MPS2, "g")
+            "inverse_limit_s2pm",
+            "s^2/m",
+            0.0,
+            0.01,
+            1e-3,
+            1e-7,
+            inverse_display=InverseDisplay(1.0 / STANDARD_GRAVITY_MPS2, "g"),
         ),
         Parameter("knee", "", -0.1, 0.1, 0.01, 1e-4, prior_mean=0.01, factor=100.0, display_unit="%", varies=True),
     )
@@ -176,7 +183,7 @@ class AntiAliasFilter(SignalEffect):
             1e-6,
             factor=1e3,
             display_unit="ms",
-            inverse_display=(1.0, "Hz"),
+            inverse_display=InverseDisplay(1.0, "Hz"),
         ),
         # From one pole, with room for its error, to a little beyond Butterworth: only a mounting resonance rings more.
         Parameter("second_pole", "", -0.2, 1.3, 0.4, 1e-4, prior_mean=0.8),

@@ -28,7 +28,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -82,6 +82,20 @@ class Stage(IntEnum):
     ELECTRIC = 4
 
 
+class InverseDisplay(NamedTuple):
+    """Display of a parameter as the inverse of its root: factor / value^(1 / power).
+
+    Attributes:
+        factor: from SI to `unit`.
+        unit: of the displayed value.
+        power: 1 where the parameter is the inverse, 2 where it is the square of the inverse.
+    """
+
+    factor: float
+    unit: str
+    power: float = 1.0
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """One parameter of an effect.
@@ -96,8 +110,8 @@ class Parameter:
         prior_mean: 0 for all but shape parameters, such as a corner frequency or an order.
         factor: displayed value = value * factor.
         display_unit: unit of the displayed value; `unit` when empty.
-        inverse_display: (factor, unit) where the value is the inverse of the quantity that engineers use, so that 0
-            means absent. Tables show factor / value in that unit, under the name without its leading `inverse`.
+        inverse_display: where the value is the inverse of the quantity that engineers use, so that 0 means absent.
+            Tables show that quantity, under the name without its leading `inverse`.
         varies: True where the parameter may physically differ between recordings.
         shared_std: where effects share the parameter of this name, the standard deviation by which each may differ
             from it, as their equations are models. It is a part of the reported error. None where it is the effect's
@@ -119,7 +133,7 @@ class Parameter:
     display_unit: str = ""
     varies: bool = False
     whole: bool = False
-    inverse_display: tuple[float, str] | None = None
+    inverse_display: InverseDisplay | None = None
     shared_std: float | None = None
     other_stds: tuple[float, ...] = ()
 

@@ -18,6 +18,7 @@ from gateway.closure.effects.effect import (
     RADIAL,
     Confounder,
     GroupConditions,
+    InverseDisplay,
     ModelledBlock,
     Parameter,
     RingEffect,
@@ -208,8 +209,13 @@ def _radial_leak_derivative(block: ModelledBlock, axis: int, angle_rad: float) -
     return change
 
 
+def _inverse_square(resonance_hz: float) -> float:
+    """Return 1 / (2 pi resonance)^2, s^2."""
+    return (2.0 * math.pi * resonance_hz) ** -2
+
+
 class MountingResonance(SignalEffect):
-    """Resonance of the sensor's mass on its bond; its first parameter is 1 / resonance, 0 for a firm bond.
+    """Resonance of the sensor's mass on its bond; its first parameter is mass over stiffness, 0 for a firm bond.
 
     The bond is a spring with a loss factor eta. A thin layer is stiffer across than along: the resonance of the axes
     along the inner liner, circumferential and lateral, is lower than the radial one by the factor of the second
@@ -220,22 +226,23 @@ class MountingResonance(SignalEffect):
     rank = 295
     summary = "The sensor rides on a soft or loose bond: its mass and the bond's stiffness resonate."
     equation = (
-        "order n times (1 + i eta) / (1 + i eta - x^2), x = n omega / (2 pi resonance), along the inner liner times "
+        "order n times (1 + i eta) / (1 + i eta - x), x = (n omega / (2 pi resonance))^2, along the inner liner times "
         "the ratio of the resonances"
     )
     source = "transmissibility of a mass on a spring with a loss factor"
     # A gram on a rubber patch: 1 kHz when it comes loose, 10 kHz when it is firm. Loss factors of rubber: 0.05 to 0.5.
     parameters = (
         Parameter(
-            "inverse_resonance_s",
-            "s",
-            -1e-5,
-            1.0 / 400.0,
-            3e-4,
-            1e-6,
-            factor=1e3,
-            display_unit="ms",
-            inverse_display=(1.0, "Hz"),
+            "inverse_resonance_s2",
+            "s^2",
+            -1e-10,
+            _inverse_square(400.0),
+            _inverse_square(600.0),
+            1e-11,
+            factor=1e6,
+            display_unit="ms^2",
+            inverse_display=InverseDisplay(0.5 / math.pi, "Hz", power=2.0),
+            other_stds=(_inverse_square(2000.0),),
         ),
         # From a block as high as wide to a thin layer.
         Parameter("radial_over_tangential", "", 0.3, 5.0, 0.5, 1e-3, prior_mean=1.0),
@@ -250,7 +257,7 @@ class MountingResonance(SignalEffect):
             "two speeds: they go with the angle, the resonance with frequency",
         ),
     )
-    start_values = tuple((1.0 / hz, 1.0, 0.1) for hz in (3000.0, 1800.0, 1200.0, 800.0))
+    start_values = tuple((_inverse_square(hz), 1.0, 0.1) for hz in (3000.0, 1800.0, 1200.0, 800.0))
     stage = Stage.MOUNTING
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -259,35 +266,35 @@ class MountingResonance(SignalEffect):
         return np.stack([filtered(row, change) for row, change in zip(block.signal_mps2, changes, strict=True)])
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives by the inverse resonance, the ratio and the loss factor."""
-        inverse, ratio = float(parameters[0]), float(parameters[1])
+        """Return the derivatives by mass over stiffness, the ratio and the loss factor."""
+        radial, ratio = float(parameters[0]), float(parameters[1])
         rows = np.zeros((3, *block.signal_mps2.shape))
-        for axis, (_, by_inverse, by_loss) in enumerate(self._of_axes(block, parameters)):
+        for axis, (_, by_square, by_loss) in enumerate(self._of_axes(block, parameters)):
             row = block.signal_mps2[axis]
-            moved = filtered(row, by_inverse)
-            rows[0, axis] = moved * (1.0 if axis == RADIAL else ratio)
-            rows[1, axis] = moved * (0.0 if axis == RADIAL else inverse)
+            moved = filtered(row, by_square)
+            rows[0, axis] = moved * (1.0 if axis == RADIAL else ratio**2)
+            rows[1, axis] = moved * (0.0 if axis == RADIAL else 2.0 * ratio * radial)
             rows[2, axis] = filtered(row, by_loss)
         return rows
 
     @staticmethod
     def _of_axes(block: ModelledBlock, parameters: FloatArray) -> list[tuple[ComplexArray, ComplexArray, ComplexArray]]:
-        """Return the change of the gain of each axis, and its derivatives by 1 / resonance and the loss factor."""
-        inverse, ratio, loss = parameters.tolist()
-        frequency_hz = order_hz(block.conditions)
-        along = _resonant(frequency_hz, ratio * inverse, loss)
-        return [along, along, _resonant(frequency_hz, inverse, loss)]
+        """Return the change of each axis' gain, and its derivatives by mass over stiffness and the loss factor."""
+        radial, ratio, loss = parameters.tolist()
+        omega_square = np.square(2.0 * math.pi * order_hz(block.conditions))
+        along = _resonant(omega_square, ratio**2 * radial, loss)
+        return [along, along, _resonant(omega_square, radial, loss)]
 
 
 def _resonant(
-    frequency_hz: ComplexArray, inverse_s: float, loss: float
+    omega_square: ComplexArray, mass_over_stiffness_s2: float, loss: float
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """Return the change of the gain by a resonance, and its derivatives by 1 / resonance and the loss factor."""
+    """Return the change of the gain by a resonance, and its derivatives by mass over stiffness and the loss factor."""
     lossy = 1.0 + 1j * max(loss, _LEAST_LOSS)
-    x = frequency_hz * inverse_s
-    below = lossy - x * x
-    by_loss = -1j * (x / below) ** 2 if loss > _LEAST_LOSS else 0.0 * x
-    return x * x / below, 2.0 * lossy * frequency_hz * x / below**2, by_loss
+    x = omega_square * mass_over_stiffness_s2
+    below = lossy - x
+    by_loss = -1j * x / below**2 if loss > _LEAST_LOSS else 0.0 * x
+    return x / below, omega_square * lossy / below**2, by_loss
 
 
 EFFECTS: Final = (MountingOffset(), YawTilt(), RollTilt(), PitchTilt(), MountingResonance())

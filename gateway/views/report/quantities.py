@@ -28,6 +28,7 @@ _COMPOUND: Final = (
     "_per_k",
     "_s2pm",
     "_s4pm2",
+    "_s2",
     "_rad2",
     "_kgm",
     "_m2",
@@ -89,9 +90,9 @@ def show_fitted(name: str, fitted: Fitted | None, *, state: bool = True) -> Show
     if fitted is None:
         return ShownNumber(label, MISSING, shown.symbol, math.nan, math.nan)
     if fitted.inverse_display is not None and fitted.value > _INVERTIBLE_STDS * fitted.std:
-        factor, unit = fitted.inverse_display
-        value = factor / float(fitted.value)
-        std = value * float(fitted.std) / float(fitted.value)
+        factor, unit, power = fitted.inverse_display
+        value = factor * float(fitted.value) ** (-1.0 / power)
+        std = value * float(fitted.std) / float(fitted.value) / power
         label = label.removeprefix(_INVERSE)
         return ShownNumber(label, round_to_error(value, std).joined(), typeset(unit), value, std)
     if fitted.std == 0.0 and float(fitted.value).is_integer():
