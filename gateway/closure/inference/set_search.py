@@ -103,7 +103,8 @@ class SetSearch:
             if leader is None:
                 return
             done.append(leader)
-            self._neighbours(leader)
+            if not self._restarted(leader):
+                self._neighbours(leader)
 
     def _leaders(self) -> Iterator[Evaluated]:
         """Yield the best set, and the best ones with and without the effects that are to be expected.
@@ -335,6 +336,33 @@ class SetSearch:
         if grows and not self._stop():
             self._add(best.fit, best, self.effects, near)
             self._regrow(best)
+
+    def _restarted(self, best: Evaluated) -> bool:
+        """Fit a set anew from the usual shapes of its effects; return whether that is the better optimum.
+
+        A shape far from the usual one may have stood for an effect that the set lacked when it was first fitted.
+        """
+        model = best.fit.model
+        begun = False
+        for effect in model.effects:
+            vector, where = best.fit.vector.copy(), model.layout.effect(effect.name)
+            usual = np.array([parameter.prior_mean for parameter in effect.parameters])
+            width = np.array([parameter.prior_std for parameter in effect.parameters])
+            whole = np.array([parameter.whole for parameter in effect.parameters])
+            far = (usual != 0.0) & ~whole & (np.abs(vector[where] - usual) > width)
+            if not far.any():
+                continue
+            if self._stop():
+                return begun
+            vector[where] = np.where(far, usual, vector[where])
+            try:
+                fit = linearised(model, self.data, vector, applied=best.fit.applied)
+            except (NoShapeError, np.linalg.LinAlgError):
+                continue
+            if _linear_score(fit) > self.found[best.names].log_evidence:
+                self._evaluate_anew(fit, best.fit.applied)
+                begun = True
+        return begun and self.found[best.names] is not best
 
     def _score(self, fit: Fit) -> float:
         """Return the log evidence of a set, by its linearisation where it was not worked out."""
