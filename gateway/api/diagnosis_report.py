@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures.process import BrokenProcessPool
 from html import escape
 from pathlib import Path
 from typing import Any, Literal
@@ -20,6 +19,7 @@ from gateway.views.report.diagnosis_json import diagnosis_json, write_json
 from gateway.views.report.html import diagnosis_html, write_html
 from gateway.views.report.phrases import effect_title, why_unsaved
 from gateway.views.report.terminal import closure_summary_lines
+from gateway.worker_pool import WorkerLostError, Workers
 
 Model = Literal["exact", "series", "paper"]
 DiagnosisProgress = Callable[[float, str], None]
@@ -58,31 +58,34 @@ def diagnose(
     Raises:
         TreadlinkError: a recording cannot be read, is given twice or as a copy, or contains nothing usable; several
             wheels and none chosen.
-        ValueError: no such model, or too few or too many folds.
+        ValueError: no such model, too few or too many folds, or no process.
     """
     chosen = BaselineModel(model)
     if not 2 <= folds <= 20:
         raise ValueError(f"folds must be 2 to 20, not {folds}")
+    if jobs < 1:
+        raise ValueError(f"jobs must be at least 1, not {jobs}")
     given = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
     paths = [_path(one) for one in given]
     check_distinct(paths)
     if not paths:
         raise TreadlinkError("there is no recording to diagnose", "Give at least one.")
     try:
-        diagnosis = diagnose_recordings(
-            paths,
-            vehicle=chosen_vehicle(config, (), ""),
-            wheel=wheel,
-            model=chosen,
-            empirical=empirical,
-            folds=folds,
-            jobs=jobs,
-            reverse=[_path(one) for one in reverse],
-            key_file=None if keys is None else Path(keys),
-            budget_s=budget_s,
-            on_progress=progress,
-        )
-    except BrokenProcessPool as error:
+        with Workers(jobs - 1) as workers:
+            diagnosis = diagnose_recordings(
+                paths,
+                vehicle=chosen_vehicle(config, (), ""),
+                wheel=wheel,
+                model=chosen,
+                empirical=empirical,
+                folds=folds,
+                workers=workers,
+                reverse=[_path(one) for one in reverse],
+                key_file=None if keys is None else Path(keys),
+                budget_s=budget_s,
+                on_progress=progress,
+            )
+    except WorkerLostError as error:
         raise TreadlinkError(
             "a process of the diagnosis ended early",
             'A script that uses more than one process needs `if __name__ == "__main__":`; or use jobs=1.',

@@ -18,9 +18,8 @@ from gateway.views.output_file import check_outputs, is_stdout, write_whole
 from gateway.views.text import clean
 
 if TYPE_CHECKING:
-    from gateway.closure.effects.effect import BaselineModel
     from gateway.closure.result import Diagnosis
-    from gateway.config.vehicle import VehicleConfig
+    from gateway.worker_pool import Workers
 
 MODELS: Final = ("exact", "series", "paper")
 
@@ -187,41 +186,32 @@ def diagnose(
         from gateway.views.report.figures import require_report_packages
 
         require_report_packages()
-    from gateway.closure.effects.effect import BaselineModel
-    from gateway.config.vehicle import load_vehicle
-    from gateway.session.campaign_diagnosis import diagnose_recordings
-    from gateway.views.progress import progress_bar
-    from gateway.views.report.terminal import closure_summary_lines
-
-    vehicle = load_vehicle(config_path) if config_path is not None else None
+    others = (jobs or min(2, os.cpu_count() or 1)) - 1
     if known_path is not None:
-        _transfer(
-            recordings,
-            known_path,
-            vehicle,
-            BaselineModel(model),
-            folds,
-            jobs or min(2, os.cpu_count() or 1),
-            reverse,
-            key_file,
-            json_path,
-            force=force,
-        )
+        _transfer(recordings, known_path, config_path, model, folds, others, reverse, key_file, json_path, force=force)
         return
-    with progress_bar(" " * _LABEL_CELLS) as bar:
-        diagnosis = diagnose_recordings(
-            recordings,
-            vehicle=vehicle,
-            wheel=wheel,
-            model=BaselineModel(model),
-            empirical=empirical,
-            folds=folds,
-            jobs=jobs or min(2, os.cpu_count() or 1),
-            reverse=reverse,
-            key_file=key_file,
-            budget_s=budget_s,
-            on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
-        )
+    with _workers(others) as workers:
+        from gateway.closure.effects.effect import BaselineModel
+        from gateway.config.vehicle import load_vehicle
+        from gateway.session.campaign_diagnosis import diagnose_recordings
+        from gateway.views.progress import progress_bar
+        from gateway.views.report.terminal import closure_summary_lines
+
+        vehicle = load_vehicle(config_path) if config_path is not None else None
+        with progress_bar(" " * _LABEL_CELLS) as bar:
+            diagnosis = diagnose_recordings(
+                recordings,
+                vehicle=vehicle,
+                wheel=wheel,
+                model=BaselineModel(model),
+                empirical=empirical,
+                folds=folds,
+                workers=workers,
+                reverse=reverse,
+                key_file=key_file,
+                budget_s=budget_s,
+                on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
+            )
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
     on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0
@@ -230,13 +220,20 @@ def diagnose(
     _write(diagnosis, json_path, html_path, effects_path, force=force)
 
 
+def _workers(count: int) -> Workers:
+    """Return other processes, which import what a diagnosis needs while this one does."""
+    from gateway.worker_pool import Workers
+
+    return Workers(count, ["gateway.session.campaign_diagnosis"])
+
+
 def _transfer(
     recordings: tuple[Path, ...],
     known_path: Path,
-    vehicle: VehicleConfig | None,
-    model: BaselineModel,
+    config_path: Path | None,
+    model: str,
     folds: int,
-    jobs: int,
+    others: int,
     reverse: tuple[Path, ...],
     key_file: Path | None,
     json_path: Path | None,
@@ -244,25 +241,29 @@ def _transfer(
     force: bool,
 ) -> None:
     """Report the error with the effects of a file, as found before."""
-    from gateway.session.campaign_diagnosis import transfer_effects
-    from gateway.session.effects_opening import open_effects_file
-    from gateway.views.progress import progress_bar
-    from gateway.views.report.transfer_report import transfer_json, transfer_lines
+    with _workers(min(others, len(recordings) - 1)) as workers:
+        from gateway.closure.effects.effect import BaselineModel
+        from gateway.config.vehicle import load_vehicle
+        from gateway.session.campaign_diagnosis import transfer_effects
+        from gateway.session.effects_opening import open_effects_file
+        from gateway.views.progress import progress_bar
+        from gateway.views.report.transfer_report import transfer_json, transfer_lines
 
-    table = open_effects_file(known_path)
-    with progress_bar(" " * _LABEL_CELLS) as bar:
-        result = transfer_effects(
-            recordings,
-            table,
-            vehicle=vehicle,
-            model=model,
-            folds=folds,
-            jobs=jobs,
-            reverse=reverse,
-            key_file=key_file,
-            origin=str(known_path),
-            on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
-        )
+        vehicle = load_vehicle(config_path) if config_path is not None else None
+        table = open_effects_file(known_path)
+        with progress_bar(" " * _LABEL_CELLS) as bar:
+            result = transfer_effects(
+                recordings,
+                table,
+                vehicle=vehicle,
+                model=BaselineModel(model),
+                folds=folds,
+                workers=workers,
+                reverse=reverse,
+                key_file=key_file,
+                origin=str(known_path),
+                on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
+            )
     to_stdout = json_path is not None and is_stdout(json_path)
     for line in transfer_lines(result, str(known_path)):
         click.echo(clean(line), err=to_stdout)

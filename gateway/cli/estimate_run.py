@@ -99,10 +99,11 @@ def _one_by_one(
 ) -> Generator[RecordingEstimated]:
     from gateway.cli.recording_estimates import estimate_recording
     from gateway.session.recording_processes import work_on_recordings
+    from gateway.worker_pool import Workers
 
     rows = list(tables.values())
     done = work_on_recordings(
-        lambda order, on_position: estimate_recording(order, on_position, rows), orders, 1, on_bytes
+        lambda order, on_position: estimate_recording(order, on_position, rows), orders, Workers(), on_bytes
     )
     for _, estimated in done:
         yield estimated
@@ -120,16 +121,19 @@ def _in_parallel(
     Raises:
         TreadlinkError: the error of the first recording that has one; the rows of those before it are written.
     """
-    from gateway.session.recording_processes import work_on_recordings
-    from gateway.views.tables.row_spool import spooled_rows
+    from gateway.worker_pool import Workers
 
     waiting: dict[int, RecordingEstimated | TreadlinkError] = {}
     turn = 0
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(_spool_folder(path for path in outputs.values() if not is_stdout(path)))
+        workers = stack.enter_context(Workers(jobs - 1, ["gateway.cli.recording_estimates"]))
+        from gateway.session.recording_processes import work_on_recordings
+        from gateway.views.tables.row_spool import spooled_rows
+
         spools = [{kind: folder / f"{place}.{kind}" for kind in tables} for place in range(len(orders))]
         spooling = [replace(order, spools=own) for order, own in zip(orders, spools, strict=True)]
-        run = work_on_recordings(_estimate_in_process, spooling, jobs, on_bytes, _logging_of_this_process())
+        run = work_on_recordings(_estimate_in_process, spooling, workers, on_bytes, _logging_of_this_process())
         for place, found in stack.enter_context(contextlib.closing(run)):
             waiting[place] = found
             while turn in waiting:

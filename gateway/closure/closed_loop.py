@@ -44,6 +44,7 @@ from gateway.closure.report_curves import curves_of, trends_of
 from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained, Verdict
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
+from gateway.worker_pool import Workers
 
 Progress = Callable[[float, str], None]
 
@@ -69,7 +70,7 @@ def diagnose(
     empirical: bool = False,
     on_progress: Progress = lambda _share, _text: None,
     expired: Callable[[], bool] = lambda: False,
-    jobs: int = 1,
+    workers: Workers | None = None,
 ) -> Diagnosis:
     """Find the effects that a baseline model lacks on a campaign.
 
@@ -79,15 +80,16 @@ def diagnose(
         empirical: also report the held-out error with the mean of the discrepancy added as a correction.
         on_progress: called with the share that is done and the present step.
         expired: True when the time for the search is over; what is known by then is reported.
-        jobs: maximum number of processes, this one included; the result does not depend on it.
+        workers: other processes that share the work; the result does not depend on them.
 
     Raises:
-        TreadlinkError: there are too few data, or a process was terminated from outside.
+        TreadlinkError: there are too few data.
+        BrokenProcessPool: a process was terminated from outside; `Workers` explains it.
         BaselineUnfittedError: the baseline model cannot be fitted.
         RecordingsContradictedError: recordings contradict their stated direction.
     """
-    with Helpers(jobs - 1) as helpers:
-        return _diagnose(campaign, model, empirical, on_progress, expired, helpers)
+    helpers = Helpers(workers or Workers())
+    return _diagnose(campaign, model, empirical, on_progress, expired, helpers)
 
 
 def _diagnose(

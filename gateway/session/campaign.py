@@ -26,6 +26,7 @@ from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_re
 from gateway.session.recording_processes import work_on_recordings
 from gateway.types import IntArray
 from gateway.views.wording import notice_text, text
+from gateway.worker_pool import Workers
 
 MIN_REVOLUTIONS: Final = 4
 """Smaller groups are left out, unless all are smaller."""
@@ -50,13 +51,13 @@ def read_campaign(
     wheel: str | None = None,
     folds: int = 5,
     on_bytes: Callable[[int], None] | None = None,
-    jobs: int = 2,
+    workers: Workers | None = None,
     reverse: Collection[Path] = (),
     key_file: Path | None = None,
 ) -> Campaign:
     """Read recordings and group one wheel's revolutions by their conditions.
 
-    Several recordings are read in separate processes. Except for rounding, the result does not depend on `jobs`.
+    Except for rounding, the result does not depend on `workers`.
 
     Args:
         paths: recordings.
@@ -64,7 +65,7 @@ def read_campaign(
         wheel: position; None when the recordings contain one wheel only.
         folds: blocks of a group with enough revolutions, at least 2.
         on_bytes: called with the number of bytes of the files read, for a progress bar.
-        jobs: maximum number of processes.
+        workers: other processes that share the work.
         reverse: those of `paths` recorded in the opposite direction, or with the tire turned on the rim.
         key_file: keys of signed frames, where the configuration asks for them.
 
@@ -77,7 +78,9 @@ def read_campaign(
         raise ValueError("a campaign needs at least one recording and two folds")
     orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
     found: dict[int, RecordingRead] = {}
-    work = work_on_recordings(read_recording, orders, jobs, on_bytes or (lambda _: None), sizes=_sizes(orders))
+    work = work_on_recordings(
+        read_recording, orders, workers or Workers(), on_bytes or (lambda _: None), sizes=_sizes(orders)
+    )
     with closing(work) as done:
         for place, read in done:
             found[place] = _checked_for_one_wheel(orders[place], read)
@@ -128,7 +131,6 @@ def read_usable(
     *,
     vehicle: VehicleConfig | None = None,
     folds: int = 5,
-    jobs: int = 2,
     key_file: Path | None = None,
 ) -> tuple[WheelRecordings, dict[int, Reason]]:
     """Read those of many recordings that can be used, and return why the others cannot, by their number.
@@ -138,17 +140,16 @@ def read_usable(
         wheel: position.
         vehicle: configuration for all recordings; None to use the one in each recording.
         folds: blocks of a group with enough revolutions, at least 2.
-        jobs: maximum number of processes.
         key_file: keys of signed frames, where the configuration asks for them.
 
     Raises:
         RecordingError: none of them can be used.
-        TreadlinkError: a process was terminated from outside.
     """
     orders = _orders(paths, vehicle, wheel, folds, (), key_file)
     refused: dict[int, Reason] = {}
     reads = [RecordingRead(())] * len(orders)
-    with closing(work_on_recordings(_read_or_refuse, orders, jobs, lambda _: None, sizes=_sizes(orders))) as done:
+    work = work_on_recordings(_read_or_refuse, orders, Workers(), lambda _: None, sizes=_sizes(orders))
+    with closing(work) as done:
         for place, read in done:
             why = read if isinstance(read, Reason) else _why_unusable(read, wheel)
             if why is not None:

@@ -18,6 +18,7 @@ from gateway.config.vehicle import VehicleConfig
 from gateway.reasons import Code, Reason
 from gateway.session.campaign import read_campaign, read_usable
 from gateway.signal.effect_correction import CorrectionTable
+from gateway.worker_pool import Workers
 
 # Share of reading in the total time.
 _READING_SHARE: Final = 0.15
@@ -35,7 +36,7 @@ def diagnose_recordings(
     model: BaselineModel = BaselineModel.EXACT,
     empirical: bool = False,
     folds: int = 5,
-    jobs: int = 2,
+    workers: Workers | None = None,
     reverse: Collection[Path] = (),
     key_file: Path | None = None,
     budget_s: float | None = None,
@@ -51,7 +52,7 @@ def diagnose_recordings(
         model: baseline model.
         empirical: whether to fit an empirical correction to the unexplained residual.
         folds: blocks of revolutions under the same conditions, for held-out errors.
-        jobs: maximum number of processes.
+        workers: other processes that share the work.
         reverse: those of `paths` recorded in the opposite direction.
         key_file: keys of signed frames, where the configuration asks for them.
         budget_s: time after which the search for effects ends, reading included; None sets no limit. The baseline
@@ -79,7 +80,7 @@ def diagnose_recordings(
         wheel=wheel,
         folds=folds,
         on_bytes=on_bytes,
-        jobs=jobs,
+        workers=workers,
         reverse=reverse,
         key_file=key_file,
     )
@@ -98,7 +99,7 @@ def diagnose_recordings(
         empirical=empirical,
         on_progress=on_share,
         expired=lambda: budget_s is not None and clock.now_ns() >= begin_ns + round(1e9 * budget_s),
-        jobs=jobs,
+        workers=workers,
     )
     if budget_s is not None and not diagnosis.complete:
         end_ns = clock.now_ns()
@@ -119,7 +120,6 @@ def diagnose_agreeing(
     wheel: str,
     *,
     vehicle: VehicleConfig | None = None,
-    jobs: int = 1,
     key_file: Path | None = None,
 ) -> Diagnosis:
     """Diagnose one wheel from those of many recordings that can be used and do not contradict most others.
@@ -130,7 +130,6 @@ def diagnose_agreeing(
         paths: recordings.
         wheel: position.
         vehicle: configuration for all recordings; None to use the one in each recording.
-        jobs: maximum number of processes.
         key_file: keys of signed frames, where the configuration asks for them.
 
     Returns:
@@ -139,7 +138,7 @@ def diagnose_agreeing(
     Raises:
         TreadlinkError: no recording can be used, or what is wrong holds for all.
     """
-    used, refused = read_usable(paths, wheel, vehicle=vehicle, jobs=jobs, key_file=key_file)
+    used, refused = read_usable(paths, wheel, vehicle=vehicle, key_file=key_file)
     left_out = {str(paths[number]): reason for number, reason in refused.items()}
     while True:
         campaign = used.campaign()
@@ -147,7 +146,7 @@ def diagnose_agreeing(
         diagnosis = None
         if not contradicted:
             try:
-                diagnosis = diagnose(campaign, jobs=jobs)
+                diagnosis = diagnose(campaign)
                 contradicted = diagnosis.outvoted
             except RecordingsContradictedError as error:
                 if len(error.recordings) == len(used):
@@ -187,7 +186,7 @@ def transfer_effects(
     vehicle: VehicleConfig | None = None,
     model: BaselineModel = BaselineModel.EXACT,
     folds: int = 5,
-    jobs: int = 2,
+    workers: Workers | None = None,
     reverse: Collection[Path] = (),
     key_file: Path | None = None,
     origin: str = "effects",
@@ -201,7 +200,7 @@ def transfer_effects(
         vehicle: configuration for all recordings; None to use the one in each recording.
         model: baseline model.
         folds: blocks of revolutions under the same conditions, for held-out errors.
-        jobs: maximum number of processes.
+        workers: other processes that share the work.
         reverse: those of `paths` recorded in the opposite direction.
         key_file: keys of signed frames, where the configuration asks for them.
         origin: name of the effects file, for messages.
@@ -217,7 +216,7 @@ def transfer_effects(
         vehicle=vehicle,
         wheel=table.position,
         folds=folds,
-        jobs=jobs,
+        workers=workers,
         reverse=reverse,
         key_file=key_file,
     )

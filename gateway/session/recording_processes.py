@@ -1,14 +1,15 @@
-"""Work on several recordings, in this process one after another or in several processes."""
+"""Work on several recordings, in this process alone or shared with others."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, MutableSequence, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from collections import deque
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future
 from functools import partial
-from multiprocessing import get_context
-from typing import Any, Final, TypeVar
+from queue import Empty, SimpleQueue
+from typing import Any, Final, Generic, TypeVar
 
-from gateway.closure.inference.worker_pool import Processes
+from gateway.worker_pool import Worker, Workers, reported_progress
 
 _Order = TypeVar("_Order")
 _Result = TypeVar("_Result")
@@ -21,81 +22,118 @@ _POLL_S: Final = 0.1
 def work_on_recordings(
     work: Work[_Order, _Result],
     orders: Sequence[_Order],
-    jobs: int,
+    workers: Workers,
     on_bytes: Callable[[int], None],
     begin: Callable[[], object] | None = None,
     sizes: Sequence[int] = (),
 ) -> Generator[tuple[int, _Result]]:
-    """Yield the place and the result of each order as it is done.
+    """Yield the place and the result of each order as it is done; this process works too.
 
-    The first error ends the work on all of them. So does closing the generator.
+    The first error ends the work. So does closing the generator, but for what others have begun.
 
     Args:
-        work: a function of a module, since other processes import it.
+        work: a function of a module, since other processes import it; any function without them.
         orders: one per recording; with their results they are sent between processes.
-        jobs: maximum number of processes; with one job or one order the work is done here, in order.
+        workers: the other processes; with a single order the work is done here.
         on_bytes: called with the number of bytes of all files read since the last call.
-        begin: called first in each process.
+        begin: called first in each other process.
         sizes: of each order; processes take the largest first, so that none is left alone with it at the end. Without
             them, in order.
 
     Raises:
-        TreadlinkError: a process was terminated from outside.
+        BrokenProcessPool: a process was terminated from outside; `Workers` explains it.
     """
-    if jobs > 1 and len(orders) > 1:
-        turns = sorted(range(len(orders)), key=lambda place: -sizes[place] if sizes else place)
-        yield from _in_processes(work, orders, turns, min(jobs, len(orders)), on_bytes, begin)
-        return
-    for place, order in enumerate(orders):
-        read = 0
+    turns = sorted(range(len(orders)), key=lambda place: -sizes[place] if sizes else place)
+    shared = _Shared(work, orders, turns, workers, on_bytes)
+    try:
+        # One order is done here; of two, another process has the first, as it must not be idle.
+        for worker in workers.each[: len(orders) - 1]:
+            if begin is not None:
+                worker.submit(begin)
+            shared.feed(worker)
+        while shared.left:
+            place = shared.next()
+            if place is not None:
+                yield place, work(orders[place], shared.here())
+            yield from shared.done(wait=place is None)
+    finally:
+        shared.waiting.clear()
+
+
+class _Shared(Generic[_Order, _Result]):
+    """Orders that several processes take one after the other."""
+
+    def __init__(
+        self,
+        work: Work[_Order, _Result],
+        orders: Sequence[_Order],
+        turns: Sequence[int],
+        workers: Workers,
+        on_bytes: Callable[[int], None],
+    ) -> None:
+        self.waiting = deque(turns)
+        self.left = len(orders)
+        self._work = work
+        self._orders = orders
+        self._on_bytes = on_bytes
+        self._progress = workers.progress
+        self._ended: SimpleQueue[tuple[int, Future[_Result]]] = SimpleQueue()
+        # What the workers read before is of other work.
+        self._read = workers.progress.total()
+        self._read_here = 0
+
+    def next(self) -> int | None:
+        """Return the place of the next order, which the caller does; None when all are taken."""
+        try:
+            place = self.waiting.popleft()
+        except IndexError:
+            return None
+        self.left -= 1
+        return place
+
+    def feed(self, worker: Worker) -> None:
+        """Give a worker the next order, and another one whenever it has done one."""
+        try:
+            place = self.waiting.popleft()
+        except IndexError:
+            return
+        future = worker.submit(partial(_work_elsewhere, self._work), self._orders[place])
+
+        def ended(future: Future[_Result]) -> None:
+            if not future.cancelled() and future.exception() is None:
+                self.feed(worker)
+            self._ended.put((place, future))
+
+        future.add_done_callback(ended)
+
+    def here(self) -> Callable[[int], None]:
+        """Return a function that takes the bytes of a file that this process has read."""
+        before = self._read_here
 
         def on_position(position: int) -> None:
-            nonlocal read
-            on_bytes(position - read)
-            read = position
+            self._read_here = before + position
+            self._report()
 
-        yield place, work(order, on_position)
+        return on_position
 
+    def done(self, *, wait: bool) -> Generator[tuple[int, _Result]]:
+        """Yield what other processes have done; wait for some time where there is nothing else to do."""
+        while self.left:
+            try:
+                place, future = self._ended.get(timeout=_POLL_S) if wait else self._ended.get_nowait()
+            except Empty:
+                self._report()
+                return
+            self._report()
+            self.left -= 1
+            yield place, future.result()
 
-def _in_processes(
-    work: Work[_Order, _Result],
-    orders: Sequence[_Order],
-    turns: Sequence[int],
-    jobs: int,
-    on_bytes: Callable[[int], None],
-    begin: Callable[[], object] | None,
-) -> Generator[tuple[int, _Result]]:
-    # Shared memory carries the progress of each process without messages on a queue.
-    positions = get_context("spawn").RawArray("q", len(orders))
-    read = 0
-    with Processes(jobs, _begin, (positions, begin)) as pool:
-        places: dict[Future[_Result], int] = {
-            pool.submit(partial(_work_in_process, work), orders[place], place): place for place in turns
-        }
-        waiting = set(places)
-        while waiting:
-            finished, waiting = wait(waiting, _POLL_S, FIRST_COMPLETED)
-            now = sum(positions)
-            on_bytes(now - read)
-            read = now
-            for future in finished:
-                yield places[future], future.result()
+    def _report(self) -> None:
+        now = self._progress.total() + self._read_here
+        self._on_bytes(now - self._read)
+        self._read = now
 
 
-_positions: MutableSequence[int] | None = None
-
-
-def _begin(positions: MutableSequence[int], begin: Callable[[], object] | None) -> None:
-    """Take, in a new process, the shared memory for its progress."""
-    global _positions
-    _positions = positions
-    if begin is not None:
-        begin()
-
-
-def _work_in_process(work: Work[Any, _Result], order: Any, place: int) -> _Result:
-    def on_position(position: int) -> None:
-        assert _positions is not None
-        _positions[place] = position
-
-    return work(order, on_position)
+def _work_elsewhere(work: Work[Any, _Result], order: Any) -> _Result:
+    with reported_progress() as on_position:
+        return work(order, on_position)

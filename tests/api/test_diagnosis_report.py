@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
-from concurrent.futures.process import BrokenProcessPool
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -42,7 +44,7 @@ def test_options_are_those_of_the_command(asked, recorded, recording, tmp_path):
     assert asked["paths"] == [recorded, other]
     assert asked["reverse"] == [other]
     assert asked["model"] is BaselineModel.SERIES
-    assert (asked["wheel"], asked["folds"], asked["empirical"], asked["jobs"]) == ("FL", 3, True, 1)
+    assert (asked["wheel"], asked["folds"], asked["empirical"], len(asked["workers"])) == ("FL", 3, True, 0)
     assert str(asked["key_file"]) == "keys.toml"
 
 
@@ -60,20 +62,22 @@ def test_wrong_options_are_errors(asked, recorded):
         gateway.diagnose(recorded, model="magic")
     with pytest.raises(ValueError, match="2 to 20"):
         gateway.diagnose(recorded, folds=1)
+    with pytest.raises(ValueError, match="at least 1"):
+        gateway.diagnose(recorded, jobs=0)
     with pytest.raises(gateway.Error, match="is not in a file") as raised:
         gateway.diagnose(gateway.simulate("lab", duration_s=1.0))
     assert "out=" in raised.value.remedy
     assert not asked
 
 
-def test_lost_process_names_the_guard_of_the_script(recorded, monkeypatch):
-    def fails(*_, **__):
-        raise BrokenProcessPool
-
-    monkeypatch.setattr(diagnosis_report, "diagnose_recordings", fails)
-    with pytest.raises(gateway.Error, match="ended early") as raised:
-        gateway.diagnose(recorded, jobs=2)
-    assert "__main__" in raised.value.remedy
+def test_lost_process_names_the_guard_of_the_script(recorded, tmp_path):
+    script = tmp_path / "script.py"
+    script.write_text(f"import gateway\ngateway.diagnose({str(recorded)!r}, wheel='FL', jobs=2)\n")
+    command = [sys.executable, script]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=Path(gateway.__file__).parents[1], check=False)
+    assert ended.returncode == 1
+    assert "ended early" in ended.stderr
+    assert 'needs `if __name__ == "__main__":`' in ended.stderr
 
 
 def test_several_wheels_without_a_choice_are_an_error(recorded):

@@ -20,6 +20,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign import MAX_GROUPS, SPARE, read_campaign, read_usable
 from gateway.views.wording import text
+from gateway.worker_pool import Workers
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
@@ -56,7 +57,7 @@ def campaign(slow):
 
 @pytest.fixture(scope="module")
 def both(slow, fast):
-    return read_campaign([slow, fast], jobs=1)
+    return read_campaign([slow, fast])
 
 
 def revolutions(path):
@@ -149,7 +150,8 @@ class TestSeveral:
 
     def test_processes_give_the_same(self, both, slow, fast):
         progress = []
-        again = read_campaign([slow, fast], jobs=2, on_bytes=progress.append)
+        with Workers(1) as workers:
+            again = read_campaign([slow, fast], workers=workers, on_bytes=progress.append)
         assert sum(progress) == slow.stat().st_size + fast.stat().st_size
         for one, other in zip(both.groups, again.groups, strict=True):
             assert one.label == other.label
@@ -162,14 +164,14 @@ class TestSeveral:
 
     def test_overlapping_recordings_are_sequenced(self, slow, folder):
         again = write_recording(folder / "again.mcap", AT_60, seed=5)
-        campaign = read_campaign([slow, again], jobs=1)
+        campaign = read_campaign([slow, again])
         assert campaign.notes[0] == Reason(Code.RECORDING_ORDER_UNKNOWN)
         assert campaign.states == 1
         assert campaign.groups[1].conditions.time_s > campaign.groups[0].blocks[-1].conditions.time_s
 
     def test_process_error_is_complete(self, slow, folder):
-        with pytest.raises(RecordingError, match="does not exist") as caught:
-            read_campaign([slow, folder / "absent.mcap"], jobs=2)
+        with pytest.raises(RecordingError, match="does not exist") as caught, Workers(1) as workers:
+            read_campaign([slow, folder / "absent.mcap"], workers=workers)
         assert caught.value.remedy
 
 
@@ -182,7 +184,7 @@ class TestWheels:
 
     def test_absent_wheel_is_an_error(self, pair, fast):
         with pytest.raises(RecordingError, match=r"fast.mcap' contains no revolution of wheel W1") as caught:
-            read_campaign([pair, fast], wheel="W1", jobs=1)
+            read_campaign([pair, fast], wheel="W1")
         assert "it contains W0" in str(caught.value)
         assert caught.value.remedy == "Choose another wheel: --wheel W0. Or leave this recording out."
 

@@ -22,6 +22,7 @@ from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.tire_state import references
 from gateway.errors import TreadlinkError
+from gateway.worker_pool import Workers
 from tests.closure.planted_campaign import ONE_SPEED, campaign_of, fitted
 
 NAMES = ("gain", "pitch tilt", "belt extension", "drum curvature")
@@ -55,7 +56,8 @@ def test_trials_of_another_process_are_equal_to_the_last_bit() -> None:
     fits = [fit, smooth, smooth.under(line.applied(amplitudes))]
 
     def lost() -> None:
-        with Helpers(1) as helpers:
+        with Workers(1) as workers:
+            helpers = Helpers(workers)
             helpers.begin(campaign, make_core(BaselineModel.EXACT), data, effects, discrepancy)
             scans = [helpers.scan(one, list(effects.values()), [0]) for one in fits]
             # Work is done in order, so that the process has made all trials of the scans before.

@@ -275,7 +275,7 @@ def test_failed_acceptance_test_is_refused(groups: list[Group], why: Code) -> No
 def test_jitter_is_found_in_recordings(tmp_path: Path, size: int, seed: int) -> None:
     case = draw(Order(Kind.EFFECT, seed, ("contact edge scatter",), size))
     given = record(case, tmp_path, 5.0)
-    campaign = read_campaign(given.paths, jobs=1, reverse=given.reverse)
+    campaign = read_campaign(given.paths, reverse=given.reverse)
     (found,) = edge_findings(campaign.groups)
     assert found.verdict is Verdict.NAMED
     truth = case.tables["road"]["leading_jitter_mm"]
@@ -343,7 +343,7 @@ def test_mean_edges_make_the_mean_uncertain_not_its_orders(tmp_path: Path) -> No
         folder = tmp_path / name
         folder.mkdir()
         given = record(replace(case, tables=tables), folder, 4.0)
-        (group,) = read_campaign(given.paths[1:2], jobs=1).groups
+        (group,) = read_campaign(given.paths[1:2]).groups
         assert bool(group.edges.explained_m2ps4) == (name == "moving")
         seen.append(group)
     moving, still = seen

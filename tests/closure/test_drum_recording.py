@@ -81,7 +81,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def fitted(recording: Path) -> Fitted:
-    campaign = read_campaign([recording], jobs=1)
+    campaign = read_campaign([recording])
     data = whiten(campaign, ExactCore())
     before = with_mounting(campaign, data)
     trial = try_effect(before, effect_of(WAVES), shapes_of(before, [0]))
@@ -166,7 +166,7 @@ def test_waves_explain_the_repeating_part(
 
 @pytest.mark.slow
 def test_diagnosis_names_the_waves(recording: Path) -> None:
-    diagnosis = diagnose_recordings([recording], jobs=1)
+    diagnosis = diagnose_recordings([recording])
     found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
     assert set(found) == {"mounting offset", WAVES}
     assert all(finding.probability > 0.999 for finding in found.values())

@@ -68,7 +68,7 @@ def test_differing_values_name_their_recording(recording: Path, tmp_path: Path) 
     other = write_recording(
         tmp_path / "other.mcap", AT_60, wheels=("load_n = 3500.0",), duration_s=3.0, start_ns=START_NS + 10**11
     )
-    stated = words(read_campaign([recording, other], jobs=1).stated)
+    stated = words(read_campaign([recording, other]).stated)
     assert f"belt radius 320 mm {RECORDED}" in stated
     assert f"load 4300 N {RECORDED}: rec.mcap" in stated
     assert f"load 3500 N {RECORDED}: other.mcap" in stated

@@ -67,7 +67,7 @@ def test_numbers_of_a_loose_sensor_are_not_determined(monkeypatch: pytest.Monkey
         notes=(Reason(Code.RECORDING_ORDER_UNKNOWN), Reason(Code.ABOUT_RECORDING, recording="run 1", reason=loose)),
     )
     monkeypatch.setattr("gateway.session.campaign_diagnosis.read_campaign", lambda *_, **__: doubted)
-    diagnosis = diagnose_recordings([], budget_s=1e-6, jobs=1)
+    diagnosis = diagnose_recordings([], budget_s=1e-6)
     assert [note.code for note in diagnosis.notes][:2] == [Code.SENSOR_IN_DOUBT, Code.ABOUT_RECORDING]
     assert not any(diagnosis.determined.values())
     assert not any(diagnosis.determined_before.values())

@@ -7,43 +7,57 @@ import signal
 
 import pytest
 
-from gateway.errors import RecordingError, TreadlinkError
+from gateway.errors import RecordingError
 from gateway.session.recording_processes import work_on_recordings
+from gateway.worker_pool import WorkerLostError, Workers
 from tests.testkit.recording_work import die_at_three, double, fail_at_three, own_process
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_work_gives_each_result_and_all_bytes(jobs):
+@pytest.mark.parametrize("others", [0, 1, 2])
+def test_work_gives_each_result_and_all_bytes(others):
     read = []
-    assert dict(work_on_recordings(double, [1, 2, 4], jobs, read.append)) == {0: 2, 1: 4, 2: 8}
-    assert sum(read) == 7
+    with Workers(others) as workers:
+        # Twice: the second work does not count the bytes of the first.
+        for _ in range(2):
+            assert dict(work_on_recordings(double, [1, 2, 4], workers, read.append)) == {0: 2, 1: 4, 2: 8}
+    assert sum(read) == 14
 
 
-def test_processes_take_the_largest_first():
-    """One process stays alone with the largest order from the start, so the other does all the rest."""
-    work = work_on_recordings(own_process, [1, 2, 3], 2, lambda _: None, sizes=[1, 5, 2])
-    places = [place for place, _ in work]
-    assert places[0] != 0
-    assert sorted(places) == [0, 1, 2]
+def test_this_process_works_too_and_the_largest_is_taken_first():
+    with Workers(1) as workers:
+        found = dict(work_on_recordings(own_process, [1, 2, 3], workers, lambda _: None, sizes=[1, 5, 2]))
+    # The other process was given the largest before this one took any.
+    assert found[1] != os.getpid()
+    assert found[2] == os.getpid()
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_work_error_keeps_its_remedy(jobs):
-    with pytest.raises(RecordingError, match="three") as caught:
-        list(work_on_recordings(fail_at_three, [1, 3, 3, 1], jobs, lambda _: None))
+def test_a_single_recording_needs_no_other_process():
+    with Workers(1) as workers:
+        assert list(work_on_recordings(own_process, [1], workers, lambda _: None)) == [(0, os.getpid())]
+
+
+@pytest.mark.parametrize("orders", [[1, 3, 3, 1], [3, 1], [1, 3]])
+@pytest.mark.parametrize("others", [0, 1])
+def test_work_error_keeps_its_remedy(orders, others):
+    with pytest.raises(RecordingError, match="three") as caught, Workers(others) as workers:
+        list(work_on_recordings(fail_at_three, orders, workers, lambda _: None))
     assert caught.value.remedy == "Count to two."
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 def test_terminated_process_is_reported():
-    with pytest.raises(TreadlinkError, match="terminated from outside") as caught:
-        list(work_on_recordings(die_at_three, [3, 1], 2, lambda _: None))
+    with pytest.raises(WorkerLostError, match="terminated from outside") as caught, Workers(1) as workers:
+        list(work_on_recordings(die_at_three, [3, 1], workers, lambda _: None))
     assert "--jobs 1" in caught.value.remedy
 
 
-def test_closed_work_leaves_no_process():
-    work = work_on_recordings(own_process, [1, 2], 2, lambda _: None)
-    _, first = next(work)
-    work.close()
+def test_closed_work_and_workers_leave_no_process():
+    with Workers(1) as workers:
+        work = work_on_recordings(own_process, [1, 2, 3], workers, lambda _: None)
+        found = {pid for _, pid in work} - {os.getpid()}
+        work = work_on_recordings(own_process, [1, 2, 3], workers, lambda _: None)
+        next(work)
+        work.close()
+    (other,) = found
     with pytest.raises(ProcessLookupError):
-        os.kill(first, 0)
+        os.kill(other, 0)

@@ -26,7 +26,7 @@ LENGTHS_RAD: Final = ((0.02, 0.07, 0.25), criteria.LENGTHS_RAD, (0.05, 0.2, 0.6)
 
 def kernel_table(recordings: Sequence[Path]) -> Table:
     """Return probabilities and numbers from the exact ring under each set of lengths."""
-    campaign = read_campaign(recordings, jobs=1)
+    campaign = read_campaign(recordings)
     rows = tuple(_row(campaign, lengths_rad) for lengths_rad in LENGTHS_RAD)
     return Table("Other correlation lengths", "probabilities above 0.05", ("lengths, rad", "effects", *NUMBERS), rows)
 

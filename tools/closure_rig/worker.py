@@ -35,7 +35,7 @@ def main() -> None:
 
     names = json.loads((folder / "declared.json").read_text(encoding="utf-8"))
     began, used = perf_counter(), _cpu_s()
-    # One process; a version without the option has no other.
+    # One process, as without the option.
     alone = {"jobs": 1} if "jobs" in inspect.signature(diagnose_recordings).parameters else {}
     diagnosis = diagnose_recordings(
         [folder / name for name in names["recordings"]],

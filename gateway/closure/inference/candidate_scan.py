@@ -6,14 +6,11 @@ none waits while another works, and the result does not depend on which of them 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
-from types import TracebackType
-from typing import Final, NamedTuple, Self, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -24,15 +21,11 @@ from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.discrepancy_kernels import Concentration
 from gateway.closure.inference.fit import Fit, Linearisation
 from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.worker_pool import Processes
 from gateway.closure.model.baseline import Core, NoShapeError, Shape
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray
-
-# Scans that processes share; a search makes some ten to a hundred. Further ones are this process's own.
-_MOST: Final = 4096
-_NONE_LEFT: Final = 1 << 30
+from gateway.worker_pool import SharedNumbers, Workers, shared_counters
 
 _Result = TypeVar("_Result")
 
@@ -44,28 +37,6 @@ class _Values(NamedTuple):
     vector: FloatArray
     cost: float
     promise: float
-
-
-class _Counters:
-    """Number of effects of each scan that processes have taken, in shared memory."""
-
-    def __init__(self) -> None:
-        context = get_context("spawn")
-        self._lock: AbstractContextManager[object] = context.Lock()
-        self._taken: MutableSequence[int] = context.RawArray("i", _MOST)
-
-    def take(self, scan: int) -> int:
-        """Return the place of the next effect of a scan; beyond the last there is nothing left to take."""
-        with self._lock:
-            place = self._taken[scan]
-            self._taken[scan] = place + 1
-        return place
-
-    def end(self) -> None:
-        """Leave nothing to take."""
-        with self._lock:
-            for scan in range(_MOST):
-                self._taken[scan] = _NONE_LEFT
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +89,7 @@ class Scan:
         # The longest trials first: one that is begun last keeps the others waiting.
         self.effects = tuple(sorted(effects, key=lambda effect: (-effect.refinements, -_starts(fit, effect))))
         self.shapes: Mapping[int, Shape] = {}
-        self._counters: _Counters | None = None
+        self._counters: SharedNumbers | None = None
         self._number = 0
         self._elsewhere: set[Future[dict[int, _Values | None]]] = set()
         try:
@@ -130,7 +101,9 @@ class Scan:
         """Return whether this is the scan of a fit with these candidates."""
         return fit is self.fit and list(effects) == list(self._wanted)
 
-    def share(self, counters: _Counters, number: int, elsewhere: Iterable[Future[dict[int, _Values | None]]]) -> None:
+    def share(
+        self, counters: SharedNumbers, number: int, elsewhere: Iterable[Future[dict[int, _Values | None]]]
+    ) -> None:
         """Share the work with other processes that take from the same counter."""
         self._counters, self._number, self._elsewhere = counters, number, set(elsewhere)
 
@@ -164,28 +137,9 @@ class Scan:
 class Helpers:
     """Other processes that make trials while this one evaluates sets."""
 
-    def __init__(self, count: int) -> None:
-        """Start no process yet.
-
-        Args:
-            count: of processes.
-        """
-        self._counters = _Counters() if count else None
-        self._pools = [Processes(1, _begin, (self._counters,)) for _ in range(count)]
-        self._scans = 0
-        self._exit = ExitStack()
-
-    def __enter__(self) -> Self:
-        for pool in self._pools:
-            self._exit.enter_context(pool)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        if self._counters is not None:
-            self._counters.end()
-        self._exit.__exit__(kind, error, trace)
+    def __init__(self, workers: Workers) -> None:
+        """Take the other processes, which may have done other work before."""
+        self._workers = workers
 
     def begin(
         self,
@@ -195,7 +149,7 @@ class Helpers:
         effects: Mapping[str, AngleEffect],
         discrepancy: Discrepancy,
     ) -> None:
-        """Start the processes for a search.
+        """Give the processes what a search works on.
 
         Args:
             campaign: conditions.
@@ -205,8 +159,8 @@ class Helpers:
             discrepancy: of the campaign, not concentrated.
         """
         material = _Material(campaign, core.model, data, effects, discrepancy)
-        for pool in self._pools:
-            pool.submit(_receive, material)
+        for worker in self._workers.each:
+            worker.submit(_receive, material)
 
     def ahead(self, work: Callable[[Campaign], _Result], campaign: Campaign) -> Callable[[], _Result]:
         """Begin work on the campaign of the search in another process; return a function for its result.
@@ -215,15 +169,17 @@ class Helpers:
             work: a function of a module. Without other processes it is called when its result is asked for.
             campaign: of the search.
         """
-        return self._pools[0].submit(_of_campaign, work).result if self._pools else partial(work, campaign)
+        first = next(iter(self._workers.each), None)
+        return partial(work, campaign) if first is None else first.submit(_of_campaign, work).result
 
     def scan(self, fit: Fit, effects: Sequence[AngleEffect], groups: Sequence[int]) -> Scan:
         """Return a scan, begun in the other processes."""
         scan = Scan(fit, effects, groups)
-        if self._counters is not None and scan.effects and self._scans < _MOST:
-            order = _ordered(self._scans, scan)
-            scan.share(self._counters, self._scans, [pool.submit(_tried, order) for pool in self._pools])
-            self._scans += 1
+        number = self._workers.new_counter() if scan.effects else None
+        if number is not None:
+            order = _ordered(number, scan)
+            begun = [worker.submit(_tried, order) for worker in self._workers.each]
+            scan.share(self._workers.counters, number, begun)
         return scan
 
 
@@ -278,15 +234,6 @@ class _Helper:
 _helper: _Helper | None = None
 
 
-_counters: _Counters | None = None
-
-
-def _begin(counters: _Counters) -> None:
-    """Take, in a new process, the shared memory."""
-    global _counters
-    _counters = counters
-
-
 def _receive(material: _Material) -> None:
     """Take, in another process, the constants of a search."""
     global _helper
@@ -301,10 +248,10 @@ def _of_campaign(work: Callable[[Campaign], _Result]) -> _Result:
 def _tried(order: _Order) -> dict[int, _Values | None]:
     """Return, in another process, the trials of the effects that are left to take, by their place."""
     assert _helper is not None
-    assert _counters is not None
+    counters = shared_counters()
     found: dict[int, _Values | None] = {}
     fit: Fit | None = None
-    while (place := _counters.take(order.scan)) < len(order.names):
+    while (place := counters.take(order.scan)) < len(order.names):
         fit = _helper.fit(order) if fit is None else fit
         trial = try_effect(fit, _helper.material.effects[order.names[place]], order.shapes)
         found[place] = None if trial is None else _Values(trial.start, trial.vector, trial.cost, trial.promise)

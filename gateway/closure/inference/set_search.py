@@ -26,6 +26,7 @@ from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_prior_odds
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
+from gateway.worker_pool import Workers
 
 Names = frozenset[str]
 
@@ -58,7 +59,7 @@ class SetSearch:
     corrections: tuple[str, ...] = ()
     expired: Callable[[], bool] = lambda: False
     on_step: Callable[[int], None] = lambda _: None
-    helpers: Helpers = field(default_factory=lambda: Helpers(0))
+    helpers: Helpers = field(default_factory=lambda: Helpers(Workers()))
     found: dict[Names, Evaluated] = field(default_factory=dict)
     rejected: set[Names] = field(default_factory=set)
     complete: bool = True

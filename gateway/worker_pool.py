@@ -1,0 +1,206 @@
+"""Processes that share the work of a command: they end quietly on Ctrl-C, and a lost one is explained."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator, MutableSequence, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from importlib import import_module
+from multiprocessing import get_context
+from types import TracebackType
+from typing import Final, ParamSpec, Self, TypeVar
+
+from gateway.errors import TreadlinkError
+
+# Pieces of work that processes can count off together; a diagnosis has some ten to a hundred.
+_COUNTERS: Final = 4096
+_NONE_LEFT: Final = 1 << 60
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+class WorkerLostError(TreadlinkError):
+    """A worker process ended before its work was done."""
+
+
+class SharedNumbers:
+    """Whole numbers in memory that the processes of a command share."""
+
+    def __init__(self, count: int) -> None:
+        """Create `count` zeros."""
+        self._lock: AbstractContextManager[object] = nullcontext()
+        self._numbers: MutableSequence[int] = []
+        if count:
+            context = get_context("spawn")
+            self._lock, self._numbers = context.Lock(), context.RawArray("q", count)
+
+    def take(self, at: int) -> int:
+        """Return a number and add one to it, as one step."""
+        with self._lock:
+            number = self._numbers[at]
+            self._numbers[at] = number + 1
+        return number
+
+    def put(self, at: int, number: int) -> None:
+        """Change a number that no other process changes."""
+        self._numbers[at] = number
+
+    def total(self) -> int:
+        """Return the sum."""
+        return sum(self._numbers)
+
+    def end(self) -> None:
+        """Make all numbers larger than any that is counted to."""
+        with self._lock:
+            for at in range(len(self._numbers)):
+                self._numbers[at] = _NONE_LEFT
+
+
+class Worker(ProcessPoolExecutor):
+    """One fresh interpreter, which does its work in order; a fork would copy whatever threads and locks the caller has.
+
+    Ctrl-C reaches all processes of a terminal. One that is still importing would print a traceback each, so they begin
+    with it held back, and end by it without a word when they are up.
+    """
+
+    def __init__(self, place: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
+        """Create a worker; its process starts when work is submitted.
+
+        Args:
+            place: number of the worker among those of the command.
+            counters: that all of them count with.
+            progress: of each.
+        """
+        super().__init__(1, get_context("spawn"), _begin, (place, counters, progress))
+
+    def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
+        """Call `fn` in the process."""
+        with _interrupt_held_back():  # what starts here inherits that
+            return super().submit(fn, *args, **kwargs)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Wait for the work to end; after an error or an interrupt, end it at once.
+
+        Raises:
+            WorkerLostError: the process was terminated from outside.
+        """
+        if kind is not None:
+            for process in tuple((self._processes or {}).values()):
+                process.terminate()
+        self.shutdown(wait=True, cancel_futures=True)
+        if isinstance(error, BrokenProcessPool):
+            raise WorkerLostError(
+                "a worker process was terminated from outside, possibly for lack of memory",
+                "Close other programs, or use one process: --jobs 1.",
+            ) from error
+
+
+class Workers:
+    """The other processes of a command that uses several; without any, the command does all work itself.
+
+    Attributes:
+        each: the processes.
+        counters: shared with them: of the next piece of some work that is left to take.
+        progress: likewise: of the work that each has done, as the work counts it.
+    """
+
+    def __init__(self, count: int = 0, imports: Sequence[str] = ()) -> None:
+        """Start no process yet.
+
+        Args:
+            count: of processes.
+            imports: names of modules that each imports first, while this process does something else.
+        """
+        self.counters = SharedNumbers(_COUNTERS if count else 0)
+        self.progress = SharedNumbers(count)
+        self.each = tuple(Worker(place, self.counters, self.progress) for place in range(count))
+        self._imports = tuple(imports)
+        self._counted = 0
+        self._exit = ExitStack()
+
+    def __len__(self) -> int:
+        """Return the number of processes."""
+        return len(self.each)
+
+    def __enter__(self) -> Self:
+        for worker in self.each:
+            self._exit.enter_context(worker)
+            worker.submit(_import, self._imports)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the processes.
+
+        Raises:
+            WorkerLostError: one was terminated from outside.
+        """
+        self.counters.end()
+        self._exit.__exit__(kind, error, trace)
+
+    def new_counter(self) -> int | None:
+        """Return the place of a counter that is 0; None where there is no process to share it with, or none left."""
+        if not self.each or self._counted == _COUNTERS:
+            return None
+        self._counted += 1
+        return self._counted - 1
+
+
+_place: int = 0
+_counters: SharedNumbers | None = None
+_progress: SharedNumbers | None = None
+_done: int = 0
+
+
+def shared_counters() -> SharedNumbers:
+    """Return, in a worker, the counters of its command."""
+    assert _counters is not None
+    return _counters
+
+
+@contextmanager
+def reported_progress() -> Iterator[Callable[[int], None]]:
+    """Yield, in a worker, a function that takes how much of a piece of work is done."""
+    global _done
+    assert _progress is not None
+    progress, before, now = _progress, _done, 0
+
+    def report(done: int) -> None:
+        nonlocal now
+        now = done
+        progress.put(_place, before + now)
+
+    yield report
+    _done = before + now
+
+
+def _begin(place: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
+    global _place, _counters, _progress
+    _place, _counters, _progress = place, counters, progress
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def _import(names: Sequence[str]) -> None:
+    for name in names:
+        import_module(name)
+
+
+@contextmanager
+def _interrupt_held_back() -> Iterator[None]:
+    """Block Ctrl-C in this thread, if the system can; it is delivered afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
