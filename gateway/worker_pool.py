@@ -183,7 +183,8 @@ def reported_progress() -> Iterator[Callable[[int], None]]:
 def _begin(place: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
     global _place, _counters, _progress
     _place, _counters, _progress = place, counters, progress
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as of a command that a script runs in the background
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 

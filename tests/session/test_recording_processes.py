@@ -10,7 +10,7 @@ import pytest
 from gateway.errors import RecordingError
 from gateway.session.recording_processes import work_on_recordings
 from gateway.worker_pool import WorkerLostError, Workers
-from tests.testkit.recording_work import die_at_three, double, fail_at_three, own_process
+from tests.testkit.recording_work import die_at_three, double, fail_at_three, interrupt_itself, own_process
 
 
 @pytest.mark.parametrize("others", [0, 1, 2])
@@ -49,6 +49,15 @@ def test_terminated_process_is_reported():
     with pytest.raises(WorkerLostError, match="terminated from outside") as caught, Workers(1) as workers:
         list(work_on_recordings(die_at_three, [3, 1], workers, lambda _: None))
     assert "--jobs 1" in caught.value.remedy
+
+
+def test_processes_of_a_background_command_ignore_ctrl_c_as_it_does():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with Workers(1) as workers:
+            assert dict(work_on_recordings(interrupt_itself, [1, 2], workers, lambda _: None)) == {0: 1, 1: 2}
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_closed_work_and_workers_leave_no_process():

@@ -31,3 +31,9 @@ def die_at_three(order, on_position):
 def own_process(_order, _on_position):
     """Return the number of this process."""
     return os.getpid()
+
+
+def interrupt_itself(order, _on_position):
+    """Return an order after Ctrl-C."""
+    os.kill(os.getpid(), signal.SIGINT)
+    return order
