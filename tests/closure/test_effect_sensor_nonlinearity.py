@@ -72,6 +72,21 @@ def test_scaling_effects_are_not_taken_for_nonlinearity(plant: Plant, name: str)
     assert found.probability([NAME]) < 0.05
 
 
+def test_two_scaling_effects_together_are_not_taken_for_nonlinearity() -> None:
+    """At two speeds and two temperatures the nonlinearity alone explains what a gain and its drift do."""
+    groups = (conditions(48.0, temperature_degc=25.0), conditions(67.0, temperature_degc=63.0))
+
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[RADIAL] *= 1.005 + 5e-5 * (here.temperature_degc - 25.0)
+        return read
+
+    found, _ = searched(campaign_of(groups, plant), EFFECTS | among("gain-temperature drift"))
+    assert found.best.names == {"rolling radius", "gain-temperature drift"}
+    assert frozenset({"gain", "gain-temperature drift"}) in found.every
+    assert found.probability([NAME]) < 0.5
+
+
 def test_plausible_range_is_in_display_units() -> None:
     square, cube = EFFECTS[NAME].parameters
     assert square.high * 2000.0 == pytest.approx(0.03)

@@ -106,6 +106,10 @@ WORTH_WORK: Final = 25.0
 """Difference of log evidence from the best set, after the first step, up to which a set is worked out: later steps gain
 up to some ten."""
 
+WORTH_GROWTH: Final = 100.0
+"""Difference of log evidence from the best set up to which a set without one of its effects is tried with another one:
+a second effect gained up to 30 where two together were the better explanation."""
+
 SCANNED_GROUPS: Final = 4
 """Groups of revolutions in which candidates are tried; evidence is always that of all groups."""
 

@@ -99,25 +99,43 @@ class SetSearch:
     def _climb(self) -> None:
         """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
         done: list[Evaluated] = []
+        grown: list[Evaluated] = []
         while not self._stop():
             leader = next((one for one in self._leaders() if not any(one is other for other in done)), None)
-            if leader is None:
+            if leader is not None:
+                done.append(leader)
+                if not self._restarted(leader):
+                    self._neighbours(leader)
+                continue
+            rival = next((one for one in self._rivals() if not any(one is other for other in grown)), None)
+            if rival is None:
                 return
-            done.append(leader)
-            if not self._restarted(leader):
-                self._neighbours(leader)
+            grown.append(rival)
+            if len(rival.names) < criteria.MOST_EFFECTS:
+                self._add(rival.fit, rival, self.effects, self.best.log_evidence - criteria.WITHIN)
+
+    def _rivals(self) -> Iterator[Evaluated]:
+        """Yield the best set without each effect of the best one.
+
+        With one more effect it may explain the same: two effects may do together what a flexible one does alone.
+        """
+        for name in sorted(self.best.names):
+            rival = _best(one for names, one in self.found.items() if name not in names)
+            if rival.log_evidence > self.best.log_evidence - criteria.WORTH_GROWTH:
+                yield rival
 
     def _leaders(self) -> Iterator[Evaluated]:
-        """Yield the best set, and the best ones with and without the effects that are to be expected.
+        """Yield the best set, its rivals, and the best ones with and without the effects that are to be expected.
 
         An effect that takes the place of an expected one and of another beside it would otherwise never be compared
         with both.
         """
         yield self.best
+        least = self.best.log_evidence - criteria.WORTH_WORK
+        yield from (one for one in self._rivals() if one.log_evidence > least)
         expected = frozenset(effect.name for effect in self._expected)
         if not expected:
             return
-        least = self.best.log_evidence - criteria.WORTH_WORK
         for kept in (expected, frozenset[str]()):
             alike = [one for names, one in self.found.items() if names & expected == kept]
             if alike and (leader := _best(alike)).log_evidence > least:
