@@ -2,8 +2,9 @@
 
 Proposals come from chains without a discrepancy, which add the effect of the largest gain each time. All sets on the
 chains, and those near them, get their evidence with a discrepancy. From the best set, every effect is removed, added or
-exchanged in turn until no set is better. The discrepancy is then concentrated at single orders or places while the
-evidence calls for it. Sets are visited in an order that depends on evidence and name alone.
+exchanged in turn until no set is better; likewise from its rivals, which lack one of its effects. The discrepancy is
+then concentrated at single orders or places while the evidence calls for it. Sets are visited in an order that depends
+on evidence and name alone.
 """
 
 from __future__ import annotations
@@ -119,9 +120,10 @@ class SetSearch:
 
         With one more effect it may explain the same: two effects may do together what a flexible one does alone.
         """
+        least = self.best.log_evidence - criteria.WORTH_GROWTH
         for name in sorted(self.best.names):
-            rival = _best(one for names, one in self.found.items() if name not in names)
-            if rival.log_evidence > self.best.log_evidence - criteria.WORTH_GROWTH:
+            without = [one for names, one in self.found.items() if name not in names]
+            if without and (rival := _best(without)).log_evidence > least:
                 yield rival
 
     def _leaders(self) -> Iterator[Evaluated]:
