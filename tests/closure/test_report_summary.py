@@ -273,7 +273,7 @@ def test_typesetting(typed, printed):
         ("anti-alias filter", 0.01e-3, 0.00693e-3, "inverse corner", "0.0100 ± 0.0069 ms"),
         ("anti-alias filter", -0.1e-3, 0.00693e-3, "inverse corner", "-0.1000 ± 0.0069 ms"),
         ("mounting resonance", 0.0395786e-6, 0.000791572e-6, "resonance", "800.0 ± 8.0 Hz"),
-        ("mounting resonance", 0.001e-6, 0.002e-6, "inverse resonance", "0.0010 ± 0.0020 ms²"),
+        ("mounting resonance", 0.001e-6, 0.002e-6, "inverse resonance", "(1.0 ± 2.0)e-3 ms²"),
     ],
 )
 def test_inverse_parameters_are_inverted_when_significant(name, value, std, label, text):

@@ -91,7 +91,7 @@ def test_batch_equals_live(four_wheels):
     packets = stream(four_wheels, 900_000)
     live, _ = run_live(packets, SETUPS)
     assert len(live) > 200
-    for block in (1_000, 77_777, 10**7):
+    for block in (1_000, 10**7):
         batch, _ = run_batch(packets, SETUPS, block)
         assert_agree(batch, live)
 

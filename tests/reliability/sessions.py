@@ -13,7 +13,7 @@ from gateway.session.live import LiveSession
 from gateway.session.recording_stage import Recorder
 from gateway.views.session_summary import ResultSummary
 
-TIMEOUT_S = 30.0
+TIMEOUT_S = 90.0
 
 
 class Items:
