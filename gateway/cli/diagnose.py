@@ -6,6 +6,8 @@ import json
 import os
 import shutil
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -19,6 +21,7 @@ from gateway.views.text import clean
 
 if TYPE_CHECKING:
     from gateway.closure.result import Diagnosis
+    from gateway.config.vehicle import VehicleConfig
     from gateway.worker_pool import Workers
 
 MODELS: Final = ("exact", "series", "paper")
@@ -190,28 +193,24 @@ def diagnose(
     if known_path is not None:
         _transfer(recordings, known_path, config_path, model, folds, others, reverse, key_file, json_path, force=force)
         return
-    with _workers(others) as workers:
+    with _work(others) as (workers, on_progress):
         from gateway.closure.effects.effect import BaselineModel
-        from gateway.config.vehicle import load_vehicle
         from gateway.session.campaign_diagnosis import diagnose_recordings
-        from gateway.views.progress import progress_bar
         from gateway.views.report.terminal import closure_summary_lines
 
-        vehicle = load_vehicle(config_path) if config_path is not None else None
-        with progress_bar(" " * _LABEL_CELLS) as bar:
-            diagnosis = diagnose_recordings(
-                recordings,
-                vehicle=vehicle,
-                wheel=wheel,
-                model=BaselineModel(model),
-                empirical=empirical,
-                folds=folds,
-                workers=workers,
-                reverse=reverse,
-                key_file=key_file,
-                budget_s=budget_s,
-                on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
-            )
+        diagnosis = diagnose_recordings(
+            recordings,
+            vehicle=_vehicle(config_path),
+            wheel=wheel,
+            model=BaselineModel(model),
+            empirical=empirical,
+            folds=folds,
+            workers=workers,
+            reverse=reverse,
+            key_file=key_file,
+            budget_s=budget_s,
+            on_progress=on_progress,
+        )
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
     on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0
@@ -220,11 +219,20 @@ def diagnose(
     _write(diagnosis, json_path, html_path, effects_path, force=force)
 
 
-def _workers(count: int) -> Workers:
-    """Return other processes, which import what a diagnosis needs while this one does."""
+@contextmanager
+def _work(others: int) -> Iterator[tuple[Workers, Callable[[float, str], None]]]:
+    """Yield other processes, which import what a diagnosis needs while this one does, and the display of progress."""
+    from gateway.views.progress import progress_bar
     from gateway.worker_pool import Workers
 
-    return Workers(count, ["gateway.session.campaign_diagnosis"])
+    with Workers(others, ["gateway.session.campaign_diagnosis"]) as workers, progress_bar(" " * _LABEL_CELLS) as bar:
+        yield workers, lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}")
+
+
+def _vehicle(config_path: Path | None) -> VehicleConfig | None:
+    from gateway.config.vehicle import load_vehicle
+
+    return load_vehicle(config_path) if config_path is not None else None
 
 
 def _transfer(
@@ -241,29 +249,24 @@ def _transfer(
     force: bool,
 ) -> None:
     """Report the error with the effects of a file, as found before."""
-    with _workers(min(others, len(recordings) - 1)) as workers:
+    with _work(min(others, len(recordings) - 1)) as (workers, on_progress):
         from gateway.closure.effects.effect import BaselineModel
-        from gateway.config.vehicle import load_vehicle
         from gateway.session.campaign_diagnosis import transfer_effects
         from gateway.session.effects_opening import open_effects_file
-        from gateway.views.progress import progress_bar
         from gateway.views.report.transfer_report import transfer_json, transfer_lines
 
-        vehicle = load_vehicle(config_path) if config_path is not None else None
-        table = open_effects_file(known_path)
-        with progress_bar(" " * _LABEL_CELLS) as bar:
-            result = transfer_effects(
-                recordings,
-                table,
-                vehicle=vehicle,
-                model=BaselineModel(model),
-                folds=folds,
-                workers=workers,
-                reverse=reverse,
-                key_file=key_file,
-                origin=str(known_path),
-                on_progress=lambda share, step: bar.show(share, f"{step:<{_LABEL_CELLS}}"),
-            )
+        result = transfer_effects(
+            recordings,
+            open_effects_file(known_path),
+            vehicle=_vehicle(config_path),
+            model=BaselineModel(model),
+            folds=folds,
+            workers=workers,
+            reverse=reverse,
+            key_file=key_file,
+            origin=str(known_path),
+            on_progress=on_progress,
+        )
     to_stdout = json_path is not None and is_stdout(json_path)
     for line in transfer_lines(result, str(known_path)):
         click.echo(clean(line), err=to_stdout)

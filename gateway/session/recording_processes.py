@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, Final, Generic, TypeVar
@@ -97,12 +98,16 @@ class _Shared(Generic[_Order, _Result]):
             place = self.waiting.popleft()
         except IndexError:
             return
-        future = worker.submit(partial(_work_elsewhere, self._work), self._orders[place])
+        try:
+            future = worker.submit(partial(_work_elsewhere, self._work), self._orders[place])
+        except BrokenProcessPool as error:  # it ended while it had no work
+            future = Future()
+            future.set_exception(error)
 
         def ended(future: Future[_Result]) -> None:
+            self._ended.put((place, future))
             if not future.cancelled() and future.exception() is None:
                 self.feed(worker)
-            self._ended.put((place, future))
 
         future.add_done_callback(ended)
 

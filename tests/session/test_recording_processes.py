@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import os
 import signal
+from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 
 from gateway.errors import RecordingError
 from gateway.session.recording_processes import work_on_recordings
 from gateway.worker_pool import WorkerLostError, Workers
-from tests.testkit.recording_work import die_at_three, double, fail_at_three, interrupt_itself, own_process
+from tests.testkit.recording_work import (
+    LOST,
+    die_at_three,
+    double,
+    fail_at_three,
+    interrupt_itself,
+    own_process,
+    second_after_loss,
+)
 
 
 @pytest.mark.parametrize("others", [0, 1, 2])
@@ -49,6 +58,26 @@ def test_terminated_process_is_reported():
     with pytest.raises(WorkerLostError, match="terminated from outside") as caught, Workers(1) as workers:
         list(work_on_recordings(die_at_three, [3, 1], workers, lambda _: None))
     assert "--jobs 1" in caught.value.remedy
+
+
+def test_process_lost_between_two_recordings_is_reported(monkeypatch):
+    def work() -> None:
+        with Workers(1) as workers:
+            (worker,) = workers.each
+            submit, given = worker.submit, []
+
+            def lost_after_one(*work):
+                given.append(work)
+                if len(given) > 1:
+                    LOST.set()
+                    raise BrokenProcessPool
+                return submit(*work)
+
+            monkeypatch.setattr(worker, "submit", lost_after_one)
+            list(work_on_recordings(second_after_loss, [1, 2, 3], workers, lambda _: None))
+
+    with pytest.raises(WorkerLostError, match="terminated from outside"):
+        work()
 
 
 def test_processes_of_a_background_command_ignore_ctrl_c_as_it_does():

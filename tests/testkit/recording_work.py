@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 
 from gateway.errors import RecordingError
+
+LOST = threading.Event()
+"""Set when another process is lost."""
 
 
 def double(order, on_position):
@@ -36,4 +40,10 @@ def own_process(_order, _on_position):
 def interrupt_itself(order, _on_position):
     """Return an order after Ctrl-C."""
     os.kill(os.getpid(), signal.SIGINT)
+    return order
+
+
+def second_after_loss(order, _on_position):
+    """Return an order, the order 2 when another process is lost."""
+    assert order != 2 or LOST.wait(60.0)
     return order
