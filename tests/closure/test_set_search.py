@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,12 @@ import pytest
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL, GroupConditions, ModelledBlock, Parameter
-from gateway.closure.inference import set_search
+from gateway.closure.inference import candidate_scan, set_search
 from gateway.closure.inference.candidate_scan import Scan
-from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
-from gateway.closure.inference.fit import FitFailedError
-from gateway.closure.inference.set_search import baseline_fit, is_taken, rivals_of
+from gateway.closure.inference.candidate_trial import Trial, refit, shapes_of, try_effect
+from gateway.closure.inference.fit import Fit, FitFailedError
+from gateway.closure.inference.set_search import SetSearch, baseline_fit, is_taken, rivals_of
+from gateway.closure.model.baseline import Shape
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.types import FloatArray
@@ -148,6 +150,27 @@ def test_known_set_stays_where_another_fit_of_it_fails(monkeypatch: pytest.Monke
     search.run(baseline_fit(campaign, search.core, search.data))
     assert search.found == known
     assert not search.rejected & set(known)
+
+
+def test_effects_without_a_chance_at_noise_are_not_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried: list[str] = []
+    plain = candidate_scan.try_effect
+
+    def counted(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Trial | None:
+        tried.append(effect.name)
+        return plain(fit, effect, shapes)
+
+    monkeypatch.setattr(candidate_scan, "try_effect", counted)
+    effects = among("roll tilt", "gain", "pitch tilt", "tread pitch")
+    campaign = campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES)
+    found, _ = searched(campaign, effects)
+    fewer = len(tried)
+    tried.clear()
+    monkeypatch.setattr(SetSearch, "_additions", lambda search, *_: list(search.effects))
+    every, _ = searched(campaign, effects)
+    assert fewer < len(tried)
+    assert found.best.names == every.best.names == {"roll tilt", "gain"}
+    assert found.weights == every.weights
 
 
 @pytest.mark.parametrize("answers", [0, 3])

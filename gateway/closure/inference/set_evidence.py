@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import bounds
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
@@ -15,7 +16,7 @@ from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.parameter_range import outside_range
 from gateway.closure.model.baseline import NoShapeError
-from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.reasons import Reason
 from gateway.types import FloatArray
 
@@ -108,8 +109,12 @@ def log_evidence(fit: Fit) -> float:
 def log_prior_odds(model: ClosureModel) -> float:
     """Return the logarithm of the odds of a model's effects before the data."""
     conditions = tuple(group.conditions for group in model.campaign.groups)
-    odds = (criteria.EXPECTED_ODDS if effect.expected(conditions) else criteria.PRIOR_ODDS for effect in model.effects)
-    return sum(map(math.log, odds))
+    return sum(log_odds(effect, conditions) for effect in model.effects)
+
+
+def log_odds(effect: AngleEffect, conditions: tuple[GroupConditions, ...]) -> float:
+    """Return the logarithm of the odds of one effect before the data."""
+    return math.log(criteria.EXPECTED_ODDS if effect.expected(conditions) else criteria.PRIOR_ODDS)
 
 
 def _by_prior_widths(fit: Fit) -> float:

@@ -24,7 +24,7 @@ from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.discrepancy_concentration import most_evident
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_prior_odds
+from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.worker_pool import Workers
@@ -49,7 +49,7 @@ class SetSearch:
         found: sets with their evidence.
         rejected: sets without an evidence, since a fit failed.
         complete: False when the search ended because its time was over.
-        promises: for every set of a chain, the gain of log evidence that each effect promised.
+        promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
     """
 
     campaign: Campaign
@@ -64,7 +64,7 @@ class SetSearch:
     found: dict[Names, Evaluated] = field(default_factory=dict)
     rejected: set[Names] = field(default_factory=set)
     complete: bool = True
-    promises: list[dict[str, float]] = field(default_factory=list)
+    promises: dict[Names, dict[str, float]] = field(default_factory=dict)
     _scanned: tuple[int, ...] = ()
     _begun: list[Scan] = field(default_factory=list)
 
@@ -113,7 +113,8 @@ class SetSearch:
                 return
             grown.append(rival)
             if len(rival.names) < criteria.MOST_EFFECTS:
-                self._add(rival.fit, rival, self.effects, self.best.log_evidence - criteria.WITHIN)
+                near = self.best.log_evidence - criteria.WITHIN
+                self._add(rival.fit, rival, self._additions(rival.fit, near), near)
 
     def _rivals(self) -> Iterator[Evaluated]:
         """Yield the best set without each effect of the best one.
@@ -184,6 +185,9 @@ class SetSearch:
         if self.expired():
             self.complete = False
         return not self.complete
+
+    def _at_noise(self, fit: Fit) -> bool:
+        return fit.misfit < criteria.AT_NOISE * self.data.size
 
     def _evaluate(self, fit: Fit, near: Applied | None) -> Evaluated | None:
         names = _names(fit)
@@ -261,15 +265,15 @@ class SetSearch:
         firsts = self._fitted(start)
         for first in firsts[: criteria.BRANCHES]:
             fit = first
-            if self.best.fit.misfit < criteria.AT_NOISE * self.data.size:
+            if self._at_noise(self.best.fit):
                 break
             while not self._stop() and _names(fit) not in begun:
                 begun.add(_names(fit))
                 last = len(fit.model.effects) >= criteria.MOST_EFFECTS
                 if not last:
                     self._begin(fit, self.effects)
-                self._of_chain(fit)
-                if last:
+                better = self._of_chain(fit)
+                if last or (self._at_noise(fit) and not better):
                     break
                 nexts = self._fitted(fit)
                 for other in nexts[1:]:
@@ -282,17 +286,19 @@ class SetSearch:
                 return
             self._of_chain(other)
 
-    def _of_chain(self, fit: Fit) -> None:
+    def _of_chain(self, fit: Fit) -> bool:
+        """Evaluate a set of a chain; return whether it is better than the one that it extends."""
         names = _names(fit)
         known = [one for of, one in self.found.items() if of < names]
         parent = max(known, key=lambda one: (len(one.names), sorted(one.names)))
-        self._evaluate(fit, parent.fit.applied)
+        found = self._evaluate(fit, parent.fit.applied)
+        return found is not None and found.log_evidence > parent.log_evidence
 
     def _fitted(self, fit: Fit) -> list[Fit]:
         """Return fits of a set with one more effect, by gain without a discrepancy; none without a gain."""
         self.on_step(len(fit.model.effects) + 1)
         trials = self._scan(fit, self.effects)
-        self.promises.append({trial.effect.name: trial.promise for trial in trials})
+        self.promises[_names(fit)] = {trial.effect.name: trial.promise for trial in trials}
         beyond = max(0.0, fit.misfit - self.data.size)
         fits: list[tuple[float, Fit]] = []
         most = trials[0].promise if trials else 0.0
@@ -308,7 +314,7 @@ class SetSearch:
             fall = fit.misfit - after.misfit
             if fall > criteria.EXPLAINED_SHARE * beyond and fall > 2.0 * criteria.LOOKED_AT:
                 fits.append((after.misfit, after))
-            if after.misfit < criteria.AT_NOISE * self.data.size:
+            if self._at_noise(after):
                 break
         fits.sort(key=lambda one: one[0])
         return [each for _, each in fits]
@@ -336,8 +342,9 @@ class SetSearch:
         worths = [best.log_evidence - self._score(without) for without in bare]
         expected = frozenset(effect.name for effect in self._expected)
         grows = len(best.names) < criteria.MOST_EFFECTS
+        additions = self._additions(best.fit, near)
         if grows and not self._stop() and min(worths, default=math.inf) > criteria.LOOKED_AT:
-            self._begin(best.fit, self.effects)
+            self._begin(best.fit, additions)
         for place in np.argsort(worths, kind="stable").tolist():
             if self._stop():
                 return
@@ -348,14 +355,14 @@ class SetSearch:
                 return
         for without, worth in zip(bare, worths, strict=True):
             (effect,) = best.names - _names(without)
-            self._begin(without, rivals_of(effect, worth, self.effects, self.promises))
+            self._begin(without, rivals_of(effect, worth, self.effects, list(self.promises.values())))
         for without, worth in zip(bare, worths, strict=True):
             if self._stop():
                 return
             (effect,) = best.names - _names(without)
-            self._add(without, best, rivals_of(effect, worth, self.effects, self.promises), near)
+            self._add(without, best, rivals_of(effect, worth, self.effects, list(self.promises.values())), near)
         if grows and not self._stop():
-            self._add(best.fit, best, self.effects, near)
+            self._add(best.fit, best, additions, near)
             self._regrow(best)
 
     def _restarted(self, best: Evaluated) -> bool:
@@ -414,9 +421,25 @@ class SetSearch:
                 break
             self._work_out(trial, best)
 
+    def _additions(self, fit: Fit, near: float) -> list[str]:
+        """Return the effects with which a set may have an evidence of `near`.
+
+        At noise, an effect promises no more with a discrepancy than it did without one.
+        """
+        promised = self.promises.get(_names(fit))
+        if promised is None or not self._at_noise(fit):
+            return list(self.effects)
+        conditions = tuple(group.conditions for group in self.campaign.groups)
+        least = near - criteria.LOOKED_AT - self._score(fit)
+        return [
+            name
+            for name, effect in self.effects.items()
+            if promised.get(name, -math.inf) + log_odds(effect, conditions) > least
+        ]
+
     def _regrow(self, best: Evaluated) -> None:
         """Evaluate the best set with each effect that promises much under a smaller discrepancy."""
-        if best.fit.applied is None or best.fit.misfit < criteria.AT_NOISE * self.data.size:
+        if best.fit.applied is None or self._at_noise(best.fit):
             return
         smaller = criteria.SMALLER_DISCREPANCY * best.fit.applied.amplitudes
         fit = best.fit.under(self.discrepancy.applied(smaller))
@@ -460,7 +483,7 @@ def rivals_of(effect: str, worth: float, effects: Iterable[str], promises: Seque
         effect: that they may take the place of.
         worth: log evidence that it adds to its set. It may be far less than it promised: others explain some by now.
         effects: all names.
-        promises: for every set of a chain, the gain of log evidence that each effect promised.
+        promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
     """
     tried = {name for promised in promises for name in promised}
     share, slack = criteria.RIVAL_SHARE, criteria.LOOKED_AT
