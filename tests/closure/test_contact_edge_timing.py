@@ -238,7 +238,7 @@ def test_finding_has_sizes_and_evidence() -> None:
 def test_weak_jitter_has_a_probability_but_no_name() -> None:
     (found,) = edge_findings([group(timing(0.035)), group(timing(0.035))])
     assert found.verdict is Verdict.REFUSED
-    assert criteria.REPORTED < found.probability < criteria.NAMED
+    assert criteria.LISTED < found.probability < criteria.NAMED
     assert found.reason is not None
     assert found.reason.code is Code.PROBABILITY_TOO_LOW
 

@@ -37,5 +37,5 @@ def test_page_lists_every_threshold() -> None:
 
 
 def test_names_are_rarely_wrong() -> None:
-    assert criteria.REPORTED < 0.5 < criteria.NAMED < 1.0
+    assert criteria.SUPPORTED < criteria.LISTED < 0.5 < criteria.NAMED < 1.0
     assert criteria.PRIOR_ODDS < 0.1

@@ -176,13 +176,13 @@ def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
 def test_weak_effect_is_refused_with_its_probability() -> None:
     effects = {"weak": Sideways("weak")}
     # Some four standard errors of the mean.
-    found, _ = searched(campaign_of(ONE_SPEED, sideways(0.45), axes=ALL_AXES), effects)
+    found, _ = searched(campaign_of(ONE_SPEED, sideways(0.5), axes=ALL_AXES), effects)
     probability = found.probability(["weak"])
-    assert criteria.REPORTED < probability < criteria.NAMED
+    assert criteria.LISTED < probability < criteria.NAMED
     (finding,) = findings_of(found, effects, {})
     assert finding.verdict is Verdict.REFUSED
     assert finding.reason == Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
-    assert finding.parameters["size_mps2"].value == pytest.approx(0.45, abs=3.0 * finding.parameters["size_mps2"].std)
+    assert finding.parameters["size_mps2"].value == pytest.approx(0.5, abs=3.0 * finding.parameters["size_mps2"].std)
 
 
 def outcome(

@@ -61,7 +61,7 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     posterior = over({cause.names: cause for cause in causes})
     probability = posterior.probability([name])
     named = name in posterior.identified()
-    if probability < criteria.REPORTED and (reason is None or max(alike, free) < nothing):
+    if probability < criteria.LISTED and (reason is None or max(alike, free) < nothing):
         return ()
     if reason is None and not named:
         reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)

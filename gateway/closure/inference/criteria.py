@@ -7,8 +7,12 @@ from typing import Final
 NAMED: Final = 0.99
 """Probability from which an effect is identified: at most one name in a hundred is wrong if probabilities hold."""
 
-REPORTED: Final = 0.05
-"""Probability from which an effect that is not identified is listed: below, the prior alone is as large."""
+LISTED: Final = 0.1
+"""Probability from which an effect that is not identified is listed: twice its prior, which it keeps where the data say
+nothing about it."""
+
+SUPPORTED: Final = 0.05
+"""Probability from which the sets with an effect widen the errors of numbers: below, the prior alone is as large."""
 
 PRIOR_ODDS: Final = 0.05 / 0.95
 """Odds of an effect before the data: two of forty effects on average."""

@@ -49,7 +49,7 @@ def findings_of(
         seen |= set(group)
     for name in posterior.names:
         probability = posterior.probability([name])
-        if name not in seen and probability >= criteria.REPORTED:
+        if name not in seen and probability >= criteria.LISTED:
             reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
             found.append(_finding(posterior, name, Verdict.REFUSED, rms_of, reason=reason))
             seen.add(name)

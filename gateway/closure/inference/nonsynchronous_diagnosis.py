@@ -166,7 +166,7 @@ def _findings(
         seen |= set(group)
     for name in posterior.names:
         probability = posterior.probability([name])
-        if name in names and name not in seen and probability >= criteria.REPORTED:
+        if name in names and name not in seen and probability >= criteria.LISTED:
             reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
             found.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason))
             seen.add(name)

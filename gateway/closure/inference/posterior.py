@@ -58,7 +58,7 @@ class PosteriorOver(Generic[SetT]):
         every: all sets with an evidence.
         masses: probability of each; they add up to 1.
         possible: probability of each without impossible values among these sets; they add up to 1.
-        sets: possible sets whose effects are all supported (`criteria.REPORTED`), most probable first.
+        sets: possible sets whose effects are all supported (`criteria.SUPPORTED`), most probable first.
         weights: probability of each among these; they add up to 1.
         temperature: by which the evidence of the data was divided, since the best set leaves more than noise.
     """
@@ -128,7 +128,7 @@ class PosteriorOver(Generic[SetT]):
             if name not in named and (causes is None or name in causes) and self.probability([name]) >= least
         ]
         groups: list[tuple[str, ...]] = []
-        while left and self.probability([left[0]]) >= criteria.REPORTED:
+        while left and self.probability([left[0]]) >= criteria.LISTED:
             group = [left.pop(0)]
             while self.probability(group) < criteria.NAMED and left:
                 most = max(left, key=lambda name: (self.probability([*group, name]), name))
@@ -182,7 +182,7 @@ def over(every: Mapping[Names, SetT], temperature: float = 1.0) -> PosteriorOver
         one
         for one in ordered
         if not one.objections
-        and all(_probability(every, mass_of, possible, frozenset([name])) >= criteria.REPORTED for name in one.names)
+        and all(_probability(every, mass_of, possible, frozenset([name])) >= criteria.SUPPORTED for name in one.names)
     ]
     weights = _shares({one.names: of_set[one.names] for one in supported})
     return PosteriorOver(dict(every), mass_of, possible, tuple(supported), tuple(weights.values()), temperature)
