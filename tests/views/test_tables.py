@@ -218,14 +218,14 @@ def test_memory_does_not_grow_with_rows(tmp_path: Path, table_format: TableForma
         for _ in range(2 * COLUMNS_FIXED_AFTER_ROWS):
             table.write(row)
         gc.collect()
-        tracemalloc.start(20)
-        for _ in range(1000):
+        tracemalloc.start(12)
+        for _ in range(300):
             table.write(row)
         kept = tracemalloc.take_snapshot()
         tracemalloc.stop()
     # Threads of other tests may still run in this process.
     own = kept.filter_traces([tracemalloc.Filter(True, open_table.__code__.co_filename, all_frames=True)])
-    assert sum(trace.size for trace in own.traces) < 100_000
+    assert sum(trace.size for trace in own.traces) < 50_000
 
 
 @pytest.mark.parametrize("start", ["=", "+", "-", "@", "\t", "\r"])
