@@ -12,7 +12,16 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import RADIAL, GroupConditions
 from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy_concentration import most_evident
-from gateway.closure.inference.discrepancy_kernels import FROM_PLACES, PLACES, Burst, OrderLine, concentrations, kernel
+from gateway.closure.inference.discrepancy_kernels import (
+    FROM_PLACES,
+    PLACES,
+    Burst,
+    Concentration,
+    OrderBand,
+    OrderLine,
+    concentrations,
+    kernel,
+)
 from gateway.closure.inference.set_evidence import log_evidence
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
@@ -49,6 +58,18 @@ def ringing(size_mps2: float, at_rad: float) -> Plant:
     return plant
 
 
+def short_waves(size_mps2: float, seed: int) -> Plant:
+    """Return waves of orders 88 to 106 all around, on the radial axis: no packet, no line."""
+    phases = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, 19)[:, None]
+
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[RADIAL] += size_mps2 * np.cos(np.arange(88, 107)[:, None] * theta + phases).sum(axis=0)
+        return read
+
+    return plant
+
+
 @cache
 def noisy() -> Campaign:
     return campaign_of(ONE_SPEED, axes=ALL_AXES)
@@ -76,6 +97,14 @@ def test_ringing_at_one_place_is_no_tread_pitch() -> None:
     assert posterior.probability(["tread pitch"]) < 0.05
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_waves_of_a_band_of_orders_are_no_edge_waves(seed: int) -> None:
+    campaign = campaign_of(ONE_SPEED, short_waves(0.5, seed))
+    posterior, search = searched(campaign, among("tire-locked edge waves", "tread pitch"))
+    assert search.discrepancy.concentrations == (OrderBand(85, 110),)
+    assert posterior.identified() == ()
+
+
 def test_noise_is_not_concentrated() -> None:
     found, data = evaluated(noisy())
     assert most_evident(found.fit, data) is None
@@ -94,8 +123,8 @@ def test_gain_is_that_of_the_evidence() -> None:
     assert log_evidence(after.moved(after.step)) - found.log_evidence == pytest.approx(evident.gain, rel=0.02)
 
 
-@pytest.mark.parametrize("one", [OrderLine(7), Burst(80, 0.1, 0.03), Burst(6, 0.3, 0.12)])
-def test_kernel_has_unit_variance_at_its_centre(one: OrderLine | Burst) -> None:
+@pytest.mark.parametrize("one", [OrderLine(7), OrderBand(60, 84), Burst(80, 0.1, 0.03), Burst(6, 0.3, 0.12)])
+def test_kernel_has_unit_variance_at_its_centre(one: Concentration) -> None:
     to_places = 2.0 * len(FROM_PLACES) * FROM_PLACES.T / np.where(np.arange(len(FROM_PLACES)) == 0, 1.0, 2.0)
     variance = np.diagonal(to_places @ kernel(one) @ to_places.T)
     if isinstance(one, Burst):

@@ -46,6 +46,10 @@ LENGTHS_RAD: Final = (0.03, 0.12, 0.4)
 BLOW_RAD: Final = 0.01
 """Correlation length within a place of a discrepancy that stands for blows: shorter than the highest order's wave."""
 
+BANDS_FROM: Final = (40, 60, 85)
+"""Orders from which a discrepancy may be concentrated in a band, up to the next of them or to the last: waves shorter
+than its shortest correlation length."""
+
 BURST_WIDTHS_RAD: Final = (0.1, 0.3)
 """Widths of the places at which a discrepancy may be concentrated: a splice or a stone, and what rings there."""
 

@@ -13,8 +13,8 @@ from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy_kernels import (
     FROM_PLACES,
     PLACES,
+    Burst,
     Concentration,
-    OrderLine,
     concentrations,
 )
 from gateway.closure.inference.fit import Fit
@@ -34,12 +34,14 @@ class Evident:
         concentration: order or place.
         amplitudes: mean squares to start from, (m/s^2)^2, (places, parts).
         gain: of log evidence.
+        log_odds: before the data, against no concentration.
         share: of the residual's power beyond noise and other concentrations that it takes.
     """
 
     concentration: Concentration
     amplitudes: FloatArray
     gain: float
+    log_odds: float
     share: float
 
 
@@ -71,10 +73,11 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
         for each in seen:
             weights = fit.applied.amplitudes[each.place, each.part, -number] * (one.curves().T @ each.at_places.answer)
             power -= each.power * float(np.square(one.curves() @ weights).mean())
-    every = [_evident(one, seen, fit.applied.amplitudes.shape[:2], power) for one in possible if one not in known]
+    log_odds = math.log(criteria.STAND_IN_ODDS / len(possible))
+    shape = fit.applied.amplitudes.shape[:2]
+    every = [_evident(one, seen, shape, power, log_odds) for one in possible if one not in known]
     best = max(every, key=lambda one: one.gain)
-    odds = math.log(criteria.STAND_IN_ODDS / len(possible))
-    worth = best.gain / math.sqrt(residual_ratio(fit, data)) + odds > 0.0
+    worth = best.gain / math.sqrt(residual_ratio(fit, data)) + log_odds > 0.0
     return best if worth and best.share > criteria.CONCENTRATED_SHARE else None
 
 
@@ -116,11 +119,13 @@ class _Seen:
         return cls(_Answer(answer, information), at_places, place, part, power)
 
 
-def _evident(one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float) -> Evident:
+def _evident(
+    one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float, log_odds: float
+) -> Evident:
     """Return what a concentration gains: at every place the part of the larger gain."""
     curves = one.curves()
-    # An order has two coefficients, a burst few places.
-    in_orders = isinstance(one, OrderLine)
+    # An order has two coefficients, a band few orders, a burst few places.
+    in_orders = not isinstance(one, Burst)
     narrow = FROM_PLACES @ curves if in_orders else curves
     inside = np.flatnonzero(np.abs(narrow).max(axis=1) > 1e-3)
     narrow = narrow[inside]
@@ -142,4 +147,5 @@ def _evident(one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], 
             amplitudes[each.place, each.part] = amplitude
             field = curves @ (vectors @ (along / (1.0 / amplitude + values)))
             powers[each.place] = each.power * float(field @ field) / len(PLACES)
-    return Evident(one, amplitudes, float(gains.sum()), float(powers.sum()) / power if power > 0.0 else 0.0)
+    share = float(powers.sum()) / power if power > 0.0 else 0.0
+    return Evident(one, amplitudes, float(gains.sum()), log_odds, share)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -46,6 +47,25 @@ class OrderLine:
 
 
 @dataclass(frozen=True, slots=True)
+class OrderBand:
+    """Part of the discrepancy in a band of orders, of any phase: short waves that no effect describes.
+
+    Attributes:
+        first: lowest order.
+        last: highest order.
+    """
+
+    first: int
+    last: int
+
+    def curves(self) -> FloatArray:
+        """Return curves at PLACES whose sum with independent normal weights has the kernel, (2 REAL, 2 orders)."""
+        turned = np.outer(PLACES, np.arange(self.first, self.last + 1))
+        both: FloatArray = np.concatenate([np.cos(turned), np.sin(turned)], axis=1)
+        return both / math.sqrt(turned.shape[1])
+
+
+@dataclass(frozen=True, slots=True)
 class Burst:
     """Part of the discrepancy at one place of the revolution: a splice, a stone, a part that rubs or strikes.
 
@@ -64,12 +84,15 @@ class Burst:
         return np.roll(_centred(self.width_rad, self.length_rad), self.place - REAL, axis=0)
 
 
-Concentration: TypeAlias = OrderLine | Burst
+Concentration: TypeAlias = OrderLine | OrderBand | Burst
 
 
 def concentrations() -> tuple[Concentration, ...]:
     """Return all concentrations that a discrepancy may have."""
     found: list[Concentration] = [OrderLine(order) for order in range(1, REAL // 2 + 1)]
+    highest = REAL // 2
+    for first, following in itertools.pairwise((*criteria.BANDS_FROM, highest + 1)):
+        found += [OrderBand(first, last) for last in sorted({following - 1, highest})]
     step_rad = 2.0 * math.pi / REAL
     for width in criteria.BURST_WIDTHS_RAD:
         places = range(0, 2 * REAL, 2 * max(1, round(width / step_rad)))

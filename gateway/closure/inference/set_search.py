@@ -21,7 +21,7 @@ from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers, Scan
 from gateway.closure.inference.candidate_trial import Trial, refit, start_of
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
-from gateway.closure.inference.discrepancy_concentration import most_evident
+from gateway.closure.inference.discrepancy_concentration import Evident, most_evident
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds
@@ -145,16 +145,16 @@ class SetSearch:
                 yield leader
 
     def _concentrate(self) -> bool:
-        """Concentrate the discrepancy at one more order or place if the best set calls for it.
+        """Concentrate the discrepancy at one more place if the best set calls for it, or one that is better with it.
 
         All sets get their evidence anew: an effect may have stood for what happens there.
         """
-        applied = self.best.fit.applied
-        if applied is None or len(self.discrepancy.concentrations) >= criteria.MOST_CONCENTRATED:
+        found = self._called_for()
+        if found is None:
             return False
-        evident = most_evident(self.best.fit, self.data)
-        if evident is None:
-            return False
+        caller, evident = found
+        applied = caller.fit.applied
+        assert applied is not None
         before, smoother = self.found, self.discrepancy
         concentrated = smoother.concentrated(evident.concentration)
         try:
@@ -170,6 +170,28 @@ class SetSearch:
             self.found, self.discrepancy = before, smoother
             return False
         return True
+
+    def _called_for(self) -> tuple[Evaluated, Evident] | None:
+        """Return the concentration that the evidence asks for, and the set that asks for it.
+
+        Where much is left, one with which the best set can do without one of its effects comes first. An effect that is
+        there is needed beside it as well.
+        """
+        best = self.best
+        if len(self.discrepancy.concentrations) >= criteria.MOST_CONCENTRATED:
+            return None
+        if not self._at_noise(best.fit):
+            less = [self.found[names] for name in best.names if (names := best.names - {name}) in self.found]
+            asked = [(one, evident) for one in less if (evident := self._evident(one)) is not None]
+            worth = {one.names: one.log_evidence + evident.gain + evident.log_odds for one, evident in asked}
+            found = max(asked, key=lambda pair: (worth[pair[0].names], sorted(pair[0].names)), default=None)
+            if found is not None and worth[found[0].names] > best.log_evidence:
+                return found
+        evident = self._evident(best)
+        return None if evident is None else (best, evident)
+
+    def _evident(self, one: Evaluated) -> Evident | None:
+        return None if one.fit.applied is None else most_evident(one.fit, self.data)
 
     @property
     def best(self) -> Evaluated:
