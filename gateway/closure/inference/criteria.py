@@ -58,7 +58,7 @@ CONCENTRATED_SHARE: Final = 0.2
 concentrated there: of a residual that is spread out it is a part like any other."""
 
 MOST_CONCENTRATED: Final = 4
-"""Most single orders and places at which a discrepancy is concentrated: each doubles the work of a set."""
+"""Most orders, bands and places at which a discrepancy is concentrated: each doubles the work of a set."""
 
 NEAR_RAD: Final = 0.15
 """Angle beyond the contact edge up to which a discrepancy counts as near the contact: the belt's bending layers."""

@@ -1,9 +1,9 @@
 """Discrepancy: the part of the waveforms that no effect explains, a Gaussian process over the belt's angle.
 
 For every axis it is a sum of zero-mean processes, near the contact and away from it, of three lengths each, and of the
-single orders and places at which it is concentrated. Recordings of one state of the tire share them: a part in
-proportion to omega^2 and, where the speeds differ, one that is the same at all speeds. A share of their power is each
-recording's own, as nature keeps no such law strictly.
+orders, bands of orders and places at which it is concentrated. Recordings of one state of the tire share them: a part
+in proportion to omega^2 and, where the speeds differ, one that is the same at all speeds. A share of their power is
+each recording's own, as nature keeps no such law strictly.
 Kennedy and O'Hagan (2001), Bayesian calibration of computer models.
 """
 
@@ -45,7 +45,7 @@ class Discrepancy:
             campaign: conditions.
             data: whitened.
             lengths_rad: correlation lengths.
-            concentrations: single orders and places.
+            concentrations: orders, bands and places.
         """
         self.size = data.size
         self.concentrations = tuple(concentrations)

@@ -1,4 +1,4 @@
-"""Single orders and places at which the data concentrate what a set of effects leaves unexplained."""
+"""Orders, bands of orders and places at which the data concentrate what a set of effects leaves unexplained."""
 
 from __future__ import annotations
 

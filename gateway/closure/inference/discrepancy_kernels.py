@@ -1,4 +1,4 @@
-"""Covariance kernels of the discrepancy: curves near the contact and away from it, single orders, single places."""
+"""Covariance kernels of the discrepancy: curves near the contact and away from it, of orders, bands, places."""
 
 from __future__ import annotations
 

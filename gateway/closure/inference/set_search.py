@@ -3,8 +3,8 @@
 Proposals come from chains without a discrepancy, which add the effect of the largest gain each time. All sets on the
 chains, and those near them, get their evidence with a discrepancy. From the best set, every effect is removed, added or
 exchanged in turn until no set is better; likewise from its rivals, which lack one of its effects. The discrepancy is
-then concentrated at single orders or places while the evidence calls for it. Sets are visited in an order that depends
-on evidence and name alone.
+then concentrated at orders, bands of orders or places while the evidence calls for it. Sets are visited in an order
+that depends on evidence and name alone.
 """
 
 from __future__ import annotations
