@@ -97,7 +97,7 @@ def test_ringing_at_one_place_is_no_tread_pitch() -> None:
     assert posterior.probability(["tread pitch"]) < 0.05
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 3])
 def test_waves_of_a_band_of_orders_are_no_edge_waves(seed: int) -> None:
     campaign = campaign_of(ONE_SPEED, short_waves(0.5, seed))
     posterior, search = searched(campaign, among("tire-locked edge waves", "tread pitch"))

@@ -31,7 +31,7 @@ class Evident:
     """A concentration that the evidence asks for.
 
     Attributes:
-        concentration: order or place.
+        concentration: order, band or place.
         amplitudes: mean squares to start from, (m/s^2)^2, (places, parts).
         gain: of log evidence.
         log_odds: before the data, against no concentration.
