@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
 from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.effects.effect import RADIAL, GroupConditions
+from gateway.closure.effects.effect import RADIAL, BaselineModel, GroupConditions
 from gateway.closure.inference import criteria
+from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.discrepancy_concentration import most_evident
 from gateway.closure.inference.discrepancy_kernels import (
     FROM_PLACES,
@@ -22,7 +24,10 @@ from gateway.closure.inference.discrepancy_kernels import (
     concentrations,
     kernel,
 )
+from gateway.closure.inference.likelihood import whiten
 from gateway.closure.inference.set_evidence import log_evidence
+from gateway.closure.inference.set_search import SetSearch
+from gateway.closure.model.baseline_registry import make_core
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -103,6 +108,26 @@ def test_waves_of_a_band_of_orders_are_no_edge_waves(seed: int) -> None:
     posterior, search = searched(campaign, among("tire-locked edge waves", "tread pitch"))
     assert search.discrepancy.concentrations == (OrderBand(85, 110),)
     assert posterior.identified() == ()
+
+
+@pytest.mark.parametrize(("ahead", "caller"), [(20.0, frozenset()), (1e5, frozenset(["tread pitch"]))])
+def test_set_that_can_do_without_an_effect_calls_first(ahead: float, caller: frozenset[str]) -> None:
+    campaign, effects = campaign_of(ONE_SPEED, short_waves(0.5, 1)), among("tread pitch")
+    core = make_core(BaselineModel.EXACT)
+    data = whiten(campaign, core)
+    search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data))
+    for given in ((), tuple(effects.values())):
+        one, _ = evaluated(campaign, *given)
+        search.found[one.names] = one
+    bare = search.found[frozenset()]
+    imitating = replace(search.found[frozenset(effects)], log_evidence=bare.log_evidence + ahead)
+    search.found[imitating.names] = imitating
+    assert search.best is imitating
+    called = search.called_for()
+    assert called is not None
+    one, evident = called
+    assert one.names == caller
+    assert evident.concentration == OrderBand(85, 110)
 
 
 def test_noise_is_not_concentrated() -> None:

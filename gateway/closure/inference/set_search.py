@@ -149,7 +149,7 @@ class SetSearch:
 
         All sets get their evidence anew: an effect may have stood for what happens there.
         """
-        found = self._called_for()
+        found = self.called_for()
         if found is None:
             return False
         caller, evident = found
@@ -171,7 +171,7 @@ class SetSearch:
             return False
         return True
 
-    def _called_for(self) -> tuple[Evaluated, Evident] | None:
+    def called_for(self) -> tuple[Evaluated, Evident] | None:
         """Return the concentration that the evidence asks for, and the set that asks for it.
 
         Where much is left, one with which the best set can do without one of its effects comes first. An effect that is
