@@ -491,6 +491,8 @@ class Code(StrEnum):
     TIME_LIMIT_SPENT = "time_limit_spent"
     SEARCH_ENDED_EARLY = "search_ended_early"
     EVIDENCE_TEMPERED = "evidence_tempered"
+    ERROR_BY_POSSIBLE_EFFECT = "error_by_possible_effect"
+    ERROR_BY_MISSING_EFFECT = "error_by_missing_effect"
     NOT_ON_EXACT_RING = "not_on_exact_ring"
     LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
     SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"

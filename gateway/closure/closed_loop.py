@@ -23,7 +23,13 @@ from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
-from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
+from gateway.closure.inference.number_estimates import (
+    belt_widths_apart,
+    estimates_of,
+    open_effects,
+    still_determined,
+    widened,
+)
 from gateway.closure.inference.outvoted_recordings import (
     RecordingsContradictedError,
     unlike_contacts_of,
@@ -206,6 +212,7 @@ def _diagnose(
             *_no_ring(campaign, strange),
             *_notes(campaign, with_mean=core.mean),
             *(_cut_short(search, posterior) or _tempered(posterior)),
+            *_open(considered, after),
             *time_locked.notes,
         ),
         folds_of=_folds_of(campaign),
@@ -383,6 +390,13 @@ def _differing(campaign: Campaign, pairs: Sequence[Apart]) -> Iterator[Reason]:
             high=pair.high.value,
             other=campaign.recordings[pair.high_recording],
         )
+
+
+def _open(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) -> Iterator[Reason]:
+    """Yield a note on each effect whose presence is open and makes up most of the error of numbers."""
+    for one in open_effects(considered, after):
+        code = Code.ERROR_BY_MISSING_EFFECT if one.probability > 0.5 else Code.ERROR_BY_POSSIBLE_EFFECT
+        yield Reason(code, effect=one.name, probability=one.probability, numbers=one.numbers, ratio=one.ratio)
 
 
 def _ended(search: SetSearch) -> tuple[Reason, ...]:

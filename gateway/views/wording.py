@@ -853,6 +853,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "what is left unexplained has {residual_ratio:.3g} times the rms of the noise of the means; evidence counts "
         "less by that factor"
     ),
+    Code.ERROR_BY_POSSIBLE_EFFECT: (
+        "most of the error of {numbers} comes from {effect}, which the data neither show nor exclude (probability "
+        "{probability:probability}); without it the error would be {ratio:.2g} times smaller"
+    ),
+    Code.ERROR_BY_MISSING_EFFECT: (
+        "most of the error of {numbers} comes from the possible absence of {effect} (probability "
+        "{probability:probability}, not identified); if it were certain the error would be {ratio:.2g} times smaller"
+    ),
     Code.TIME_LIMIT_SPENT: (
         "limit {limit_s:.3g s}: reading took {reading_s:.2g s}, fit and search {search_s:.2g s}; hold-out and figures "
         "came after it, {after_s:.2g s}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,13 @@ from gateway.closure.effects.effect import CIRCUMFERENTIAL, BaselineModel, Group
 from gateway.closure.inference.findings import apart_from, confirmed
 from gateway.closure.inference.fit import Fit, fit_model
 from gateway.closure.inference.likelihood import whiten
-from gateway.closure.inference.number_estimates import belt_widths_apart, estimates_of, still_determined, widened
+from gateway.closure.inference.number_estimates import (
+    belt_widths_apart,
+    estimates_of,
+    open_effects,
+    still_determined,
+    widened,
+)
 from gateway.closure.inference.reference_model import on_exact_ring
 from gateway.closure.model.baseline import Shape, moved
 from gateway.closure.model.baseline_registry import angle_effects, make_core
@@ -145,6 +153,34 @@ def test_mixture_of_sets_widens_the_errors() -> None:
         assert mixed[name].std == pytest.approx(np.sqrt(own + apart)), name
     # With a clock that runs fast the numbers are those of the stated radius, 3 % apart.
     assert abs(one["Cw"].value / other["Cw"].value - 1.0) == pytest.approx(2.0 * LARGER, rel=0.2)
+
+
+def test_open_effect_is_held_responsible_for_errors() -> None:
+    """Rotary inertia is a part of Bs at one speed: what is possible of it is most of the error of Bs alone."""
+    campaign = campaign_of(ONE_SPEED, nothing, noise_mps2=0.2)
+    without, with_it = fitted(campaign)[0], fitted(campaign, among("rotary inertia")["rotary inertia"])[0]
+    sets = [(without, 0.9), (with_it, 0.1)]
+    mixed, _ = estimates_of(sets)
+    (found,) = open_effects(sets, mixed)
+    assert (found.name, found.numbers) == ("rotary inertia", ("Bs",))
+    assert found.probability == pytest.approx(0.1)
+    alone, _ = estimates_of([(without, 1.0)])
+    assert found.ratio == pytest.approx(mixed["Bs"].std / alone["Bs"].std)
+    assert open_effects([(without, 1.0)], alone) == ()
+    # What widens the errors of all sets alike is not the effect's.
+    wide = {name: replace(one, std=one.std + 2.0 * mixed[name].std) for name, one in mixed.items()}
+    assert open_effects(sets, wide) == ()
+
+
+def test_likely_effect_makes_errors_by_its_possible_absence() -> None:
+    campaign = campaign_of(ONE_SPEED, larger_belt, noise_mps2=0.2)
+    sets = [(fitted(campaign)[0], 0.05), (fitted(campaign, RADIUS)[0], 0.95)]
+    mixed, _ = estimates_of(sets)
+    (found,) = open_effects(sets, mixed)
+    assert found.name == "rolling radius"
+    known, _ = estimates_of(sets[1:])
+    assert found.ratio == pytest.approx(max(mixed[name].std / known[name].std for name in found.numbers))
+    assert open_effects([(sets[0][0], 0.005), (sets[1][0], 0.995)], mixed) == (), "an identified one is not open"
 
 
 def test_undecided_sets_cover_the_truth() -> None:

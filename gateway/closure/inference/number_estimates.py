@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.effects.wheel_nonuniformity import ROLLING_RADIUS
+from gateway.closure.inference import criteria
 from gateway.closure.inference.fit import Fit
 from gateway.closure.result import Fitted, TireState
 from gateway.types import FloatArray
@@ -27,7 +29,56 @@ _TREAD: Final = "tread_stiffness_npm2"
 _GRID_SHARES: Final = {"Bs": 5e-5, "Cw": 8e-5, "Rs": 5e-5, "Ts": 2.5e-4, _TREAD: 3.5e-4, _HALF_ANGLE: 4e-4}
 # In proportion to the load that was stated.
 _OF_LOAD: Final = frozenset({*NUMBERS, _TREAD})
+# Ratio of the errors from which an open effect is held responsible for the error of a number.
+_OPEN_RATIO: Final = 2.0
 _UNITS: Final = {_TREAD: "N/m^2", _HALF_ANGLE: "rad"}
+
+
+@dataclass(frozen=True, slots=True)
+class OpenEffect:
+    """An effect that the data neither show nor exclude and that makes up most of the error of numbers.
+
+    Attributes:
+        name: of the effect.
+        probability: that it is present.
+        numbers: whose errors it makes up.
+        ratio: largest ratio of their errors to those without it or, where it is more likely present, with it.
+    """
+
+    name: str
+    probability: float
+    numbers: tuple[str, ...]
+    ratio: float
+
+
+def open_effects(sets: Sequence[tuple[Fit, float]], estimates: Mapping[str, Fitted]) -> tuple[OpenEffect, ...]:
+    """Return the effects whose presence is open and makes up most of the error of numbers, most probable first.
+
+    Args:
+        sets: fit and probability of each set of effects; probabilities add up to 1.
+        estimates: their mean, with all its errors. The numbers are those of the state with the most revolutions.
+    """
+    campaign = sets[0][0].model.campaign
+    index = _first_group(campaign, _reference_state(campaign))
+    every = [(weight, *_values_and_errors(fit, index)) for fit, weight in sets]
+    names = [frozenset(effect.name for effect in fit.model.effects) for fit, _ in sets]
+    _, errors = _mean_of(every)
+    found = []
+    for name in sorted(frozenset().union(*names)):
+        probability = sum(weight for (weight, *_), of in zip(every, names, strict=True) if name in of)
+        if probability >= criteria.NAMED:
+            continue
+        likely = probability > 0.5
+        _, known = _mean_of([one for one, of in zip(every, names, strict=True) if (name in of) == likely])
+        ratios = {}
+        for number in NUMBERS:
+            std = estimates[number].std
+            without = math.sqrt(max(std**2 - errors[number] ** 2 + known[number] ** 2, 0.0))
+            if std > _OPEN_RATIO * without > 0.0:
+                ratios[number] = std / without
+        if ratios:
+            found.append(OpenEffect(name, probability, tuple(ratios), max(ratios.values())))
+    return tuple(sorted(found, key=lambda one: (-one.probability, one.name)))
 
 
 def estimates_of(
@@ -49,14 +100,10 @@ def estimates_of(
     determined: dict[str, bool] = {}
     campaign = sets[0][0].model.campaign
     groups = campaign.groups
-    counts = [0] * campaign.states
-    for group in groups:
-        counts[group.state] += sum(block.count for block in group.blocks)
-    reference = int(np.argmax(counts))
-    for state in sorted(range(len(counts)), key=lambda state: state != reference):
-        index = next((i for i, group in enumerate(groups) if group.state == state), None)
-        if index is None:
-            continue
+    reference = _reference_state(campaign)
+    states = sorted({group.state for group in groups}, key=lambda state: (state != reference, state))
+    for state in states:
+        index = _first_group(campaign, state)
         conditions = groups[index].conditions
         tire_state = None if state == reference else TireState(conditions.load_n, conditions.pressure_pa)
         suffix = "" if tire_state is None else f" ({state_name(conditions)})"
@@ -111,13 +158,42 @@ def still_determined(estimates: Mapping[str, Fitted], determined: Mapping[str, b
     }
 
 
+def _reference_state(campaign: Campaign) -> int:
+    """Return the state with the most revolutions."""
+    counts = [0] * campaign.states
+    for group in campaign.groups:
+        counts[group.state] += sum(block.count for block in group.blocks)
+    return int(np.argmax(counts))
+
+
+def _first_group(campaign: Campaign, state: int) -> int:
+    return next(index for index, group in enumerate(campaign.groups) if group.state == state)
+
+
+def _values_and_errors(fit: Fit, index: int) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the estimates of one group's state by one set of effects, and their standard errors."""
+    values = _values(fit, fit.vector, index)
+    return values, _errors(fit, fit.covariance, index, values)
+
+
 def _mixture(sets: Sequence[tuple[Fit, float]], index: int) -> tuple[dict[str, float], dict[str, float]]:
     """Return the estimates of one group's state and their standard errors over all sets."""
+    return _mean_of([(weight, *_values_and_errors(fit, index)) for fit, weight in sets])
+
+
+def _mean_of(
+    sets: Sequence[tuple[float, Mapping[str, float], Mapping[str, float]]],
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the mean of values of several sets, and its standard error.
+
+    Args:
+        sets: weight, values and errors of each.
+    """
     mean: dict[str, float] = {}
     square: dict[str, float] = {}
-    for fit, weight in sets:
-        values = _values(fit, fit.vector, index)
-        errors = _errors(fit, fit.covariance, index, values)
+    total = sum(weight for weight, *_ in sets)
+    for share, values, errors in sets:
+        weight = share / total
         for name, value in values.items():
             mean[name] = mean.get(name, 0.0) + weight * value
             square[name] = square.get(name, 0.0) + weight * (value**2 + errors[name] ** 2)

@@ -45,6 +45,8 @@ _MOST_NOTES: Final = 2
 _DECISIVE: Final = frozenset(
     {
         Code.CONTACTS_CONTRADICT,
+        Code.ERROR_BY_MISSING_EFFECT,
+        Code.ERROR_BY_POSSIBLE_EFFECT,
         Code.LOADS_CONTRADICT,
         Code.RECORDING_LEFT_OUT,
         Code.SENSOR_ALARM,
