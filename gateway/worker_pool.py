@@ -8,7 +8,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from importlib import import_module
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from types import TracebackType
 from typing import Final, ParamSpec, Self, TypeVar
 
@@ -78,7 +78,7 @@ class Worker(ProcessPoolExecutor):
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
         """Call `fn` in the process."""
-        with _interrupt_held_back():  # what starts here inherits that
+        with interrupt_held_back():  # what starts here inherits that
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(
@@ -195,11 +195,16 @@ def _import(names: Sequence[str]) -> None:
 
 
 @contextmanager
-def _interrupt_held_back() -> Iterator[None]:
-    """Block Ctrl-C in this thread, if the system can; it is delivered afterwards."""
+def interrupt_held_back() -> Iterator[None]:
+    """Block Ctrl-C in this thread, if the system can; it is delivered afterwards.
+
+    Processes and threads that are started meanwhile inherit that it is blocked.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
+    # Starting the first process starts this one, which then unblocks what is blocked here.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

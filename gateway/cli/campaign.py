@@ -124,7 +124,7 @@ def campaign(
     from gateway.fleet.dataset import Description, opened
     from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
     from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
-    from gateway.fleet.worker_cluster import local_workers, scheduler_workers
+    from gateway.fleet.worker_cluster import WorkersNotStartedError, local_workers, scheduler_workers
     from gateway.fleet.worker_tasks import WorkerTasks
     from gateway.session.effects_opening import open_effects_file
 
@@ -179,7 +179,12 @@ def campaign(
                 on_failure=lambda path, failure: failures.append((path, failure)),
                 retries_failed=retry,
             )
-            progress = run.run(found)
+            try:
+                progress = run.run(found)
+            except WorkersNotStartedError:
+                if stop.is_set():  # by the signal that ended them
+                    _stopped(stop)
+                raise
         if diagnose and not stop.is_set():
             counts = diagnose_tires(
                 dataset,

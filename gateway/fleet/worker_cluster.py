@@ -11,12 +11,17 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from gateway.errors import TreadlinkError
+from gateway.worker_pool import interrupt_held_back
 
 _CONNECT_S: Final = 10.0
 _CLOSE_S: Final = 5.0
 _KILL: Final = getattr(signal, "SIGKILL", signal.SIGTERM)  # Windows has the second only
 DEFAULT_MEMORY_BYTES: Final = 2_000_000_000
 """Memory of a worker process, at which it is ended."""
+
+
+class WorkersNotStartedError(TreadlinkError):
+    """The worker processes of this machine did not start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +49,11 @@ class Workers:
 
 @contextmanager
 def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
-    """Start worker processes of one thread each on this machine, and end them afterwards."""
+    """Start worker processes of one thread each on this machine, and end them afterwards.
+
+    Raises:
+        WorkersNotStartedError: a process ended while it started.
+    """
     import dask
     from distributed import Client, LocalCluster
 
@@ -60,14 +69,22 @@ def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
         "distributed.comm.timeouts.connect": f"{_CONNECT_S:.0f}s",
     }
     with dask.config.set(settings):
-        cluster = LocalCluster(  # type: ignore[no-untyped-call]
-            n_workers=count,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=memory_bytes,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=level,
-        )
+        try:
+            # A terminal sends Ctrl-C to all processes. One that starts inherits that it is held back.
+            with interrupt_held_back():
+                cluster = LocalCluster(  # type: ignore[no-untyped-call]
+                    n_workers=count,
+                    threads_per_worker=1,
+                    processes=True,
+                    memory_limit=memory_bytes,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=level,
+                )
+        except (RuntimeError, OSError) as error:
+            raise WorkersNotStartedError(
+                f"the worker processes did not start: {error}",
+                "Another program may have ended them, or memory is short; try again, or with a smaller --jobs.",
+            ) from error
         try:
             with Client(cluster, set_as_default=False) as client:  # type: ignore[no-untyped-call]
                 yield Workers(client, cluster)

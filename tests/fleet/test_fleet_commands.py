@@ -129,6 +129,34 @@ def test_unreachable_scheduler_is_an_error(recordings, tmp_path, monkeypatch):
     assert "no dask scheduler answers at 'tcp://127.0.0.1:9'" in str(found.exception)
 
 
+def failing_cluster(**_: object) -> None:
+    raise RuntimeError("Nanny failed to start.")
+
+
+def test_worker_that_ends_as_it_starts_is_an_error(recordings, tmp_path, monkeypatch):
+    monkeypatch.setattr("distributed.LocalCluster", failing_cluster)
+    found = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    assert "the worker processes did not start: Nanny failed to start." in str(found.exception)
+
+
+def test_signal_that_ends_a_starting_worker_ends_the_campaign(recordings, tmp_path, monkeypatch):
+    def signalled(**_: object) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+        failing_cluster()
+
+    monkeypatch.setattr("distributed.LocalCluster", signalled)
+    found = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    assert found.exit_code == 143, found.output
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="the system cannot hold back signals")
+def test_workers_hold_back_the_interrupt(workers):
+    """From their start, before they can ignore it: it is the main thread's mask that they inherit."""
+    held = workers.client.run(lambda: signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))
+    assert list(held.values()) == [True]
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signal_leaves_a_whole_dataset(recordings, tmp_path, number, status):
