@@ -27,7 +27,7 @@ from gateway.publishing.sink import (
 )
 from gateway.reasons import Level, Notice
 from gateway.recording.schemas import schema_of
-from gateway.views.recording_topics import waveform_payload
+from gateway.views.recording_topics import waveform_payload, wheel_topic
 from gateway.views.wording import notice_text
 
 _PORT: Final = 8765
@@ -99,9 +99,8 @@ class FoxgloveSink:
         """Log an item to its channels."""
         del stop
         if isinstance(item, PublishedRevolution):
-            wheel = quote(item.result.position, safe="")
             for payload in messages(item):
-                self._write(f"/wheel/{wheel}/revolution", payload, item.host_ns)
+                self._write(wheel_topic(item.result.position, "revolution"), payload, item.host_ns)
         elif isinstance(item, PublishedAlarm):
             for payload in messages(item):
                 self._write("/alarm", payload, item.host_ns)
@@ -150,7 +149,7 @@ class FoxgloveSink:
         if self._shown_revolutions.get(wheel.position) != last.revolution.index:
             self._shown_revolutions[wheel.position] = last.revolution.index
             payload = waveform_payload(last, average)
-            self._write(f"/wheel/{quote(wheel.position, safe='')}/waveform", payload, host_ns)
+            self._write(wheel_topic(wheel.position, "waveform"), payload, host_ns)
 
     def _write_notices(self, item: PublishedState) -> None:
         """Log the notices that are new since the last state."""

@@ -47,6 +47,7 @@ from gateway.views.recording_topics import (
     notice_payload,
     revolution_payload,
     waveform_payload,
+    wheel_topic,
 )
 
 _logger = logging.getLogger(__name__)
@@ -311,15 +312,16 @@ class SessionCore:
         return results
 
     def _record_result(self, result: RevolutionResult, host_ns: int, *, is_latest: bool) -> None:
-        base = f"/wheel/{result.position}"
-        self._record(lambda recorder: recorder.write_topic(f"{base}/revolution", host_ns, revolution_payload(result)))
+        topic = wheel_topic(result.position, "revolution")
+        self._record(lambda recorder: recorder.write_topic(topic, host_ns, revolution_payload(result)))
         # The average is that after the latest revolution, at its speed.
-        if is_latest and host_ns >= self._waveform_due_ns.get(base, 0):
-            self._waveform_due_ns[base] = host_ns + _WAVEFORM_INTERVAL_NS
+        if is_latest and host_ns >= self._waveform_due_ns.get(result.position, 0):
+            self._waveform_due_ns[result.position] = host_ns + _WAVEFORM_INTERVAL_NS
             average = self._pipeline.average_mps2(result.position)
             if average is not None:
                 payload = waveform_payload(result, average)
-                self._record(lambda recorder: recorder.write_topic(f"{base}/waveform", host_ns, payload))
+                of_waveform = wheel_topic(result.position, "waveform")
+                self._record(lambda recorder: recorder.write_topic(of_waveform, host_ns, payload))
 
     def _record(self, write: Callable[[Recorder], None]) -> None:
         if self.recorder is None:

@@ -17,7 +17,8 @@ LINE_WIDTH: Final = 216
 HEADER_EVERY: Final = 40
 _NUMBERS_TITLE: Final = "numbers ± standard error (~ provisional, x invalid)"
 _NAME_WIDTH_MIN: Final = 5
-_NAME_WIDTH_MAX: Final = 14
+# Both ends of `hub10.wheel10 on serial:/dev/ttyUSB1` are needed to tell wheels apart.
+_NAME_WIDTH_MAX: Final = 28
 # Wide enough for `Bs (3.083±0.012)e-3`, `Cw 0.1953±0.0012`, `Rs 2.974±0.031`, `Ts 2.529±0.099`.
 _NUMBER_WIDTHS: Final = (19, 16, 14, 14)
 _NUMBERS_WIDTH_MAX: Final = 78

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable
 from typing import Any, Final
+from urllib.parse import quote
 
 import numpy as np
 
@@ -21,6 +22,14 @@ CONDITIONS: Final = ("load_n", "pressure_pa", "temperature_degc")
 
 # The waveform topic is for plots only: the raw bytes in the same recording hold every sample.
 _WAVEFORM_POINTS: Final = 256
+
+
+def wheel_topic(position: str, what: str) -> str:
+    """Return a topic of a wheel, `/wheel/FL/revolution`.
+
+    An unconfigured wheel may be named for its link; what separates the levels of a topic is escaped in it.
+    """
+    return f"/wheel/{quote(position, safe='')}/{what}"
 
 
 def _finite(entries: dict[str, float | int | None]) -> dict[str, Any]:
@@ -92,7 +101,7 @@ def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str
     """Return topic and payload of a slow message; None for messages that are recorded only as bytes."""
     message = frame.message
     if isinstance(message, Environment):
-        return f"/wheel/{position}/environment", _finite(message._asdict())
+        return wheel_topic(position, "environment"), _finite(message._asdict())
     if isinstance(message, HubStatus):
         return f"/hub/{frame.hub}/status", _finite(message._asdict())
     if isinstance(message, Hello):

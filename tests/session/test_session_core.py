@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import threading
+from dataclasses import replace
+from urllib.parse import unquote
 
 import pytest
 from mcap.reader import make_reader
@@ -170,6 +172,26 @@ def test_assumed_radius_is_reported_without_configuration(demo):
     assert {result.position for result in results} == {f"hub0.wheel{i}" for i in range(4)}
     reasons = [notice.reason for notice in core.take_notices()]
     assert reasons.count(Reason(Code.WHEEL_NOT_CONFIGURED, radius_m=0.32)) == 4
+
+
+def test_two_links_with_one_hub_number_are_recorded(demo, tmp_path):
+    """Wheels of the second link are named for it; the path of a device has slashes, which separate topics."""
+    items, vehicle = demo
+    both = [
+        replace(item, link=link, host_ns=item.host_ns + at)
+        for item in items
+        for at, link in enumerate(("serial:/dev/ttyUSB0", "serial:/dev/ttyUSB1"))
+    ]
+    path = tmp_path / "two.mcap"
+    results, core = run(both, vehicle, RecordingWriter(path, start_ns=items[0].host_ns))
+    assert core.recording_fault is None
+    seconds = {f"hub0.wheel{wheel} on serial:/dev/ttyUSB1" for wheel in range(4)}
+    assert {result.position for result in results} == {"FL", "FR", "RL", "RR"} | seconds
+    with path.open("rb") as file:
+        topics = {channel.topic for channel in make_reader(file).get_summary().channels.values()}
+    assert {unquote(topic.split("/")[2]) for topic in topics if topic.endswith("/revolution")} == {
+        result.position for result in results
+    }
 
 
 def test_event_details_survive_recording(tmp_path):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gateway import __version__
 from gateway.exporting.export_table import Block, Column, ExportWriter, Kind, Target, WheelTable, described, length
+from gateway.views.recording_topics import wheel_topic
 
 HOST_NS: Final = "host_ns"
 """Column with the time of a row, ns since the epoch."""
@@ -50,7 +51,7 @@ def topic(table: WheelTable) -> str:
 
     That of estimates is the topic of a recording, so that one layout shows both.
     """
-    return f"/wheel/{table.wheel}/{_TOPICS.get(table.what, table.what)}"
+    return wheel_topic(table.wheel, _TOPICS.get(table.what, table.what))
 
 
 def json_schema(table: WheelTable) -> dict[str, Any]:
