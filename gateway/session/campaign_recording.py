@@ -363,4 +363,5 @@ def _declared(
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
         offset_known=known,
+        gain_std=last.conditions.claims.gain_std,
     )

@@ -47,6 +47,7 @@ class Declared:
         radius_m: belt radius.
         offset_m: sensor below the neutral layer.
         offset_known: False where that is neither stated nor measured.
+        gain_std: relative standard error of the gain of the sensor's axes.
         roll_rad: of the sensor.
         pitch_rad: of the sensor.
         reverse: the tire rolls the other way round.
@@ -62,6 +63,7 @@ class Declared:
     reverse: bool = False
     ac_coupled: bool = False
     offset_known: bool = True
+    gain_std: float = 0.0
 
 
 def make_groups(
@@ -207,6 +209,7 @@ def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) ->
         reverse=declared.reverse,
         ac_coupled=declared.ac_coupled,
         offset_known=declared.offset_known,
+        gain_std=declared.gain_std,
     )
 
 

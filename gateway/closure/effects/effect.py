@@ -117,6 +117,8 @@ class Parameter:
             from it, as their equations are models. It is a part of the reported error. None where it is the effect's
             own.
         whole: True for a whole number. Start values and scans try its values; a fit keeps the one that it starts from.
+        by_gain: True where the value is in proportion to the gain of an axis, which nothing else in the signal shows:
+            the gain's standard error is a part of the reported one.
         other_stds: further prior standard deviations, each as likely as `prior_std`, which is the widest: 0 for an
             amplitude that may be zero while others of the effect are not, a small one where some products are far
             better than others. They count in the evidence; a fit uses `prior_std`.
@@ -135,6 +137,7 @@ class Parameter:
     whole: bool = False
     inverse_display: InverseDisplay | None = None
     shared_std: float | None = None
+    by_gain: bool = False
     other_stds: tuple[float, ...] = ()
 
     @property
@@ -175,6 +178,7 @@ class GroupConditions:
         reverse: the tire rolls the other way round.
         ac_coupled: the sensor does not pass the steady value.
         offset_known: False where the sensor's distance from the neutral layer is neither stated nor measured.
+        gain_std: relative standard error of the gain of the sensor's axes, as stated.
     """
 
     omega_radps: float
@@ -189,6 +193,7 @@ class GroupConditions:
     reverse: bool = False
     ac_coupled: bool = False
     offset_known: bool = True
+    gain_std: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,7 +93,7 @@ class PlySteer(LateralLoad):
     # g = (t/2) cot(delta): 1.0 to 2.5 mm for plies at 18 to 30 degrees, 1.2 to 1.6 mm apart; less when the belt can
     # curve and twist (docs/explanation/ply-steer.md). Its sign is the order of the plies.
     parameters = (
-        Parameter("coupling_length_m", "m", -4e-3, 4e-3, 1.5e-3, 1e-5, factor=1e3, display_unit="mm"),
+        Parameter("coupling_length_m", "m", -4e-3, 4e-3, 1.5e-3, 1e-5, factor=1e3, display_unit="mm", by_gain=True),
         *STIFFNESSES,
     )
     observed_in = "lateral axis, orders 1 to 60, around the contact; grows with speed squared; any load"
@@ -129,7 +129,7 @@ class Conicity(LateralLoad):
     source = "geometry of a flattened cone; docs/explanation/ply-steer.md"
     # In this belt 10 mrad pull some 60 N at 5 kN; tires that pull by more than about 100 N are not sold.
     parameters = (
-        Parameter("cone_rad", "rad", -0.05, 0.05, 0.02, 1e-4, factor=1e3, display_unit="mrad"),
+        Parameter("cone_rad", "rad", -0.05, 0.05, 0.02, 1e-4, factor=1e3, display_unit="mrad", by_gain=True),
         *STIFFNESSES,
     )
     observed_in = "lateral axis, orders 1 to 40, around the contact; grows with speed squared; any load"
@@ -161,7 +161,9 @@ class CarcassCompliance(LateralLoad):
     source = "brush tread without sliding on a beam on an elastic foundation; docs/explanation/ply-steer.md"
     # Beyond about a degree the tread slides over much of the contact, which the equation leaves out.
     parameters = (
-        Parameter("slip_angle_rad", "rad", -0.02, 0.02, 0.01, 1e-5, factor=math.degrees(1.0), display_unit="deg"),
+        Parameter(
+            "slip_angle_rad", "rad", -0.02, 0.02, 0.01, 1e-5, factor=math.degrees(1.0), display_unit="deg", by_gain=True
+        ),
         *STIFFNESSES,
     )
     observed_in = "lateral axis, orders 1 to 40, from the contact on; grows with speed squared and with load"

@@ -56,6 +56,7 @@ class MountingOffset(RingEffect):
     observed_in = "circumferential axis, at any speed; radial axis alone only with several loads"
     confounders = (
         Confounder(("gain", "rolling radius"), "the circumferential axis, or several loads"),
+        Confounder(("circumferential gain",), "it scales gravity too: a slow recording; or the radial axis"),
         Confounder(("shear flexibility",), "it adds to the circumferential axis only"),
     )
     # Deeper and less deep than declared.

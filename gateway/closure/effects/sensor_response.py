@@ -70,6 +70,33 @@ class Gain(LinearSignalEffect):
         return change[None]
 
 
+class CircumferentialGain(LinearSignalEffect):
+    """Relative gain error of the circumferential axis."""
+
+    name = "circumferential gain"
+    rank = 305
+    summary = "The circumferential axis reads too much in proportion to the true acceleration, gravity included."
+    equation = "adds error times the circumferential acceleration to the circumferential axis"
+    source = "definition of sensitivity error"
+    parameters = Gain.parameters
+    axes = (CIRCUMFERENTIAL,)
+    observed_in = (
+        "circumferential axis: gravity, order 1 of g at every speed, and e/R ds/dtheta below the neutral layer"
+    )
+    confounders = (
+        Confounder(("mounting offset",), "gravity, which it leaves unchanged: a slow recording; or the radial axis"),
+        Confounder(("shear flexibility",), "gravity, which it leaves unchanged"),
+    )
+    start_values = ((0.01,),)
+    stage = Stage.ELEMENT
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the circumferential axis."""
+        change = block.zeros()
+        change[CIRCUMFERENTIAL] = block.signal_mps2[CIRCUMFERENTIAL]
+        return change[None]
+
+
 class GainTemperature(SignalEffect):
     """Relative change of the radial gain per kelvin, from the temperature at which the sensor was calibrated."""
 
@@ -220,4 +247,4 @@ def _passed(block: ModelledBlock) -> FloatArray:
     return np.array([-1.0 if block.conditions.reverse else 1.0, 1.0, 1.0])
 
 
-EFFECTS: Final = (Gain(), GainTemperature(), SensorNonlinearity(), ZeroGOffset())
+EFFECTS: Final = (Gain(), CircumferentialGain(), GainTemperature(), SensorNonlinearity(), ZeroGOffset())

@@ -196,8 +196,9 @@ def _parameters(one: Evaluated, effect: AngleEffect, others: Sequence[tuple[Eval
     """Return the parameters of an effect in one set, their errors over all sets that matter."""
     here = _of_effect(one, effect.name)
     variances = over_sets(here, [(_of_effect(other, effect.name), weight) for other, weight in others])
+    gain_std = max(group.conditions.gain_std for group in one.fit.model.campaign.groups)
     return {
-        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)))
+        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)), gain_std)
         for parameter, value, variance in zip(effect.parameters, here[0], variances, strict=True)
     }
 
@@ -228,10 +229,17 @@ def over_sets(
     return result
 
 
-def fitted_parameter(parameter: Parameter, value: float, std: float) -> Fitted:
-    """Return a parameter's value in SI, with its display unit; its error includes that of the effect's equation."""
+def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: float = 0.0) -> Fitted:
+    """Return a parameter's value in SI, with its display unit; its error includes that of the effect's equation.
+
+    Args:
+        parameter: of an effect.
+        value: in SI.
+        std: standard error by the data.
+        gain_std: relative standard error of the sensor's gain, a part of the error of what goes with it.
+    """
     shown = parameter.factor, parameter.display_unit, parameter.inverse_display
-    std = math.hypot(std, parameter.shared_std or 0.0)
+    std = math.hypot(std, parameter.shared_std or 0.0, gain_std * value if parameter.by_gain else 0.0)
     # A whole number is tried, not fitted: it has no error.
     return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)
 
