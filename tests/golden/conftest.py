@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.golden.comparison import RELATIVE, RELATIVE_OF_A_DIAGNOSIS, differences
+from tests.golden.comparison import OF_A_DIAGNOSIS, OF_A_REPORT, OF_ESTIMATES, differences
 
 DATA = Path(__file__).parent / "data"
 # Enough to see what happened; the count tells the rest.
@@ -26,9 +26,9 @@ def compare(request: pytest.FixtureRequest, capsys: pytest.CaptureFixture[str]) 
         path = DATA / f"{name}.json"
         made = json.loads(json.dumps(made))
         stored = json.loads(path.read_text("utf-8")) if path.exists() else None
-        relative = RELATIVE_OF_A_DIAGNOSIS if name.startswith(("diagnose", "report")) else RELATIVE
+        tolerance = {"diagnose": OF_A_DIAGNOSIS, "report": OF_A_REPORT}.get(name.partition("-")[0], OF_ESTIMATES)
         texts = not request.config.getoption("--golden-numbers")
-        found = sorted(differences(stored, made, texts=texts, relative=relative))
+        found = sorted(differences(stored, made, texts=texts, tolerance=tolerance))
         if found and request.config.getoption("--update-golden"):
             path.write_text(json.dumps(made, indent=0, ensure_ascii=False) + "\n", "utf-8")
             with capsys.disabled():
