@@ -385,7 +385,7 @@ def opened(root: Path, description: Description, waiting: Callable[[str], bool])
         if path.is_file():
             found = read_description(root)
             if found != description:
-                raise OutputError(_difference(root, found, description), "Choose a new folder, or the same options.")
+                raise _difference(root, found, description)
         else:
             entries = {"treadlink": __version__, "format": FORMAT, "time_zone": "UTC", **_as_dict(description)}
             write_whole(path, json.dumps(entries, indent=2, ensure_ascii=False) + "\n", force=True)
@@ -449,13 +449,29 @@ def _as_dict(description: Description) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _difference(root: Path, found: Description, wanted: Description) -> str:
-    for name, word in (("estimators", "estimators"), ("rows", "kept rows"), ("estimates", "columns")):
+def _difference(root: Path, found: Description, wanted: Description) -> OutputError:
+    for name, word in (("estimators", "estimators"), ("rows", "kept rows")):
         old, new = getattr(found, name), getattr(wanted, name)
         if old != new:
             shown = [", ".join(one) if isinstance(one, tuple) else one for one in (old, new)]
-            return f"the dataset '{root}' was made with other {word}: {shown[0]}; now: {shown[1]}"
-    return ""
+            return OutputError(
+                f"the dataset '{root}' was made with other {word}: {shown[0]}; now: {shown[1]}",
+                "Choose a new folder, or the same options.",
+            )
+    # The estimators are the same, so their code is another: an older or a newer treadlink made the dataset.
+    lacking = [name for name in wanted.estimates if name not in found.estimates]
+    unknown = [name for name in found.estimates if name not in wanted.estimates]
+    parts = [
+        f"{word} {', '.join(names)}"
+        for word, names in (("it has no columns for", lacking), ("this version gives no", unknown))
+        if names
+    ]
+    return OutputError(
+        f"the dataset '{root}' was made by another version of treadlink, with other columns"
+        + (f": {'; '.join(parts)}" if parts else " in another order"),
+        "Run the same command with a new folder. Columns cannot be added to a dataset; `treadlink trends` reads it as "
+        "it is.",
+    )
 
 
 @contextmanager

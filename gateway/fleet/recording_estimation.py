@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, Final
@@ -27,7 +27,16 @@ from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.wheel_rows import WheelRow
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.pipeline.tire_estimates import TireEstimates
-from gateway.pipeline.wheel_setup import CorrectionTable
+from gateway.pipeline.wheel_setup import (
+    BeltLaminate,
+    CorrectionTable,
+    LinearLaw,
+    LoadCalibration,
+    SideForceCalibration,
+    SlipCalibration,
+    StatedPly,
+    TireData,
+)
 from gateway.plugins import PluginGroup, installed
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.file_content import FileContent
@@ -55,6 +64,15 @@ RECORDINGS: Final = "recordings"
 _NS: Final = 1_000_000_000
 _ANGLES: Final = 1024
 _ORDERS: Final = 61
+# The numbers do not matter, only that they are stated.
+_EVERYTHING_STATED: Final = TireData(
+    laminate=BeltLaminate((StatedPly(0.4, 1e-3, 1e10, 0.2), StatedPly(-0.4, 1e-3, 1e10, 0.2)), 5e6),
+    slip_calibration=SlipCalibration(0.5, 0.05, 0.0, 0.01, 0.0, 0.1, 0.0, 0.0, (-0.1, 0.1), (0.1, 0.3), (150e3, 300e3)),
+    load_calibration=LoadCalibration(4000.0, 0.2, 220e3, 2.0, 0.0, 1.0, 0.02, (0.1, 0.3), (150e3, 300e3)),
+    side_force_calibration=SideForceCalibration(
+        LinearLaw(1e5, 1e3, 0.0, 10.0), LinearLaw(1e4, 1e2, 0.0, 1.0), (0.1, 0.3)
+    ),
+)
 _FALSE_STATEMENT: Final = "false statement"
 _OTHER_EFFECTS: Final = "effects of another tire"
 
@@ -110,16 +128,31 @@ class EstimationSettings:
 
 
 def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
-    """Return the names of the estimates of estimators, as in tables; they do not depend on the data."""
+    """Return the names of all estimates that estimators can give, as in tables; they do not depend on the data.
+
+    Some estimates come only with a lateral axis, others only where the configuration states plies or a calibration.
+    """
+    taken = {*RECORDING_HEAD, *RECORDING_TAIL, *HEAD, *TAIL}
+    found: dict[str, None] = {}
+    for tire in (_EVERYTHING_STATED, TireData()):
+        for axes in (0.0, math.nan):
+            made = TireEstimates(replace(UNKNOWN_WHEEL, tire=tire), estimators)
+            (result,) = made.take_block(RevolutionArrays([_unusable(axes)]), [0.0], [0], [None])
+            found |= dict.fromkeys(distinct_name(estimate.name, taken) for estimate in result.estimates)
+    return tuple(found)
+
+
+def _unusable(axes_mps2: float) -> Revolution:
+    """Return a revolution with a fault, whose axes have a constant value; NaN for a sensor without axes."""
     nothing = np.full(_ANGLES, math.nan)
-    revolution = Revolution(
+    return Revolution(
         index=0,
         start_s=0.0,
         period_s=1.0,
         omega_radps=2.0 * math.pi,
         omega_dot_radps2=0.0,
         radial_mps2=nothing,
-        axes_mps2=np.full((3, _ANGLES), math.nan),
+        axes_mps2=np.full((3, _ANGLES), axes_mps2),
         orders_mps2=np.full(_ORDERS, complex(math.nan, math.nan)),
         order_max=0,
         leading_edge_rad=math.nan,
@@ -132,9 +165,6 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
         ac_coupled=False,
         faults=(Reason(Code.SAMPLES_LOST),),
     )
-    (result,) = TireEstimates(UNKNOWN_WHEEL, estimators).take_block(RevolutionArrays([revolution]), [0.0], [0], [None])
-    taken = {*RECORDING_HEAD, *RECORDING_TAIL, *HEAD, *TAIL}
-    return tuple(distinct_name(estimate.name, taken) for estimate in result.estimates)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from gateway.config.validation import parse_document
@@ -25,11 +25,16 @@ def write_recording(
     configured: bool = True,
     link: str = "sim",
     change: Callable[[str], str] = str,
+    positions: Sequence[str] = (),
 ) -> Path:
-    """Write a recording of wheels W0, W1, ... with further keys each and a changed configuration; return its path."""
+    """Write a recording of wheels with further keys each and a changed configuration; return its path.
+
+    The positions are W0, W1, ... unless given.
+    """
     text = f"[scenario]\nseed = {seed}\n{tables}\n"
     for number, keys in enumerate(wheels):
-        text += f"[[wheel]]\nposition = 'W{number}'\nwheel = {number}\nsensor_id = '0000b00{number}'\n{keys}\n"
+        position = positions[number] if positions else f"W{number}"
+        text += f"[[wheel]]\nposition = '{position}'\nwheel = {number}\nsensor_id = '0000b00{number}'\n{keys}\n"
     scenario = parse_document(Scenario, text, "test")
     toml = change(vehicle_toml(scenario)) if configured else None
     writer = RecordingWriter(path, start_ns=start_ns, vehicle_toml=toml, sources=(link,))
