@@ -137,7 +137,9 @@ class LiveRevolutions:
     def summary(self) -> str:
         """Return what the command prints at the end, of the revolutions so far."""
         snapshot = self.snapshot
-        return "\n".join(summary_lines(self._opened.summary.wheels(), snapshot.links, snapshot.alarm_records))
+        return "\n".join(
+            summary_lines(self._opened.summary.wheels(snapshot.wheels), snapshot.links, snapshot.alarm_records)
+        )
 
     def close(self) -> None:
         """Close the sources and finish the recording; may be called twice.

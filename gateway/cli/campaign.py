@@ -16,7 +16,7 @@ from gateway.cli.options import FiniteRange, config_option, effects_option, keys
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
-from gateway.views.text import clean
+from gateway.views.text import clean, counted
 from gateway.views.wording import text
 
 if TYPE_CHECKING:
@@ -287,8 +287,6 @@ def _left_text(progress: CampaignProgress) -> str:
 
 def _troubles(progress: CampaignProgress) -> Iterator[str]:
     """Yield the counts of what a recording can lack although it has rows."""
-    from gateway.views.report.phrases import counted
-
     if progress.standing:
         yield f"{counted(len(progress.standing), 'wheel')} without a revolution"
     if progress.with_alarms:

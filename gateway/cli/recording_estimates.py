@@ -95,7 +95,7 @@ def estimate_recording(
     on_position(reader.info.size_bytes)
     assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"
     lines = [f"{order.path}{assumed}"]
-    wheels = summary.wheels()
+    wheels = summary.wheels(states)
     of_guard = guard.take_notices() if guard is not None else []
     for link, counted in counters.items():
         watch.counters(link, counted)

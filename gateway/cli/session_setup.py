@@ -217,7 +217,9 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
     if session.publisher is not None and session.publisher.is_output_closed:
         return no_frames, no_revolutions  # its reader wants nothing more
     write("")
-    for line in summary_lines(session.opened.summary.wheels(), snapshot.links, snapshot.alarm_records, sinks):
+    for line in summary_lines(
+        session.opened.summary.wheels(snapshot.wheels), snapshot.links, snapshot.alarm_records, sinks
+    ):
         write(clean(line))
     for notice in (*session.live.core.false_statements(), *no_frames, *no_revolutions):
         write(clean(notice_text(notice)))

@@ -34,7 +34,7 @@ _PLAIN: Final = (
     "duration_s", "revolutions", "revolutions_valid", "distance_m", "radius_m", "ring_thickness_m", "reference",
     "load_calibration", "faults", "alarms", "damage",
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
-    "missing_fraction", "samples", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
+    "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
 )  # fmt: skip
 _ESTIMATES: Final = (
     "wear_mm", "estimated_load_n", "contact_length_m", "Bs", "Cw", "Rs", "Ts", "gain", "zero_g_offset_mps2",

@@ -431,15 +431,15 @@ def _sensor(tire: _Tire) -> None:
     with np.errstate(invalid="ignore", divide="ignore"):
         noise = 100.0 * np.log(history.column("noise_mps2"))
         clipped = 100.0 * history.column("samples_saturated") / history.column("samples")
+        lost = history.column("samples_lost") / (history.column("samples") + history.column("samples_lost"))
         log_speed = np.log(speed)
     nothing = np.full(len(speed), math.nan)
     offset, offset_std = history.column("mounting_offset_m"), history.column("mounting_offset_std_m")
     gain, gain_std = history.column("gain"), history.column("gain_std")
-    lost = history.column("missing_fraction")
     zero, zero_std = history.column("zero_g_offset_mps2"), history.column("zero_g_offset_mps2_std")
     for quantity, name, unit, values, stds, notable in (
         (Quantity.NOISE_RATE, "noise_mps2", "%", noise, nothing, 100.0 * math.log1p(_NOTABLE_NOISE)),
-        (Quantity.LOSS_RATE, "missing_fraction", "%", 100.0 * lost, nothing, 100.0 * _NOTABLE_SHARE),
+        (Quantity.LOSS_RATE, "samples_lost", "%", 100.0 * lost, nothing, 100.0 * _NOTABLE_SHARE),
         (Quantity.CLIPPING_RATE, "samples_saturated", "%", clipped, nothing, 100.0 * _NOTABLE_CLIPPING),
         (Quantity.OFFSET_RATE, "mounting_offset_m", "mm", 1e3 * offset, 1e3 * offset_std, 1e3 * _NOTABLE_OFFSET_M),
         (Quantity.GAIN_RATE, "gain", "%", 100.0 * gain, 100.0 * gain_std, 100.0 * _NOTABLE_GAIN),

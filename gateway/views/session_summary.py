@@ -6,16 +6,35 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import groupby, zip_longest
+from textwrap import wrap
+from typing import Final
 
 from gateway.constants import AXIS_NAMES
 from gateway.estimators.estimator import Estimate, Status
-from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult, SinkSnapshot
+from gateway.pipeline.results import (
+    AlarmRecord,
+    LinkSnapshot,
+    RevolutionResult,
+    SinkSnapshot,
+    WheelCounters,
+    WheelSnapshot,
+)
 from gateway.reasons import Code, Reason
 from gateway.signal.effect_correction import CorrectionTable
 from gateway.views.numbers import MISSING, age, duration, fixed, percent, show
 from gateway.views.readout import DISTANCE
+from gateway.views.text import counted, pad, width
 from gateway.views.wording import joined, text
+
+LINE_WIDTH: Final = 96
+"""Columns of a wheel's rows behind their indent; commands indent the whole by two more."""
+
+_Row = tuple[str, str, str]
+_GAP: Final = "  "
+_NEXT_NAME: Final = ", "
+_LABEL_WIDTH: Final = 24
+_LEAST_NOTE: Final = 30
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,10 +52,11 @@ class WheelSummary:
         speed_mean_mps: distance over time, NaN without a revolution.
         speed_min_mps: slowest revolution.
         speed_max_mps: fastest revolution.
-        missing_fraction: share of the samples that were lost on the link, by time.
+        missing_fraction: share of the samples within completed revolutions that were lost, by time.
         estimates: the last of each name, the last one that was not invalid where there was one.
         uncorrected: revolutions that known effects were not subtracted from.
         uncorrected_reason: why, of the last such; None when there is none.
+        lost_fraction: share of all samples that were lost on the link, also between revolutions; NaN when not known.
     """
 
     position: str
@@ -53,6 +73,7 @@ class WheelSummary:
     estimates: tuple[Estimate, ...]
     uncorrected: int = 0
     uncorrected_reason: Reason | None = None
+    lost_fraction: float = math.nan
 
 
 @dataclass(slots=True)
@@ -100,12 +121,21 @@ class ResultSummary:
             if estimate.status is not invalid or latest.get(estimate.name, estimate).status is invalid:
                 latest[estimate.name] = estimate
 
-    def wheels(self) -> tuple[WheelSummary, ...]:
-        """Return the summaries so far, wheels in the order of their first result."""
-        return tuple(self._summary(position, wheel) for position, wheel in self._wheels.items())
+    def wheels(self, states: Iterable[WheelSnapshot] = ()) -> tuple[WheelSummary, ...]:
+        """Return the summaries so far, wheels in the order of their first result.
+
+        Args:
+            states: last states of the wheels, which count the samples.
+        """
+        of_states = {state.position: state.counters for state in states}
+        return tuple(
+            self._summary(position, wheel, of_states.get(position, WheelCounters()))
+            for position, wheel in self._wheels.items()
+        )
 
     @staticmethod
-    def _summary(position: str, wheel: _Wheel) -> WheelSummary:
+    def _summary(position: str, wheel: _Wheel, counters: WheelCounters) -> WheelSummary:
+        sent = counters.samples + counters.samples_lost
         rolled = wheel.rolling_s > 0.0
         return WheelSummary(
             position=position,
@@ -122,6 +152,7 @@ class ResultSummary:
             estimates=tuple(wheel.estimates.values()),
             uncorrected=wheel.uncorrected,
             uncorrected_reason=wheel.uncorrected_reason,
+            lost_fraction=counters.samples_lost / sent if sent else math.nan,
         )
 
 
@@ -174,7 +205,7 @@ def _alarm_line(alarm: AlarmRecord) -> str:
 
 
 def _wheel_lines(wheel: WheelSummary) -> list[str]:
-    rows: list[tuple[str, str, str]] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
+    rows: list[_Row] = [("revolutions", str(wheel.revolutions), _revolutions_note(wheel))]
     span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
     rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
     took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
@@ -183,29 +214,68 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
         rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
     else:
         rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
-    lost = "0 %" if wheel.missing_fraction == 0 else f"{fixed(wheel.missing_fraction, 3, 100.0)} %"
-    rows.append(("samples lost", lost, f"{wheel.saturated} revolutions saturated" if wheel.saturated else ""))
+    rows.append(("samples lost", _share(wheel.lost_fraction), _samples_note(wheel)))
     last = _estimate_rows([one for one in wheel.estimates if one.name != DISTANCE])
-    left = max(len(label) for label, _, _ in (*rows, *last))
-    middle = max(len(value) for _, value, _ in (*rows, *last))
-    lines = [f"  {label:<{left}}  {value:<{middle}}  {note}".rstrip() for label, value, note in (*rows, *last)]
-    return [wheel.position, *lines[: len(rows)], *(["  at the end:"] if last else []), *lines[len(rows) :]]
+    every = (*rows, *last)
+    # Names of a shared row wrap, so that they do not widen the column of all labels.
+    widest = max(width(label) for label, _, _ in every)
+    of_one = max(width(name) for label, _, _ in every for name in _names(label))
+    left = max(min(widest, _LABEL_WIDTH), of_one)
+    middle = max(width(value) for _, value, _ in every)
+    right = max(LINE_WIDTH - left - middle - 2 * len(_GAP), _LEAST_NOTE)
+    blocks = [_row_lines(row, left, middle, right) for row in every]
+    lines = [[line for block in part for line in block] for part in (blocks[: len(rows)], blocks[len(rows) :])]
+    return [wheel.position, *lines[0], *(["  at the end:"] if last else []), *lines[1]]
 
 
-def _estimate_rows(estimates: Sequence[Estimate]) -> list[tuple[str, str, str]]:
+def _row_lines(row: _Row, left: int, middle: int, right: int) -> list[str]:
+    """Return a row of label, value and note as one line, as more where label or note do not fit their columns."""
+    label, value, note = row
+    labels = [""]
+    for name in _names(label):
+        if labels[-1] and width(f"{labels[-1]} {name}") > left:
+            labels.append(name)
+        else:
+            labels[-1] = f"{labels[-1]} {name}".lstrip()
+    notes = wrap(note, right, break_long_words=False, break_on_hyphens=False) if width(note) > right else [note]
+    lines = zip_longest(labels, [value], notes, fillvalue="")
+    return [f"  {pad(one, left)}{_GAP}{pad(two, middle)}{_GAP}{three}".rstrip() for one, two, three in lines]
+
+
+def _names(label: str) -> list[str]:
+    """Return the names that a label joins, each with the comma behind it."""
+    *others, last = label.split(_NEXT_NAME)
+    return [*(f"{name}{_NEXT_NAME.rstrip()}" for name in others), last]
+
+
+def _estimate_rows(estimates: Sequence[Estimate]) -> list[_Row]:
     """Return (label, value, note) of each estimate; invalid ones of one reason share a row, as do equal notes."""
-    rows: list[tuple[str, str, str]] = []
+    rows: list[_Row] = []
     for (status, reasons), group in groupby(estimates, lambda estimate: (estimate.status, estimate.reasons)):
         shown = [show(estimate) for estimate in group]
         reason = joined(reasons)
         word = "" if status is Status.VALID else str(status)
         note = f"{word}: {reason}" if word and reason else word or reason
         if status is Status.INVALID:
-            rows.append((", ".join(one.label for one in shown), MISSING, note))
+            rows.append((_NEXT_NAME.join(one.label for one in shown), MISSING, note))
             continue
         for index, one in enumerate(shown):
             rows.append((one.label, f"{one.number.joined()} {one.unit}".rstrip(), word if index else note))
     return rows
+
+
+def _share(fraction: float) -> str:
+    if math.isnan(fraction):
+        return MISSING
+    return "0 %" if fraction == 0 else f"{fixed(fraction, 3, 100.0)} %"
+
+
+def _samples_note(wheel: WheelSummary) -> str:
+    """Return how many of the samples of completed revolutions were lost, if as many as of all, and what saturated."""
+    within = _share(wheel.missing_fraction)
+    saturated = f"{counted(wheel.saturated, 'revolution')} saturated" if wheel.saturated else ""
+    apart = f"{within} within completed revolutions" if within != _share(wheel.lost_fraction) else ""
+    return "; ".join(filter(None, (apart, saturated)))
 
 
 def _revolutions_note(wheel: WheelSummary) -> str:

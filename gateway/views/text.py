@@ -27,6 +27,11 @@ def width(text: str) -> int:
     return sum(map(_cells, text))
 
 
+def counted(number: int, noun: str) -> str:
+    """Return `1 recording` or `2 recordings`."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
 def escaped(text: str) -> str:
     r"""Return `text` with everything unprintable as an escape such as `\n`, `\x1b` or `\u202e`.
 

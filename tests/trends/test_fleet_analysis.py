@@ -183,7 +183,7 @@ def test_noisy_sensor_is_found():
 @pytest.mark.parametrize(
     ("name", "change", "code"),
     [
-        ("missing_fraction", 0.05, Code.TREND_SENSOR_LOSSES),
+        ("samples_lost", 3000.0, Code.TREND_SENSOR_LOSSES),
         ("samples_saturated", 600.0, Code.TREND_SENSOR_CLIPS),
         ("mounting_offset_m", 0.004, Code.TREND_SENSOR_MOVES),
         ("gain", 0.05, Code.TREND_SENSOR_GAIN),

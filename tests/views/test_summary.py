@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
-from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult
+from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult, WheelCounters, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable
 from gateway.views.session_summary import ResultSummary, effects_line, removed_line, summary_lines
@@ -85,12 +85,35 @@ def test_lines_are_aligned_and_rounded_to_the_error() -> None:
     assert "(3.083 ± 0.012)e-3" in by_label["Bs"]
     assert f"provisional: {text(FEW)}" in by_label["Bs"]
     assert "36.000 km/h" in by_label["mean speed"]
-    assert "1.000 %" in by_label["samples lost"]
+    assert "1.000 % within completed revolutions" in by_label["samples lost"]
     assert "all valid" in by_label["revolutions"]
     column = by_label["revolutions"].index("1")
     assert {line.index(number) for line, number in ((by_label["speed"], "36.0004"), (by_label["Bs"], "(3.083"))} == {
         column
     }
+
+
+def test_samples_lost_between_revolutions_count() -> None:
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1))
+    states = [WheelSnapshot("FL", counters=WheelCounters(samples=4_000, samples_lost=6_000))]
+    assert summary.wheels(states)[0].lost_fraction == pytest.approx(0.6)
+    (line,) = (line for line in summary_lines(summary.wheels(states)) if "samples lost" in line)
+    assert line.split() == ["samples", "lost", "60.000", "%", "0", "%", "within", "completed", "revolutions"]
+
+
+def test_lines_of_many_invalid_estimates_are_narrow() -> None:
+    names = [f"ply_steer_{part}_rad" for part in ("peak", "first_half", "adhesion_line", "contact_line", "ahead")]
+    chance = Reason(Code.SIGN_NOT_DETERMINED, errors=1.2)
+    summary = ResultSummary()
+    summary.add(result("FL", 0.1, *(Estimate.invalid(name, chance) for name in names)))
+    lines = summary_lines(summary.wheels())
+    assert max(map(len, lines)) <= 98  # commands indent by two more
+    labels = " ".join(line[:26].strip() for line in lines)
+    for name in names:
+        assert name.removesuffix("_rad").replace("_", " ") in labels
+    words = " ".join(" ".join(lines).split())
+    assert text(chance).split()[-1] in words
 
 
 def test_shared_reason_is_printed_once() -> None:

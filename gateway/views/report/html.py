@@ -33,7 +33,6 @@ from gateway.views.report.figures import (
 from gateway.views.report.phrases import (
     GROWN,
     NON_STATIONARY,
-    counted,
     effect_title,
     effects_listed,
     likely,
@@ -72,7 +71,7 @@ from gateway.views.report.report_tables import (
     refused_rows,
     unexplained_rows,
 )
-from gateway.views.text import clean
+from gateway.views.text import clean, counted
 
 if TYPE_CHECKING:
     import jinja2

@@ -103,11 +103,6 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     return clean(f" {last} ".join(filter(None, (", ".join(names[:-1]), names[-1]))))
 
 
-def counted(number: int, noun: str) -> str:
-    """Return `1 recording` or `2 recordings`."""
-    return f"{number} {noun}" + ("" if number == 1 else "s")
-
-
 def model_words(model: str) -> str:
     """Return the description of a baseline model."""
     return MODELS.get(model, clean(model))

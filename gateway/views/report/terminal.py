@@ -14,7 +14,6 @@ from gateway.views.report.phrases import (
     GROWN,
     NON_STATIONARY,
     SINGLE_TURNS,
-    counted,
     decisively_rejected,
     effect_title,
     effects_listed,
@@ -31,7 +30,7 @@ from gateway.views.report.phrases import (
 )
 from gateway.views.report.quantities import plain, ratio, show_fitted, significant
 from gateway.views.report.transfer_report import axis_lines
-from gateway.views.text import clean, crop, pad, width
+from gateway.views.text import clean, counted, crop, pad, width
 
 LINE_WIDTH: Final = 80
 MOST_WIDE: Final = 120

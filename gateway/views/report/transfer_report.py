@@ -10,9 +10,9 @@ from gateway import __version__
 from gateway.closure.result import HeldOut
 from gateway.closure.transfer import Transfer
 from gateway.views.numbers import fixed
-from gateway.views.report.phrases import counted, effects_listed, listed, model_words, remark
+from gateway.views.report.phrases import effects_listed, listed, model_words, remark
 from gateway.views.report.quantities import ratio
-from gateway.views.text import clean, pad
+from gateway.views.text import clean, counted, pad
 from gateway.views.wording import as_json
 
 _LABEL_WIDTH: Final = 13

@@ -14,8 +14,7 @@ from gateway.estimators.estimator import Status
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import inline_svg, report_style, require_report_packages
-from gateway.views.report.phrases import counted
-from gateway.views.text import clean
+from gateway.views.text import clean, counted
 from gateway.views.trend_report.trend_figures import tire_figure
 from gateway.views.trend_report.trend_tables import (
     LABELS,

@@ -22,9 +22,8 @@ from gateway.trends.trend_result import (
     TrendOutlier,
 )
 from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error
-from gateway.views.report.phrases import counted
 from gateway.views.tables.table_sinks import CsvSink
-from gateway.views.text import clean, pad, width
+from gateway.views.text import clean, counted, pad, width
 from gateway.views.wording import as_json, joined, text
 
 FORMAT: Final = "treadlink trends"
@@ -66,7 +65,7 @@ SERIES_LABELS: Final[dict[str, str]] = {
     "Rs": "Rs",
     "Ts": "Ts",
     "noise_mps2": "ln noise",
-    "missing_fraction": "samples lost",
+    "samples_lost": "samples lost",
     "samples_saturated": "samples at the end of the range",
     "mounting_offset_m": "distance from the neutral layer",
     "gain": "gain",
