@@ -275,7 +275,7 @@ def _lines(clock: Clock) -> Callable[[CampaignProgress], None]:
 
 
 def _files_text(progress: CampaignProgress) -> str:
-    return f"{progress.files - progress.files_left} of {progress.files} recordings"
+    return f"{progress.files - progress.files_left} of {counted(progress.files, 'recording')}"
 
 
 def _left_text(progress: CampaignProgress) -> str:
@@ -300,7 +300,8 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
 
     rate = progress.estimated / progress.elapsed_s if progress.elapsed_s > 0.0 else 0.0
     took = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""
-    click.echo(f"{progress.estimated} recordings estimated{took}, {progress.revolutions} revolutions")
+    estimated = f"{counted(progress.estimated, 'recording')} estimated{took}"
+    click.echo(f"{estimated}, {counted(progress.revolutions, 'revolution')}")
     for count, words in (
         (progress.known, "done before"),
         (progress.copies, "with the content of another"),
@@ -315,7 +316,9 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
     if len(failures) > _LISTED_FAILURES:
         click.echo(f"  and {len(failures) - _LISTED_FAILURES} more, in the table failures")
     if progress.damaged:
-        click.echo(f"{len(progress.damaged)} damaged: only their readable part is estimated")
+        click.echo(
+            f"{len(progress.damaged)} damaged: only the readable part is estimated; `treadlink repair` recovers more"
+        )
     for path in progress.damaged[:_LISTED_FAILURES]:
         click.echo(f"  {clean(str(path))}: see treadlink inspect")
     if len(progress.damaged) > _LISTED_FAILURES:

@@ -16,6 +16,7 @@ from gateway.errors import OutputError
 from gateway.exporting.export_table import Condition
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
+from gateway.recording.reader import REPAIR_REMEDY
 from gateway.recording.recorded_file import RecordedFile
 from gateway.recording.replay_source import RawDump
 from gateway.security.guard import Guard
@@ -142,6 +143,10 @@ def first_pass(
         (wheel for wheel in found.values() if wheel.samples), key=lambda wheel: order.get(wheel.position, len(order))
     )
     path = recording.info.path
+    if not heard and recording.damage is not None:
+        raise OutputError(
+            f"'{path}' has no samples to export in its readable part: {text(recording.damage)}", REPAIR_REMEDY
+        )
     if not heard:
         raise OutputError(
             f"'{path}' has no samples to export", f"`treadlink inspect {path}` shows what the recording contains."

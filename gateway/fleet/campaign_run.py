@@ -232,10 +232,10 @@ class CampaignRun:
             self.dataset.commit(job.content, key, outcome.parts, outcome.vehicle, outcome.start_ns)
             self.progress.estimated += 1
             self.progress.revolutions += outcome.revolutions
-            self._take_wheels(job.content)
+            self._take_wheels(job.content, outcome.damage)
         self._settle(job.content.path, counts=True)
 
-    def _take_wheels(self, content: FileContent) -> bool:
+    def _take_wheels(self, content: FileContent, damage: Reason | None = None) -> bool:
         """Take what the rows of a recording say of its wheels; return False where they cannot be read."""
         wheels = self.dataset.wheels(content.recording_id)
         if wheels is None:
@@ -246,7 +246,7 @@ class CampaignRun:
         names = {name for one in wheels for name in one.alarms}
         self.progress.alarms.update(names)
         self.progress.with_alarms += bool(names)
-        if any(one.is_damaged for one in wheels):
+        if damage is not None or any(one.is_damaged for one in wheels):
             self.progress.damaged.append(content.path)
         return True
 

@@ -31,7 +31,7 @@ Odometer = Mapping[str, tuple[NDArray[np.int64], FloatArray]]
 
 _PLAIN: Final = (
     "recording_id", "recording", "path", "position", "sensor_id", "start_utc", "begin_utc", "end_utc", "hub_zero_utc",
-    "duration_s", "revolutions", "revolutions_valid", "distance_m", "radius_m", "ring_thickness_m", "reference",
+    "duration_s", "revolutions", "revolutions_valid", "distance_m", "stated_radius_m", "ring_thickness_m", "reference",
     "load_calibration", "faults", "alarms", "damage",
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
     "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
@@ -228,7 +228,7 @@ def _history(
         faults=tuple(_commonest_fault(row) for row in rows),
         stated={
             Statement.LOAD: tuple(_as_text(row.get("load_n")) for row in rows),
-            Statement.RADIUS: tuple(_as_text(row.get("radius_m")) for row in rows),
+            Statement.RADIUS: tuple(_as_text(row.get("stated_radius_m")) for row in rows),
             Statement.THICKNESS: tuple(_as_text(row.get("ring_thickness_m")) for row in rows),
             Statement.REFERENCE: tuple(str(row.get("reference") or "") for row in rows),
             Statement.CALIBRATION: tuple(str(row.get("load_calibration") or "") for row in rows),

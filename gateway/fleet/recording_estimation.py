@@ -18,7 +18,7 @@ from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway import __version__
 from gateway.config.effects_file import check_effects, effects_doubts
-from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, recorded_vehicle
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, Wheel, recorded_vehicle
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.estimator import Revolution
 from gateway.estimators.revolution_block import RevolutionArrays
@@ -40,11 +40,12 @@ from gateway.pipeline.wheel_setup import (
 from gateway.plugins import PluginGroup, installed
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.file_content import FileContent
-from gateway.recording.reader import RecordingReader
+from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.security.guard import open_guard
 from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.missing_results import FrameCounts, missing_frames
+from gateway.session.provenance import Quantity, is_assumed
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions
 from gateway.views.numbers import distinct_name
@@ -212,7 +213,7 @@ class Estimated:
         rows: rows of each table.
         wheels: (position, sensor id) of each wheel with revolutions.
         revolutions: of all wheels.
-        damage: first unreadable part of the file.
+        damage: what of the file could not be read.
         failure: why there are no rows; None when there are.
         peak_bytes: largest memory of the worker process so far, 0 when not known.
     """
@@ -364,10 +365,26 @@ def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estima
     links = {link: FrameCounts(counted.frames, counted.refused) for link, counted in counters.items()}
     if not any(counts.accepted for counts in links.values()):
         notice = missing_frames(links)[0]
+        if reader.damage is not None:
+            return _nothing_readable(reader.damage, notice.reason)
         final = notice.reason.code is Code.NO_FRAME_RECEIVED
-        return Estimated(failure=Failure(notice.reason, is_final=final), damage=reader.damage, peak_bytes=_peak_bytes())
+        return Estimated(failure=Failure(notice.reason, is_final=final), peak_bytes=_peak_bytes())
+    if reader.damage is not None and not _heard(collected):
+        return _nothing_readable(reader.damage, Reason(Code.NO_SAMPLES))
     doubts = effects_doubts(effects, vehicle)
     return _recording_rows(order, reader, vehicle, collected, counters, alarms.finish(), doubts)
+
+
+def _nothing_readable(damage: Reason, why: Reason) -> Estimated:
+    """Return the failure of a damaged recording whose readable part gives no row."""
+    reason = Reason(Code.RECORDING_NOTHING_READABLE, damage=damage, why=why)
+    return Estimated(failure=Failure(reason, REPAIR_REMEDY), damage=damage, peak_bytes=_peak_bytes())
+
+
+def _heard(collected: _Collector) -> list[str]:
+    """Return the wheels that sent samples; one that is configured and sent none has no row, but an alarm."""
+    heard = [state.position for state in collected.snapshots if state.counters.samples]
+    return list(dict.fromkeys([*collected.wheels, *heard]))
 
 
 def _recording_rows(
@@ -384,11 +401,7 @@ def _recording_rows(
     first_ns = collected.first_ns or 0
     start_ns = reader.info.start_ns if reader.info.start_ns else first_ns
     states = {state.position: state for state in collected.snapshots}
-    # A wheel that is configured and sent nothing has no row: its silence is an alarm of the recording.
-    heard = [
-        state.position for state in collected.snapshots if state.counters.samples or state.position in collected.wheels
-    ]
-    own = dict.fromkeys([*collected.wheels, *heard])
+    own = _heard(collected)
     of_links = [alarm for alarm in alarms if alarm.position not in own]
     sensors = {position: _sensor_text(collected.sensors.at(vehicle, position)) for position in own}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
@@ -425,6 +438,7 @@ def _recording_rows(
                 ),
                 "alarm_count": sum(alarm.count for alarm in mine) + len(stated),
                 "damage": _json(as_json(reader.damage)) if reader.damage is not None else None,
+                "stated_radius_m": _stated_radius_m(vehicle, wheel),
                 "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
                 "size_bytes": content.size_bytes,
                 "version": __version__,
@@ -445,6 +459,13 @@ def _recording_rows(
         damage=reader.damage,
         peak_bytes=_peak_bytes(),
     )
+
+
+def _stated_radius_m(vehicle: VehicleConfig | None, wheel: Wheel | None) -> float | None:
+    """Return the belt radius that a configuration states; one that it lists as assumed is not stated."""
+    if vehicle is None or wheel is None or is_assumed(vehicle, Quantity.RADIUS):
+        return None
+    return vehicle.tire_of(wheel).radius_m
 
 
 def _concerns(subject: str, position: str, positions: Collection[str]) -> bool:

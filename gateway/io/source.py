@@ -84,6 +84,13 @@ EVENT_DETAILS: Final[Mapping[str, Mapping[str, type]]] = {
     Code.RECORDING_CHUNK_DAMAGED: {"recording": str, "at_byte": int, "skipped_bytes": int},
     Code.RECORDING_CUT_OFF: {"recording": str, "at_byte": int},
     Code.RECORDING_DESCRIPTION_DAMAGED: {"recording": str},
+    Code.RECORDING_PARTS_DAMAGED: {
+        "recording": str,
+        "parts": int,
+        "at_byte": int,
+        "unread_bytes": int,
+        "size_bytes": int,
+    },
     Code.RECORDING_RECORD_DAMAGED: {"recording": str, "at_byte": int},
     Code.RECORDING_RECORD_MISSING: {"recording": str, "at_byte": int},
     Code.RETRY_INTERVAL: {"interval_s": float},

@@ -90,7 +90,6 @@ class RecordingReader:
 
     Attributes:
         info: description of the recording.
-        damage: after a pass, the first unreadable part; None when everything was read.
         position: bytes read so far in the current pass, for progress bars.
         session: the session's metadata as stored, empty when damaged.
         notes: other metadata found in the pass as (name, entries), such as those of a repair.
@@ -102,9 +101,9 @@ class RecordingReader:
         Raises:
             RecordingError: the file does not exist, cannot be read, or is not an MCAP file.
         """
-        self.damage: Reason | None = None
         self.position = 0
         self._path = Path(path)
+        self._forget_damage()
         self.notes: list[tuple[str, dict[str, str]]] = []
         self._channels: dict[int, ChannelInfo] = {}
         self._links: set[str] = set()
@@ -113,6 +112,21 @@ class RecordingReader:
             size = os.fstat(file.fileno()).st_size
             self.session = self._session_metadata(file, size)
             self.info = _describe(self._path, size, _is_finished(file, size), self.session)
+
+    @property
+    def damage(self) -> Reason | None:
+        """What was unreadable in the last pass, None when everything was read; several parts are counted."""
+        parts = self._damaged_parts + len(self._undeclared)
+        if parts < 2 or self._unread_bytes < 1.0:
+            return self._first_damage
+        return Reason(
+            Code.RECORDING_PARTS_DAMAGED,
+            recording=str(self._path),
+            parts=parts,
+            at_byte=self._first_damaged_byte,
+            unread_bytes=round(self._unread_bytes),
+            size_bytes=self.info.size_bytes,
+        )
 
     @property
     def vehicle_toml(self) -> str | None:
@@ -131,7 +145,7 @@ class RecordingReader:
 
     def messages(self) -> Generator[RecordedMessage, None, None]:
         """Yield all messages in file order, including decoded topics; `damage` is set afterwards."""
-        self.damage = None
+        self._forget_damage()
         self._channels.clear()
         self._links.clear()
         self.notes.clear()
@@ -162,12 +176,17 @@ class RecordingReader:
                 size_bytes=error.size_bytes,
                 largest_bytes=MAX_RECORD_BYTES,
             )
+            self._unread_bytes += len(body)
             return
         except ValueError as error:
             at_byte = self.position - len(body)
             _logger.info("%s: %s near byte %d", self._path, error, at_byte)
             self._note(Code.RECORDING_CHUNK_DAMAGED, at_byte=at_byte, skipped_bytes=len(body))
+            self._unread_bytes += len(body)
             return
+        if cut and chunk.compression:
+            self._unread_bytes += len(body)
+        self._stored_share = len(chunk.data) / max(len(records), 1)
         for inner, inner_body in walk(records):
             yield from self._inner(inner, inner_body)
 
@@ -178,6 +197,7 @@ class RecordingReader:
                 channel = self._channels.get(message.channel)
                 if channel is None:
                     self._note(Code.RECORDING_CHANNEL_UNDECLARED, channel=message.channel)
+                    self._unread_bytes += len(body) * self._stored_share
                 else:
                     yield RecordedMessage(channel, message.sequence, message.log_time_ns, bytes(message.data))
             elif opcode == Opcode.CHANNEL:
@@ -188,6 +208,7 @@ class RecordingReader:
         except ValueError as error:
             _logger.info("%s: %s near byte %d", self._path, error, self.position)
             self._note(Code.RECORDING_RECORD_DAMAGED, at_byte=self.position)
+            self._unread_bytes += len(body) * self._stored_share
 
     def _learn(self, metadata: Metadata) -> None:
         if metadata.name == CHANNEL_METADATA:
@@ -227,6 +248,7 @@ class RecordingReader:
             remaining = size - self.position - len(head)
             if not 0 < opcode < 0x80 or (length > MAX_RECORD_BYTES and length > remaining):
                 self._note(Code.RECORDING_RECORD_MISSING, at_byte=self.position)
+                self._unread_bytes += size - self.position
                 return
             if length > remaining:
                 self._note(Code.RECORDING_CUT_OFF, at_byte=size)
@@ -238,6 +260,7 @@ class RecordingReader:
                     size_bytes=length,
                     largest_bytes=MAX_RECORD_BYTES,
                 )
+                self._unread_bytes += length
                 wanted = False
             if wanted:
                 body = file.read(length)
@@ -273,13 +296,29 @@ class RecordingReader:
                 if record.name == SESSION_METADATA:
                     entries = record.metadata if is_sealed(record.metadata) else {}
                     break
-        self.damage = None
+        self._forget_damage()
         self.position = 0
         return entries
 
+    def _forget_damage(self) -> None:
+        self._first_damage: Reason | None = None
+        self._first_damaged_byte = 0
+        self._damaged_parts = 0
+        self._last_damaged_byte = -1
+        self._undeclared: set[int] = set()
+        # Parts of the file: of a compressed chunk the share of its stored size.
+        self._unread_bytes = 0.0
+        self._stored_share = 1.0
+
     def _note(self, code: Code, **values: int) -> None:
-        if self.damage is None:
-            self.damage = Reason(code, recording=str(self._path), **values)
+        if self._first_damage is None:
+            self._first_damage = Reason(code, recording=str(self._path), **values)
+            self._first_damaged_byte = values.get("at_byte", self.position)
+        if "channel" in values:
+            self._undeclared.add(values["channel"])
+        elif (at_byte := values.get("at_byte", 0)) != self._last_damaged_byte:
+            self._damaged_parts += 1
+            self._last_damaged_byte = at_byte
 
     def _open(self) -> BinaryIO:
         try:

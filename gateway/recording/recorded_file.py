@@ -15,13 +15,12 @@ from gateway.recording.replay_source import RawDump
 
 
 class RecordedFile(Protocol):
-    """A file of link items that can be read again and again.
+    """A file of link items that can be read again and again."""
 
-    Attributes:
-        damage: after a pass, the first unreadable part; None when everything was read.
-    """
-
-    damage: Reason | None
+    @property
+    def damage(self) -> Reason | None:
+        """After a pass, what was unreadable; None when everything was read."""
+        ...
 
     @property
     def info(self) -> RecordingInfo:

@@ -626,6 +626,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of several tires: set "
         "name in [vehicle]"
     ),
+    Code.RECORDING_NOTHING_READABLE: "{damage}. The readable part gives nothing: {why}",
     Code.RECORDING_NOT_READ: "{message}",
     Code.RECORDING_NOT_USED: "{message}",
     Code.WORKER_ENDED: "its worker process ended each time that it was tried: killed or crashed",
@@ -814,6 +815,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RECORDING_DESCRIPTION_DAMAGED: (
         "'{recording}' has a damaged description, which contains the vehicle configuration. `treadlink repair` "
         "recovers the rest"
+    ),
+    Code.RECORDING_PARTS_DAMAGED: (
+        "'{recording}' is damaged in {parts:d} parts, the first near byte {at_byte:d}: {unread_bytes:d} of its "
+        "{size_bytes:d} bytes are not read. `treadlink repair` recovers what is left of them"
     ),
     Code.RECORDING_RECORD_DAMAGED: (
         "'{recording}' has a damaged record near byte {at_byte:d}. `treadlink repair` recovers what is left of it"

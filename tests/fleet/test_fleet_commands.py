@@ -91,8 +91,30 @@ def test_a_damaged_recording_is_told_by_status_and_line(recordings, tmp_path, wo
     cut = recordings / "drive0.mcap"
     cut.write_bytes(cut.read_bytes()[: cut.stat().st_size * 3 // 4])
     for output in told_twice(recordings, tmp_path, workers):
-        assert "1 damaged: only their readable part is estimated\n" in output
+        assert "1 damaged: only the readable part is estimated; `treadlink repair` recovers more\n" in output
         assert f"  {cut}: see treadlink inspect\n" in output
+
+
+def test_a_damaged_recording_without_a_readable_sample_is_a_failure(recordings, tmp_path, workers):
+    path = recordings / "drive0.mcap"
+    content = bytearray(path.read_bytes())
+    content[3_000:] = bytes(len(content) - 3_000)
+    path.write_bytes(content)
+    output, _ = told_twice(recordings, tmp_path, workers)
+    assert "2 recordings estimated" in output
+    assert "bytes are not read" in output
+    (failure,) = rows(tmp_path, "failures")
+    assert (failure["code"], failure["is_final"]) == ("recording_nothing_readable", True)
+    assert "no samples were received" in failure["text"] or "no frame was received" in failure["text"]
+    assert "treadlink repair" in failure["remedy"]
+    assert len(names(tmp_path)) == 2
+
+
+def test_one_recording_is_one(recordings, tmp_path, workers):
+    address = workers.cluster.scheduler_address
+    arguments = ["campaign", str(recordings / "drive0.mcap"), "--out", str(tmp_path / "dataset"), *FEW[:4]]
+    done = CliRunner().invoke(treadlink, [*arguments, "--scheduler", address])
+    assert done.output.startswith("1 recording estimated")
 
 
 def test_workers_that_do_not_end_are_killed():

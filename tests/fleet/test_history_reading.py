@@ -17,6 +17,7 @@ from gateway.fleet.history_reading import read_histories, read_odometer
 from gateway.fleet.parquet_parts import read_rows
 from gateway.recording.compact import compact_recording
 from gateway.trends.fleet_analysis import analyse
+from gateway.trends.stated_changes import stated_changes
 from gateway.trends.tire_history import Statement
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
@@ -125,6 +126,29 @@ def test_status_alarms_and_statements_reach_the_history(campaign, recordings, tm
     assert tire.alarms[0][0][0] == "steady value"
     assert tire.stated[Statement.RADIUS] == ("0.345",)
     assert '"Bs": ' in tire.stated[Statement.REFERENCE][0]
+
+
+@pytest.mark.parametrize("is_loose", [True, False], ids=["loose", "not stated"])
+def test_a_radius_in_use_that_differs_is_no_statement(campaign, recordings, tmp_path, is_loose):
+    for number, path in enumerate(sorted(recordings.iterdir())):
+        path.unlink()
+        write_recording(
+            path,
+            f"[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = {70 + 5 * number}\n",
+            wheels=("load_n = 4000\n",),
+            duration_s=2.0,
+            seed=number + 1,
+            start_ns=START_NS + number * 86_400 * 10**9,
+            configured=is_loose,
+            change=lambda toml: toml.replace("radius_mm = 320.0", "radius_mm = 325.0\nradius_std_mm = 30.0"),
+        )
+    campaign(recordings)
+    (tire,) = read_histories(tmp_path / "dataset").tires
+    used = [row["radius_m"] for path in (tmp_path / "dataset" / "recordings").rglob("*.parquet")
+            for row in read_rows(path, ["radius_m"]) or ()]  # fmt: skip
+    assert len(set(used)) == 3  # measured in each recording
+    assert tire.stated[Statement.RADIUS] == (("0.325",) * 3 if is_loose else ("",) * 3)
+    assert not [one for one in stated_changes(tire) if one.statement is Statement.RADIUS]
 
 
 @pytest.mark.parametrize("start_ns", [0, 946_684_800 * 10**9, START_NS + 3 * 86_400 * 10**9])
