@@ -431,11 +431,15 @@ def is_identified(vehicle: str, sensor_id: str) -> bool:
     return bool(sensor_id) or vehicle != UNKNOWN_VEHICLE
 
 
+def partition_name(vehicle: str) -> str:
+    """Return the name of a vehicle in a dataset: a long one is cut, and has a digest of the whole behind it."""
+    name = vehicle.strip() or UNKNOWN_VEHICLE
+    return name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}~{path_key(Path(name))}"
+
+
 def partition(vehicle: str, start_ns: int) -> Path:
     """Return `vehicle=NAME/day=YYYY-MM-DD`, NAME as other programs of Parquet read it back, the day in UTC."""
-    name = vehicle.strip() or UNKNOWN_VEHICLE
-    if len(name) > _LONGEST_NAME:
-        name = f"{name[:_LONGEST_NAME]}~{path_key(Path(name))}"
+    name = partition_name(vehicle)
     encoded = quote(name.encode("utf-8", "backslashreplace"), safe=" ")
     if name == _NULL_PARTITION:
         encoded = encoded.replace("_", "%5F", 1)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any, Final
 from urllib.parse import unquote
@@ -18,7 +20,7 @@ from numpy.typing import NDArray
 from gateway.clock import Clock, SystemClock
 from gateway.errors import OutputError, RecordingError
 from gateway.estimators.estimator import Status
-from gateway.fleet.dataset import FAILURES, Key, is_identified, read_description
+from gateway.fleet.dataset import FAILURES, Key, is_identified, partition_name, read_description
 from gateway.fleet.parquet_parts import read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.repeated_drives import Row, without_repeats
@@ -48,6 +50,11 @@ _TEXT: Final = frozenset(
 # Columns without which a file is no table of recordings.
 _NEEDED: Final = ("recording_id", "recording", "path", "position", "sensor_id", "start_utc")
 _NAMED_REPEATS: Final = 5
+# Other spellings that parsers of dates take, such as 20260101, may be meant as something else.
+_DATE: Final = re.compile(
+    r"\d{4}-\d{2}-\d{2}(?:[T ]\d{2}:\d{2}(?::\d{2}(?:\.\d{1,9})?)?(?:Z|[+-]\d{2}:\d{2})?)?", re.ASCII
+)
+_FIRST_YEAR, _LAST_YEAR = 1970, 2200
 _ODOMETER_COLUMNS: Final = ("vehicle", "utc", "km")
 # Clocks that were not set begin in 1970, 1980 or 2000; there were no such sensors before.
 _EARLIEST_NS: Final = int(np.datetime64("2000-03-01", "ns").astype(np.int64))
@@ -93,6 +100,7 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
     rows: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     notes: list[Reason] = []
     read: set[str] = set()
+    of_wrong_clock = 0
     for path in files:
         key = Key.of_name(path.name)
         if key is None or key.recording_id in read:
@@ -107,14 +115,23 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
         if found and not _EARLIEST_NS <= found[0]["start_utc"] <= latest_ns:
             date = str(np.datetime64(found[0]["start_utc"], "ns").astype("datetime64[D]"))
             notes.append(Reason(Code.TREND_CLOCK_WRONG, path=str(found[0]["path"]), date=date))
+            of_wrong_clock += 1
             continue
         for row in found:
             rows[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
+    if not rows and of_wrong_clock:
+        others = (
+            f"; in the other {len(read) - of_wrong_clock} no wheel sent samples" if of_wrong_clock < len(read) else ""
+        )
+        raise OutputError(
+            f"the clock was wrong in all recordings of the dataset '{root}' that have samples: {of_wrong_clock} began "
+            f"before March 2000 or after now{others}",
+            "Set the clock of the recorder, or of this computer.",
+        )
     if not rows and read:
         raise OutputError(
-            f"the clock was wrong in all recordings of the dataset '{root}': {len(read)} began before March 2000 or "
-            "after now",
-            "Set the clock of the recorder, or of this computer.",
+            f"in no recording of the dataset '{root}' has a wheel sent samples: {len(read)} are without a row",
+            "`treadlink inspect` shows what a recording contains.",
         )
     if not rows:
         raise OutputError(
@@ -122,6 +139,7 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
         )
     vehicles = sorted({vehicle for vehicle, _, _ in rows})
     if odometer is not None:
+        odometer = {partition_name(name): readings for name, readings in odometer.items()}
         notes += [Reason(Code.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=one) for one in vehicles if one not in odometer]
     unknown = [own for (vehicle, _, sensor), own in rows.items() if not is_identified(vehicle, sensor)]
     if unknown:
@@ -163,7 +181,7 @@ def read_odometer(path: Path) -> Odometer:
                 )
             for line in lines:
                 try:
-                    time_ns = int(np.datetime64(str(line["utc"]).strip().removesuffix("Z"), "ns").astype(np.int64))
+                    time_ns = _odometer_ns(str(line["utc"] or "").strip())
                     km = float(line["km"])
                 except (ValueError, TypeError) as error:
                     raise RecordingError(
@@ -186,6 +204,21 @@ def read_odometer(path: Path) -> Odometer:
             )
         readings[vehicle] = times, km_read
     return readings
+
+
+def _odometer_ns(text: str) -> int:
+    """Return the time of a reading in ns since the epoch; without an offset it is UTC.
+
+    Raises:
+        ValueError: it is no date, as a number such as 20260101 or that of a day in a spreadsheet.
+    """
+    if not _DATE.fullmatch(text):
+        raise ValueError(f"utc is '{text}', which is no date such as 2026-01-31 or 2026-01-31T12:00:00Z")
+    time = datetime.fromisoformat(text)
+    time = time.replace(tzinfo=UTC) if time.tzinfo is None else time
+    if not _FIRST_YEAR <= time.year <= _LAST_YEAR:
+        raise ValueError(f"utc is '{text}', but years are from {_FIRST_YEAR} to {_LAST_YEAR}")
+    return (time - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(microseconds=1) * 1000
 
 
 def _history(

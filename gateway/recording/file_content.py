@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.errors import RecordingError
+from gateway.recording.regular_file import open_regular
 
 ID_DIGITS: Final = 32
 """Hexadecimal digits of a content's identity: 128 bits of its SHA-256."""
@@ -53,7 +54,7 @@ def read_content(
     """
     digest = hashlib.sha256()
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             while block := file.read(_BLOCK_BYTES):
                 if stop is not None and stop.is_set():
                     return None

@@ -42,6 +42,7 @@ from gateway.recording.mcap_records import (
     parse_small,
     walk,
 )
+from gateway.recording.regular_file import open_regular
 
 REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."
 # Begin of a file that is no recording, looked at for frames of a link.
@@ -303,6 +304,7 @@ class RecordingReader:
     def _forget_damage(self) -> None:
         self._first_damage: Reason | None = None
         self._first_damaged_byte = 0
+        self._is_cut = False
         self._damaged_parts = 0
         self._last_damaged_byte = -1
         self._undeclared: set[int] = set()
@@ -311,6 +313,9 @@ class RecordingReader:
         self._stored_share = 1.0
 
     def _note(self, code: Code, **values: int) -> None:
+        if self._is_cut:
+            return  # what follows is of the record that is cut off
+        self._is_cut = code is Code.RECORDING_CUT_OFF
         if self._first_damage is None:
             self._first_damage = Reason(code, recording=str(self._path), **values)
             self._first_damaged_byte = values.get("at_byte", self.position)
@@ -322,7 +327,7 @@ class RecordingReader:
 
     def _open(self) -> BinaryIO:
         try:
-            return self._path.open("rb")
+            return open_regular(self._path)
         except FileNotFoundError as error:
             raise RecordingError(f"recording '{self._path}' does not exist", "Check the path.") from error
         except OSError as error:

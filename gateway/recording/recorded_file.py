@@ -11,6 +11,7 @@ from gateway.io.source import LinkItem
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
 from gateway.recording.reader import RecordingInfo, RecordingReader
+from gateway.recording.regular_file import open_regular
 from gateway.recording.replay_source import RawDump
 
 
@@ -52,7 +53,7 @@ def open_recorded_file(path: Path | str) -> RecordedFile:
     if path.suffix.lower() != ".bin":
         return RecordingReader(path)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             magic = file.read(len(MAGIC))
     except FileNotFoundError as error:
         raise RecordingError(f"recording '{path}' does not exist", "Check the path.") from error

@@ -13,6 +13,7 @@ from gateway.errors import RecordingError
 from gateway.recording.container import McapOutput
 from gateway.recording.mcap_layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
 from gateway.recording.reader import RecordingReader
+from gateway.recording.regular_file import open_regular
 from gateway.recording.salvage import Salvage
 from gateway.recording.stitch import Losses, Stitcher
 
@@ -141,7 +142,7 @@ def _write(
 @contextlib.contextmanager
 def _mapped(path: Path) -> Iterator[memoryview]:
     try:
-        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
+        with open_regular(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
             view = memoryview(mapped)
             try:
                 yield view

@@ -15,6 +15,7 @@ from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source,
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
 from gateway.recording.reader import RecordingInfo, RecordingReader
+from gateway.recording.regular_file import open_regular
 
 _DUMP_BLOCK_BYTES: Final = 4096
 
@@ -137,8 +138,10 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
     path = Path(address.target)
     _check_options(address)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             magic = file.read(len(MAGIC))
+    except RecordingError as error:
+        raise SourceError(str(error), error.remedy) from error
     except OSError as error:
         raise SourceError(f"cannot open '{path}': {error.strerror}", "Check the path of the recording.") from error
     if magic != MAGIC and path.suffix.lower() == ".bin":

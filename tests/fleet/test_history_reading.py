@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 from collections import Counter
 
 import numpy as np
@@ -170,8 +171,37 @@ def test_a_recording_with_a_wrong_clock_is_left_out(campaign, recordings, tmp_pa
 
 def test_only_wrong_clocks_are_an_error(campaign, recordings, tmp_path):
     campaign(recordings)
-    with pytest.raises(OutputError, match="the clock was wrong in all recordings"):
+    with pytest.raises(OutputError, match="the clock was wrong in all recordings.* 3 began before"):
         read_histories(tmp_path / "dataset", clock=ManualClock(START_NS - 10 * 86_400 * 10**9))
+
+
+def test_recordings_without_samples_are_not_blamed_on_the_clock(campaign, recordings, tmp_path, monkeypatch):
+    campaign(recordings)
+    monkeypatch.setattr("gateway.fleet.history_reading.read_rows", lambda *_: [])
+    with pytest.raises(OutputError, match="a wheel sent samples: 3 are without a row") as caught:
+        read_histories(tmp_path / "dataset")
+    assert "clock" not in f"{caught.value} {caught.value.remedy}"
+
+
+def test_odometer_times_may_have_an_offset(tmp_path):
+    path = tmp_path / "odometer.csv"
+    path.write_text("vehicle,utc,km\nvan,2026-01-01T02:00:00+02:00,1\nvan,2026-01-01 12:00,2\nvan,2026-01-02,3\n")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        times, _ = read_odometer(path)["van"]
+    begin = int(np.datetime64("2026-01-01", "ns").astype(np.int64))
+    assert times.tolist() == [begin, begin + 12 * 3600 * 10**9, begin + 86_400 * 10**9]
+
+
+def test_a_long_vehicle_name_finds_its_odometer(campaign, recordings, tmp_path):
+    name = "x" * 120
+    path = recordings / "long.mcap"
+    tables = "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 80\n"
+    write_recording(path, tables, duration_s=1.6, change=lambda toml: toml.replace('name = ""', f'name = "{name}"'))
+    campaign(path)
+    (tmp_path / "odometer.csv").write_text(ODOMETER.replace("van 7", name))
+    (tire,) = read_histories(tmp_path / "dataset", read_odometer(tmp_path / "odometer.csv")).tires
+    assert tire.has_odometer
 
 
 def test_missing_dataset_is_an_error(tmp_path):
@@ -184,6 +214,11 @@ def test_missing_dataset_is_an_error(tmp_path):
     [
         ("vehicle,km\nvan,1\n", "no column utc"),
         ("vehicle,utc,km\nvan,yesterday,1\n", "line 2"),
+        ("vehicle,utc,km\nvan,20260101,1\n", "line 2: utc is '20260101'"),
+        ("vehicle,utc,km\nvan,2026-01-01,1\nvan,46023,2\n", "line 3: utc is '46023'"),
+        ("vehicle,utc,km\nvan,,1\n", "line 2: utc is ''"),
+        ("vehicle,utc,km\nvan,2026-02-30,1\n", "line 2"),
+        ("vehicle,utc,km\nvan,9999-01-01,1\n", "line 2"),
         ("vehicle,utc,km\nvan,2026-01-01,many\n", "line 2"),
         ("vehicle,utc,km\nvan,2026-01-01,nan\n", "not a number"),
         ("vehicle,utc,km\nvan,2026-01-01,9\nvan,2026-01-02,8\n", "decreases"),

@@ -1,0 +1,25 @@
+"""Opening of files that are read at several places."""
+
+from __future__ import annotations
+
+import stat
+from pathlib import Path
+from typing import BinaryIO
+
+from gateway.errors import RecordingError
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file for reading; a FIFO or a device, which would wait for a writer, is refused.
+
+    Raises:
+        RecordingError: it is neither a file nor a folder.
+        OSError: the system refuses.
+    """
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
+        raise RecordingError(
+            f"'{path}' is a FIFO or a device: it cannot be read at several places",
+            f"Write it to a file first: cat '{path}' > recording.mcap",
+        )
+    return path.open("rb")
