@@ -90,7 +90,7 @@ class Provenance:
         frames: good frames of all links.
         frames_lost: frames missing by their counters.
         crc_errors: frames with a bad CRC.
-        damage: the first unreadable part in words, empty when everything was read.
+        damage: what was unreadable in words, empty when everything was read.
     """
 
     path: Path

@@ -164,7 +164,7 @@ class Inspection:
         events: the first link events and marks in order, at most MAX_EVENTS.
         events_omitted: number of further ones.
         topics: number of messages by decoded topic.
-        damage: the first unreadable part, None when everything was read.
+        damage: what was unreadable, None when everything was read.
     """
 
     info: RecordingInfo

@@ -21,9 +21,10 @@ _DUMP_BLOCK_BYTES: Final = 4096
 
 
 class _Playable(Protocol):
-    """Items in order, with the first unreadable part and the vehicle configuration."""
+    """Items in order, with what was unreadable and the vehicle configuration."""
 
-    damage: Reason | None
+    @property
+    def damage(self) -> Reason | None: ...
 
     @property
     def vehicle_toml(self) -> str | None: ...

@@ -99,7 +99,7 @@ RECORDING_HEAD: Final[dict[str, Column]] = {
     ),
     "alarm_count": Column(int, "number of these alarms"),
     "missing": Column(str, "why the wheel has no revolution, as JSON; null when it has"),
-    "damage": Column(str, "first unreadable part of the file, as JSON; null when all was read"),
+    "damage": Column(str, "what of the file could not be read, as JSON; null when all was read"),
 }
 RECORDING_TAIL: Final[dict[str, Column]] = {
     "tire_size": Column(str, "tire size as stated"),
