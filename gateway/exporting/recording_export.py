@@ -30,7 +30,7 @@ class ExportReport:
         wheels: positions.
         rows: number of rows of all contents and wheels.
         columns: number of columns of each content, by its name.
-        damage: first unreadable part of the recording; None when everything was read.
+        damage: what of the recording was unreadable; None when everything was read.
         doubts: what speaks against the known effects that were subtracted.
     """
 
