@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby, zip_longest
 from textwrap import wrap
-from typing import Final
+from typing import Final, NamedTuple
 
 from gateway.constants import AXIS_NAMES
 from gateway.estimators.estimator import Estimate, Status
@@ -35,6 +35,20 @@ _GAP: Final = "  "
 _NEXT_NAME: Final = ", "
 _LABEL_WIDTH: Final = 24
 _LEAST_NOTE: Final = 30
+# Last revolutions whose values are those of the end.
+_OF_THE_END: Final = 8
+
+
+class Stale(NamedTuple):
+    """An estimate that is not the newest.
+
+    Attributes:
+        revolution: that it is of, counted from 1.
+        reasons: why that of the last revolution is invalid.
+    """
+
+    revolution: int
+    reasons: tuple[Reason, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +68,7 @@ class WheelSummary:
         speed_max_mps: fastest revolution.
         missing_fraction: share of the samples within completed revolutions that were lost, by time.
         estimates: the last of each name, the last one that was not invalid where there was one.
+        stale: names of those that are not the newest, which is invalid.
         uncorrected: revolutions that known effects were not subtracted from.
         uncorrected_reason: why, of the last such; None when there is none.
         lost_fraction: share of all samples that were lost on the link, also between revolutions; NaN when not known.
@@ -71,6 +86,7 @@ class WheelSummary:
     speed_max_mps: float
     missing_fraction: float
     estimates: tuple[Estimate, ...]
+    stale: Mapping[str, Stale] = field(default_factory=dict)
     uncorrected: int = 0
     uncorrected_reason: Reason | None = None
     lost_fraction: float = math.nan
@@ -89,7 +105,9 @@ class _Wheel:
     speed_min_mps: float = math.inf
     speed_max_mps: float = -math.inf
     faults: Counter[Reason] = field(default_factory=Counter)
-    estimates: dict[str, Estimate] = field(default_factory=dict)
+    # The last ones, and the last ones that were not invalid with the number of their revolution.
+    newest: dict[str, Estimate] = field(default_factory=dict)
+    usable: dict[str, tuple[int, Estimate]] = field(default_factory=dict)
 
 
 class ResultSummary:
@@ -116,10 +134,11 @@ class ResultSummary:
         speed_mps = revolution.omega_radps * result.conditions.radius_m
         wheel.speed_min_mps = min(wheel.speed_min_mps, speed_mps)
         wheel.speed_max_mps = max(wheel.speed_max_mps, speed_mps)
-        latest, invalid = wheel.estimates, Status.INVALID
+        newest, usable, number, invalid = wheel.newest, wheel.usable, wheel.revolutions, Status.INVALID
         for estimate in result.estimates:
-            if estimate.status is not invalid or latest.get(estimate.name, estimate).status is invalid:
-                latest[estimate.name] = estimate
+            newest[estimate.name] = estimate
+            if estimate.status is not invalid:
+                usable[estimate.name] = number, estimate
 
     def wheels(self, states: Iterable[WheelSnapshot] = ()) -> tuple[WheelSummary, ...]:
         """Return the summaries so far, wheels in the order of their first result.
@@ -149,7 +168,12 @@ class ResultSummary:
             speed_min_mps=wheel.speed_min_mps if rolled else math.nan,
             speed_max_mps=wheel.speed_max_mps if rolled else math.nan,
             missing_fraction=wheel.missing_s / wheel.rolling_s if rolled else math.nan,
-            estimates=tuple(wheel.estimates.values()),
+            estimates=tuple(wheel.usable.get(name, (0, one))[1] for name, one in wheel.newest.items()),
+            stale={
+                name: Stale(number, wheel.newest[name].reasons)
+                for name, (number, _) in wheel.usable.items()
+                if wheel.newest[name].status is Status.INVALID and wheel.revolutions - number >= _OF_THE_END
+            },
             uncorrected=wheel.uncorrected,
             uncorrected_reason=wheel.uncorrected_reason,
             lost_fraction=counters.samples_lost / sent if sent else math.nan,
@@ -210,12 +234,12 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
     took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
     rolled = next((show(one) for one in wheel.estimates if one.name == DISTANCE), None)
-    if rolled is None or rolled.status is Status.INVALID:
+    if rolled is None or rolled.status is Status.INVALID or DISTANCE in wheel.stale:
         rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
     else:
         rows.append(("distance", rolled.text(), "; ".join(filter(None, (took, rolled.reason)))))
     rows.append(("samples lost", _share(wheel.lost_fraction), _samples_note(wheel)))
-    last = _estimate_rows([one for one in wheel.estimates if one.name != DISTANCE])
+    last = _estimate_rows(wheel)
     every = (*rows, *last)
     # Names of a shared row wrap, so that they do not widen the column of all labels.
     widest = max(width(label) for label, _, _ in every)
@@ -248,14 +272,22 @@ def _names(label: str) -> list[str]:
     return [*(f"{name}{_NEXT_NAME.rstrip()}" for name in others), last]
 
 
-def _estimate_rows(estimates: Sequence[Estimate]) -> list[_Row]:
+def _estimate_rows(wheel: WheelSummary) -> list[_Row]:
     """Return (label, value, note) of each estimate; invalid ones of one reason share a row, as do equal notes."""
     rows: list[_Row] = []
-    for (status, reasons), group in groupby(estimates, lambda estimate: (estimate.status, estimate.reasons)):
+
+    def shared(estimate: Estimate) -> tuple[Status, tuple[Reason, ...], Stale | None]:
+        return estimate.status, estimate.reasons, wheel.stale.get(estimate.name)
+
+    others = [one for one in wheel.estimates if one.name != DISTANCE]
+    for (status, reasons, stale), group in groupby(others, shared):
         shown = [show(estimate) for estimate in group]
         reason = joined(reasons)
         word = "" if status is Status.VALID else str(status)
         note = f"{word}: {reason}" if word and reason else word or reason
+        if stale is not None:
+            word = f"of revolution {stale.revolution} of {wheel.revolutions}, invalid since"
+            note = f"{word}: {joined(stale.reasons)}"
         if status is Status.INVALID:
             rows.append((_NEXT_NAME.join(one.label for one in shown), MISSING, note))
             continue
@@ -280,9 +312,9 @@ def _samples_note(wheel: WheelSummary) -> str:
 
 def _revolutions_note(wheel: WheelSummary) -> str:
     if wheel.revolutions_valid == wheel.revolutions:
-        return "all valid"
+        return "none with a fault"
     faults = ", ".join(f"{count} x {text(fault)}" for fault, count in wheel.faults.items())
-    return f"{wheel.revolutions_valid} valid; {faults}"
+    return f"{wheel.revolutions_valid} without a fault; {faults}"
 
 
 def _sink_line(sink: SinkSnapshot) -> str:

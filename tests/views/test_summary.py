@@ -86,7 +86,7 @@ def test_lines_are_aligned_and_rounded_to_the_error() -> None:
     assert f"provisional: {text(FEW)}" in by_label["Bs"]
     assert "36.000 km/h" in by_label["mean speed"]
     assert "1.000 % within completed revolutions" in by_label["samples lost"]
-    assert "all valid" in by_label["revolutions"]
+    assert "none with a fault" in by_label["revolutions"]
     column = by_label["revolutions"].index("1")
     assert {line.index(number) for line, number in ((by_label["speed"], "36.0004"), (by_label["Bs"], "(3.083"))} == {
         column
@@ -100,6 +100,21 @@ def test_samples_lost_between_revolutions_count() -> None:
     assert summary.wheels(states)[0].lost_fraction == pytest.approx(0.6)
     (line,) = (line for line in summary_lines(summary.wheels(states)) if "samples lost" in line)
     assert line.split() == ["samples", "lost", "60.000", "%", "0", "%", "within", "completed", "revolutions"]
+
+
+def test_values_that_are_not_those_of_the_end_say_so() -> None:
+    summary = ResultSummary()
+    for _ in range(3):
+        summary.add(result("FL", 0.1, bs(3e-3)))
+    for _ in range(8):
+        summary.add(result("FL", 0.1, bs(math.nan, Status.INVALID, FEW)))
+    (front,) = summary.wheels()
+    assert front.estimates == (bs(3e-3),)
+    assert front.stale["Bs"] == (3, (FEW,))
+    words = " ".join(" ".join(summary_lines([front])).split())
+    assert f"(3.000 ± 0.012)e-3 of revolution 3 of 11, invalid since: {text(FEW)}" in words
+    summary.add(result("FL", 0.1, bs(3.1e-3)))
+    assert not summary.wheels()[0].stale
 
 
 def test_lines_of_many_invalid_estimates_are_narrow() -> None:
@@ -135,7 +150,7 @@ def test_faults_and_links_are_printed() -> None:
     summary.add(result("FL", 0.1, faults=(LOST,)))
     link = LinkSnapshot("sim:demo", False, "", 100, 990, 3, 17, 10, 0, 2, 0, None, {"pipeline": 4})
     lines = summary_lines(summary.wheels(), [link])
-    assert any(f"0 valid; 1 x {text(LOST)}" in line for line in lines)
+    assert any(f"0 without a fault; 1 x {text(LOST)}" in line for line in lines)
     assert lines[-1] == (
         "sim:demo: 990 frames, 10 lost (1.00 %), 3 bad CRC, 2 reordered, 17 noise bytes, 4 dropped by pipeline"
     )
