@@ -58,7 +58,8 @@ def test_interrupt_while_processes_start(tmp_path: Path, options: tuple[str, ...
     assert errors.split() == ["Aborted!"]
     assert printed == ""
     assert sorted(tmp_path.glob("[!_]*")) == sorted([*recordings, marker, tmp_path / "sitecustomize.py"])
-    assert process.returncode == 130
+    # Where the signal comes again as the interpreter ends, it dies of it, which a shell shows as 130 too.
+    assert process.returncode in (130, -signal.SIGINT)
 
 
 def test_interrupt_sets_the_exit_status(monkeypatch: pytest.MonkeyPatch) -> None:
