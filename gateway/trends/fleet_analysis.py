@@ -17,8 +17,9 @@ import numpy as np
 from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.estimator import Status
 from gateway.estimators.wear import bending_left
-from gateway.reasons import Code, Reason
-from gateway.trends.level_steps import find_steps
+from gateway.reasons import Code, Reason, Value
+from gateway.trends.late_changes import LEAST_AFTER, LateChange, find_shape
+from gateway.trends.level_steps import LEAST_POINTS, find_steps, runs, with_steps
 from gateway.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.trends.plausible_readings import PlausibleReadings, plausible_readings
 from gateway.trends.recording_doubts import doubt_of, findings_of_recordings, weights_by_doubt
@@ -68,6 +69,32 @@ _NOTABLE_ZERO_MPS2: Final = 5.0
 # Change with time at the same speed over that of the values, from which the two only cancel each other.
 _SHOWN: Final = 1.2
 _NOTABLE_STIFFNESS: Final = 0.05
+# Size from which a change from one recording on is a finding, in the unit of the series. A rise of the pressure is a
+# refill, and less noise, losses or clipping is no fault.
+_NOTABLE_CHANGE: Final = {
+    "wear_mm": _LEAST_NEW_TIRE_MM,
+    "pressure_at_20_degc": 1e-3 * _LEAST_REFILL_PA,
+    "estimated_load_n": 200.0,
+    "contact_length_m": 5.0,
+    **dict.fromkeys(("Bs", "Cw", "Rs", "Ts"), 100.0 * _NOTABLE_STIFFNESS),
+    "noise_mps2": 100.0 * math.log1p(_NOTABLE_NOISE),
+    "missing_fraction": 100.0 * _NOTABLE_SHARE,
+    "samples_saturated": 100.0 * _NOTABLE_CLIPPING,
+    "mounting_offset_m": 1e3 * _NOTABLE_OFFSET_M,
+    "gain": 100.0 * _NOTABLE_GAIN,
+    "zero_g_offset_mps2": _NOTABLE_ZERO_MPS2,
+}
+_WORSE: Final = {"pressure_at_20_degc": -1.0, "noise_mps2": 1.0, "missing_fraction": 1.0, "samples_saturated": 1.0}
+# Series of logarithms in percent.
+_LOGARITHMS: Final = frozenset({"Bs", "Cw", "Rs", "Ts", "noise_mps2"})
+# Share of a notable change below which numbers do not follow it: readings have a resolution.
+_FOLLOWED: Final = 0.1
+# Recordings from which the newest state has a line of its own, and from which its numbers are valid. A slope needs two
+# values, its scatter three.
+_LEAST_OWN_LINE: Final = 5
+_LEAST_VALID: Final = 8
+# Recordings in a row that deviate to the same side are no single errors.
+_LEAST_RUN: Final = 2
 # Tires from which a fleet has a median wear, and excess over it that is a finding.
 _LEAST_FLEET: Final = 4
 _FAST_WEAR: Final = 1.5
@@ -82,7 +109,8 @@ _LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left":
 class _Line(NamedTuple):
     """A fitted series: design's column 0 is the level, 1 the trend, 2 the temperature where it is there.
 
-    `doubt` says why numbers of the line are provisional, `levels` counts the changes of what is stated within it.
+    `doubt` says why numbers of the line are provisional, `levels` counts the changes of what is stated within it. The
+    columns of `change` are the last ones of the design: what is added from it on, and the level of a line of its own.
     """
 
     places: IntArray
@@ -94,6 +122,21 @@ class _Line(NamedTuple):
     has_covariate: bool
     doubt: Reason | None
     levels: int
+    dates: tuple[str, ...]
+    change: LateChange | None
+    has_own_line: bool
+
+    @property
+    def change_at(self) -> int:
+        """Column of the change."""
+        return self.design.shape[1] - 1 - self.has_own_line
+
+    @property
+    def newest(self) -> int:
+        """Recordings used since the change."""
+        assert self.change is not None
+        newest = self.search.is_outlier[self.change.begin :].tolist()
+        return newest.count(False)
 
 
 @dataclass(slots=True)
@@ -262,19 +305,24 @@ def _pressure(tire: _Tire) -> None:
     line = _line(tire, "pressure_at_20_degc", "kPa", history.months, cold * 1e-3, unknown, steps_from=steps_from)
     found = None
     if line is not None and line.search.fit is not None:
-        normal = ~line.search.is_outlier
+        normal, change = ~line.search.is_outlier, line.change
+        if change is not None and change.is_slope:
+            normal[: change.begin - 1] = False
+        elif change is not None:
+            normal[change.begin :] = False
         found = pressure_loss(history.months[line.places[normal]], line.values[normal])
-        if found is None:
+        if found is None and change is None:
             why = Reason(Code.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
-    if line is None or found is None:
+            line = None
+    if line is None or line.search.fit is None:
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_LOSS, unit="kPa/month", reasons=(why,)))
         tire.numbers.append(TrendNumber(Quantity.PRESSURE_NOW, unit="kPa", reasons=(why,)))
         return
-    notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
+    notes: tuple[Reason, ...] = ()
     status, warm_known = Status.VALID, degc[np.isfinite(cold)]
     if _is_same(warm_known):
         stuck = Reason(Code.TREND_TEMPERATURE_STUCK, temperature_degc=float(warm_known[0]), count=len(warm_known))
-        status, notes = Status.PROVISIONAL, (stuck, *notes)
+        status, notes = Status.PROVISIONAL, (stuck,)
     plain = _rate(
         Quantity.PRESSURE_LOSS,
         "kPa/month",
@@ -284,13 +332,14 @@ def _pressure(tire: _Tire) -> None:
         status=status,
         reasons=notes,
     )
-    loss = _with_refills(plain, found) if plain.status is not Status.INVALID else plain
+    loss = _with_refills(plain, found) if plain.status is not Status.INVALID and found is not None else plain
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
         return
-    is_certain = min(found.least, loss.value - _quantile(line) * plain.std) > 0.0
-    if status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
+    least = loss.value - _quantile(line) * plain.std
+    is_certain = (least if found is None else min(found.least, least)) > 0.0
+    if loss.status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
 
 
@@ -332,7 +381,7 @@ def _load(tire: _Tire) -> None:
 
 def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
     used = ~line.search.is_outlier
-    values, steps = line.values[used], (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
+    values, steps = line.values[used], _notes_of_steps(line)
     count, shared = int(values.size), _shared_std(line.stds)
     std = math.hypot(shared, float(np.std(values, ddof=1)) / math.sqrt(count))
     mean = float(values.mean())
@@ -384,27 +433,36 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
         tire.numbers.append(TrendNumber(quantity, unit="%/month", reasons=(why,)))
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(why,)))
         return
-    notes = (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
-    rate = _rate(quantity, "%/month", line, reasons=notes)
+    rate = _rate(quantity, "%/month", line)
     drift = rate
-    if name == "Bs" and rate.status is not Status.INVALID and (worn := _softened_by_wear(tire, line)) is not None:
+    if (
+        name == "Bs"
+        and rate.status is not Status.INVALID
+        and (worn := _softened_by_wear(tire, line, _slope_after(line))) is not None
+    ):
         slope, slope_std = worn
         share = Reason(Code.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
         rate = replace(rate, reasons=(*rate.reasons, share))
         drift = replace(rate, value=rate.value - slope, std=math.hypot(rate.std, slope_std))
     tire.numbers.append(rate)
     if line.has_covariate:
-        tire.numbers.append(_number(temperature, "%/K", line, 2))
+        tire.numbers.append(_number(temperature, "%/K", line, np.eye(line.design.shape[1])[2]))
     else:
         tire.numbers.append(TrendNumber(temperature, unit="%/K", reasons=(Reason(Code.TREND_TEMPERATURE_CONSTANT),)))
-    if _is_significant(drift, line) and abs(drift.value) * _span(history.months) > 100.0 * _NOTABLE_STIFFNESS:
+    if (
+        line.change is None
+        and _is_significant(drift, line)
+        and abs(drift.value) * _span(history.months) > 100.0 * _NOTABLE_STIFFNESS
+    ):
         tire.findings.append(
             Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
         )
 
 
-def _softened_by_wear(tire: _Tire, line: _Line) -> tuple[float, float] | None:
-    """Return the change of ln(Bs p) by the measured wear in percent a month and its error; None without wear.
+def _softened_by_wear(tire: _Tire, line: _Line, along: FloatArray) -> tuple[float, float] | None:
+    """Return a combination (p,) of the coefficients of ln(Bs p) that the measured wear makes in percent, and its error.
+
+    None without wear.
 
     A wear that decreases is none: a bending stiffness that rises is the rubber's.
     """
@@ -421,7 +479,11 @@ def _softened_by_wear(tire: _Tire, line: _Line) -> tuple[float, float] | None:
     percent = np.zeros(len(left))
     percent[used] = 100.0 * bending_left(left[used])
     found = fitted(design, percent, np.ones(len(left)), used)
-    return (float(found.coefficients[1]), found.std(1)) if found is not None and found.coefficients[1] < 0.0 else None
+    if found is None:
+        return None
+    whole = np.concatenate([along, np.zeros(design.shape[1] - len(along))])
+    value = float(whole @ found.coefficients)
+    return (value, math.sqrt(max(float(whole @ found.covariance @ whole), 0.0))) if value < 0.0 else None
 
 
 def _sensor(tire: _Tire) -> None:
@@ -453,12 +515,15 @@ def _sensor(tire: _Tire) -> None:
             tire.numbers.append(TrendNumber(quantity, unit=f"{unit}/month", reasons=(why,)))
             continue
         rate = _rate(quantity, f"{unit}/month", line)
-        tire.numbers.append(rate)
         over = abs(rate.value) * _span(history.months)
         # A change far beyond what the recordings show is the covariate's, which goes with the time.
-        shown = not line.has_covariate or over < _SHOWN * float(np.ptp(line.values))
+        shown = line.change is not None or not line.has_covariate or over < _SHOWN * float(np.ptp(line.values))
+        if not shown and rate.status is not Status.INVALID:
+            why = Reason(Code.TREND_SPEED_WITH_TIME)
+            rate = replace(rate, status=Status.PROVISIONAL, reasons=(why, *rate.reasons))
+        tire.numbers.append(rate)
         worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
-        if worse and shown and over > notable and _is_significant(rate, line):
+        if line.change is None and worse and over > notable and _is_significant(rate, line):
             tire.findings.append(_sensor_finding(quantity, rate.value * _span(history.months)))
 
 
@@ -522,22 +587,53 @@ def _line(
     levels = _levels(index, places_of(tire.changes, name))
     design = np.column_stack([*columns, *levels])
     chosen, own = values[index], stds[index]
-    steps = find_steps(design, chosen, family=tire.family, least=steps_from) if np.ptp(chosen) > 0.0 else []
-    design = np.column_stack([design, *((np.arange(len(index)) >= begin).astype(np.float64) for begin in steps)])
+    shape = find_shape(
+        design,
+        chosen,
+        family=tire.family,
+        least_step=steps_from,
+        least_change=_FOLLOWED * _NOTABLE_CHANGE[name],
+        may_be_isolated=tested,
+    )
+    steps, change = shape.steps, shape.change
     of_all = history.doubts_of(name)
     doubts = [of_all[at] for at in index]
-    weights = np.multiply(weights_of(design, chosen, own), weights_by_doubt(doubts))
-    search = find_outliers(design, chosen, weights, family=tire.family)
-    doubt = doubt_of([doubts[at] for at in np.flatnonzero(~search.is_outlier)])
-    line = _Line(index, chosen, own, design, steps, search, has_covariate, doubt, len(levels))
-    if search.fit is None:
+
+    def fitted_line(change: LateChange | None) -> _Line:
+        plain = with_steps(design, steps)
+        for columns in _columns_of(change, steps, len(index)):
+            whole = np.column_stack([plain, *columns])
+            weights = np.multiply(weights_of(whole, chosen, own), weights_by_doubt(doubts))
+            if tested:
+                search = find_outliers(whole, chosen, weights, family=tire.family)
+            else:
+                every = np.ones(len(index), dtype=bool)
+                search = OutlierSearch(~every, fitted(whole, chosen, weights, every))
+            if search.fit is not None:
+                break
+        doubt = doubt_of([doubts[at] for at in np.flatnonzero(~search.is_outlier)])
+        dates = tuple(_day(history, int(at)) for at in index)
+        return _Line(
+            index, chosen, own, whole, steps, search, has_covariate, doubt, len(levels), dates, change, len(columns) > 1
+        )
+
+    line = fitted_line(change)
+    if change is None and line.search.fit is not None and (begin := _last_run(line)) is not None:
+        # The newest recordings do not fit, but agree with each other.
+        change = LateChange(begin, False, (np.arange(len(index)) >= begin).astype(np.float64))
+        line = fitted_line(change)
+    if change is not None and not change.is_slope and steps_from and _size_of_change(line)[0] > 0.0:
+        steps = [*steps, change.begin]
+        line = fitted_line(None)
+    if line.search.fit is None:
         return line
+    search, fit = line.search, line.search.fit
     # Figures show what remains at the mean temperature or speed.
-    moved = design[:, 2] * search.fit.coefficients[2] if has_covariate else np.zeros(len(index))
+    moved = design[:, 2] * fit.coefficients[2] if has_covariate else np.zeros(len(index))
     if tested:
         tire.tested += len(index)
         outliers = np.flatnonzero(search.is_outlier).tolist()
-        tire.outliers += [_outlier(history, name, unit, line, search.fit, one) for one in outliers]
+        tire.outliers += [_outlier(history, name, unit, line, fit, one) for one in outliers]
     tire.series.append(
         TrendSeries(
             name=name,
@@ -546,12 +642,152 @@ def _line(
             at=at[index] * (1e3 if against == "km" else 1.0),
             values=chosen - moved,
             stds=own,
-            expected=search.fit.expected - moved,
+            expected=fit.expected - moved,
             is_outlier=search.is_outlier if tested else np.zeros(len(index), dtype=bool),
-            steps=tuple(steps),
+            steps=tuple(sorted({*steps, *([line.change.begin] if line.change is not None else [])})),
         )
     )
+    if line.doubt is None:
+        tire.findings += _findings_of_line(tire, name, unit, line)
     return line
+
+
+def _columns_of(change: LateChange | None, steps: Sequence[int], count: int) -> list[list[FloatArray]]:
+    """Return columns of a change to fit, the first choice first.
+
+    After a change of slope the newest values have a line of their own, so that its errors hold the change's place too.
+    """
+    if change is None:
+        return [[]]
+    if not change.is_slope or count - change.begin < _LEAST_OWN_LINE:
+        return [[change.column]]
+    if any(abs(change.begin - at) < LEAST_POINTS for at in steps):
+        return [[change.column]]
+    level = (np.arange(count) >= change.begin).astype(np.float64)
+    return [[change.column, level], [change.column]]
+
+
+def _last_run(line: _Line) -> int | None:
+    """Return where outliers to one side begin that reach the last value; None where it is none or alone."""
+    return next((begin for begin, end in _runs(line) if end == len(line.values)), None)
+
+
+def _runs(line: _Line) -> list[tuple[int, int]]:
+    """Return begin and end of each run of outliers to one side."""
+    fit, found = line.search.fit, line.search.is_outlier
+    assert fit is not None
+    both = [*runs(found & (fit.residuals > 0.0)), *runs(found & (fit.residuals < 0.0))]
+    return sorted((begin, end) for begin, end in both if end - begin >= _LEAST_RUN)
+
+
+def _size_of_change(line: _Line) -> tuple[float, float]:
+    """Return the distance of the newest value from the trend before the change, and its error."""
+    assert line.change is not None
+    return _along(line, _size_of_change_at(line))
+
+
+def _along(line: _Line, along: FloatArray) -> tuple[float, float]:
+    """Return a combination (p,) of the coefficients of a line and its error.
+
+    That of few recordings is not below the error that the scatter of all gives: theirs may be small by chance.
+    """
+    fit = line.search.fit
+    assert fit is not None
+    variance = float(along @ fit.covariance @ along)
+    if line.change is not None:
+        rows = (line.design * np.sqrt(fit.weights)[:, None])[~line.search.is_outlier]
+        variance = max(variance, fit.scale**2 * float(along @ np.linalg.pinv(rows.T @ rows) @ along))
+    return float(along @ fit.coefficients), math.sqrt(max(variance, 0.0))
+
+
+def _findings_of_line(tire: _Tire, name: str, unit: str, line: _Line) -> Iterator[Reason]:
+    """Yield a finding for each notable change from one recording on, and for recordings in a row that deviate."""
+    history, change, fit = tire.history, line.change, line.search.fit
+    assert fit is not None
+    for begin, end in _runs(line):
+        scale = fit.scale / np.sqrt(fit.weights[begin:end])
+        least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
+        yield Reason(Code.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
+    # Steps of the load have their own finding.
+    for number, begin in enumerate(line.steps if name != "estimated_load_n" else ()):
+        along = np.zeros(line.design.shape[1], dtype=np.float64)
+        at = line.design.shape[1] - len(line.steps) + number - (0 if change is None else 1 + line.has_own_line)
+        along[at] = 1.0
+        size, std = _along(line, along)
+        if abs(size) >= _NOTABLE_CHANGE[name] and size * _WORSE.get(name, size) > 0.0:
+            end = min([after for after in line.steps if after > begin], default=len(line.values))
+            yield _changed(Code.TREND_LEVEL_CHANGED, history, name, unit, line, (size, std), begin, end)
+    if change is None:
+        return
+    size, std = _size_of_change(line)
+    explained = _softened_by_wear(tire, line, _size_of_change_at(line)) if name == "Bs" else None
+    if explained is not None:
+        size, std = size - explained[0], math.hypot(std, explained[1])
+    if size * _WORSE.get(name, size) <= 0.0:
+        return
+    end = len(line.values)
+    if change.is_slope and name in ("wear_mm", "pressure_at_20_degc"):
+        # Slower wear needs no attention; a leak does before it has become a low pressure.
+        before, after = _along(line, _slope_before(line)), _along(line, _slope_after(line))
+        part = _recordings(history, line, change.begin, end)
+        is_notable = abs(size) >= _NOTABLE_CHANGE[name]
+        if name == "wear_mm" and after[0] > before[0] and is_notable:
+            yield Reason(
+                Code.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
+                after_m=1e-3 * after[0], after_std_m=1e-3 * after[1], **part,
+            )  # fmt: skip
+        elif name != "wear_mm" and after[0] < before[0] and (is_notable or -1e3 * after[0] > _NOTABLE_LOSS_PA):
+            yield Reason(
+                Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
+                after_pa=-1e3 * after[0], after_std_pa=1e3 * after[1], **part,
+            )  # fmt: skip
+    elif abs(size) >= _NOTABLE_CHANGE[name]:
+        code = Code.TREND_SLOPE_CHANGED if change.is_slope else Code.TREND_LEVEL_CHANGED
+        yield _changed(code, history, name, unit, line, (size, std), change.begin, end)
+
+
+def _changed(
+    code: Code, history: TireHistory, name: str, unit: str, line: _Line, size: tuple[float, float], begin: int, end: int
+) -> Reason:
+    """Return the finding of a change; that of a logarithm as a share of the value itself."""
+    change, std = size
+    if name in _LOGARITHMS:
+        change, std = 100.0 * math.expm1(change / 100.0), std * math.exp(change / 100.0)
+    return Reason(code, name=name, change=change, std=std, unit=unit, **_recordings(history, line, begin, end))
+
+
+def _recordings(history: TireHistory, line: _Line, begin: int, end: int) -> dict[str, Value]:
+    """Return dates, number and names of the recordings of a part of a line."""
+    first, last = history.recordings[int(line.places[begin])], history.recordings[int(line.places[end - 1])]
+    return {
+        "date": line.dates[begin], "until": line.dates[end - 1], "count": end - begin, "first": first, "last": last
+    }  # fmt: skip
+
+
+def _slope_before(line: _Line) -> FloatArray:
+    """Return the coefficients (p,) of the slope before a change."""
+    along = np.zeros(line.design.shape[1])
+    along[1] = 1.0
+    return along
+
+
+def _slope_after(line: _Line) -> FloatArray:
+    """Return the coefficients (p,) of the newest slope."""
+    along = _slope_before(line)
+    if line.change is not None and line.change.is_slope:
+        along[line.change_at] = 1.0
+    return along
+
+
+def _size_of_change_at(line: _Line) -> FloatArray:
+    """Return the coefficients (p,) of the distance of the newest value from the trend before the change."""
+    along = np.zeros(line.design.shape[1])
+    along[line.change_at :] = line.design[-1, line.change_at :]
+    return along
+
+
+def _day(history: TireHistory, at: int) -> str:
+    return str(np.datetime64(int(history.time_ns[at]), "ns").astype("datetime64[D]"))
 
 
 def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, one: int) -> TrendOutlier:
@@ -595,52 +831,103 @@ def _rate(
         status: of the number where it has one.
         reasons: notes.
     """
-    span = float(np.ptp(line.design[~line.search.is_outlier, 1]))
-    if span >= least:
-        return _number(quantity, unit, line, 1, factor=factor, status=status, reasons=reasons)
-    if against == "km":
-        why = Reason(Code.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
-    else:
-        second = _DAY_S / _DAY_MONTHS
-        why = Reason(Code.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
-    return TrendNumber(quantity, unit=unit, reasons=(why,), count=int((~line.search.is_outlier).sum()))
+    span, change = float(np.ptp(line.design[~line.search.is_outlier, 1])), line.change
+    if span < least:
+        if against == "km":
+            why = Reason(Code.TREND_DISTANCE_SHORT, distance_m=1e6 * span, needed_m=1e6 * least)
+        else:
+            second = _DAY_S / _DAY_MONTHS
+            why = Reason(Code.TREND_SPAN_SHORT, span_s=second * span, needed_s=second * least)
+        return TrendNumber(quantity, unit=unit, reasons=(why,), count=int((~line.search.is_outlier).sum()))
+    reasons = (*reasons, *_notes_of_steps(line))
+    before = _slope_before(line)
+    if change is None:
+        return _number(quantity, unit, line, before, factor=factor, status=status, reasons=reasons)
+    end = len(line.values)
+    if not change.is_slope or line.newest < LEAST_AFTER or np.ptp(line.design[change.begin - 1 :, 1]) < least:
+        left = Reason(Code.TREND_NEWEST_LEFT, count=end - change.begin, date=line.dates[change.begin])
+        return _number(quantity, unit, line, before, factor=factor, status=Status.PROVISIONAL, reasons=(left, *reasons))
+    value, std = _along(line, before)
+    since = Reason(
+        Code.TREND_RATE_SINCE, count=end - change.begin, date=line.dates[change.begin], before=factor * value,
+        std=abs(factor) * std, unit=unit,
+    )  # fmt: skip
+    if line.newest < _LEAST_VALID:
+        status = Status.PROVISIONAL
+    return _number(quantity, unit, line, _slope_after(line), factor=factor, status=status, reasons=(since, *reasons))
+
+
+def _notes_of_steps(line: _Line) -> tuple[Reason, ...]:
+    return (Reason(Code.TREND_STEPS, count=len(line.steps)),) if line.steps else ()
 
 
 def _number(
     quantity: Quantity,
     unit: str,
     line: _Line,
-    at: int,
+    along: FloatArray,
     *,
     factor: float = 1.0,
     status: Status = Status.VALID,
     reasons: tuple[Reason, ...] = (),
 ) -> TrendNumber:
-    """Return a coefficient of a line as a number."""
+    """Return a combination (p,) of the coefficients of a line as a number."""
+    from scipy import stats
+
     fit = line.search.fit
     assert fit is not None
-    value, std, half = factor * float(fit.coefficients[at]), abs(factor) * fit.std(at), abs(factor) * fit.half_width(at)
+    value, std = _along(line, along)
+    value, std = factor * value, abs(factor) * std
+    freedom = fit.freedom
+    if line.has_own_line and along[line.change_at :].any():
+        freedom = max(1, min(freedom, line.newest - 2))
+    half = float(stats.t.ppf(0.975, freedom)) * std
     outliers = int(line.search.is_outlier.sum())
     notes = (*reasons, Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=outliers)) if outliers else reasons
     count = fit.freedom + fit.coefficients.size
-    number = TrendNumber(quantity, value, std, unit, status, notes, count, fit.freedom, value - half, value + half)
+    number = TrendNumber(quantity, value, std, unit, status, notes, count, freedom, value - half, value + half)
     return _judged(number, line)
 
 
 def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
-    """Return the value of the trend at the last recording; its error includes what all recordings share."""
-    fit = line.search.fit
-    assert fit is not None
+    """Return the value of the trend at the last recording; its error includes what all recordings share.
+
+    It follows a change. It is provisional where few recordings show the newest state, or the last one contradicts it.
+    """
     row = line.design[-1].copy()
     if line.has_covariate:
         row[2] = 0.0
-    value = float(row @ fit.coefficients)
-    std = math.hypot(math.sqrt(max(float(row @ fit.covariance @ row), 0.0)), _shared_std(line.stds))
-    count = fit.freedom + fit.coefficients.size
-    number = TrendNumber(
-        quantity, value, std, unit, Status.VALID, (), count, fit.freedom, value - 2.0 * std, value + 2.0 * std
-    )
-    return _judged(number, line)
+    number = _number(quantity, unit, line, row, reasons=_notes_of_steps(line))
+    shared = _shared_std(line.stds)
+    half, std = math.hypot(number.high - number.value, 2.0 * shared), math.hypot(number.std, shared)
+    number = replace(number, std=std, low=number.value - half, high=number.value + half)
+    if (change := line.change) is not None:
+        since = Reason(Code.TREND_NOW_SINCE, count=len(line.values) - change.begin, date=line.dates[change.begin])
+        is_few = not change.is_slope or line.newest < _LEAST_VALID
+        number = replace(
+            number, status=Status.PROVISIONAL if is_few else number.status, reasons=(since, *number.reasons)
+        )
+    if (deviation := _deviation_of_last(line)) is not None:
+        last = Reason(Code.TREND_LAST_DEVIATES, deviation=deviation, date=line.dates[-1])
+        number = replace(number, status=Status.PROVISIONAL, reasons=(last, *number.reasons))
+    return number
+
+
+def _deviation_of_last(line: _Line) -> float | None:
+    """Return the deviation of the last value in standard deviations where chance does not explain it."""
+    from scipy import stats
+
+    fit = line.search.fit
+    assert fit is not None
+    if not fit.scale > 0.0 or fit.freedom < LEAST_FREEDOM + 1:
+        return None
+    deviation = float(fit.residuals[-1]) * math.sqrt(float(fit.weights[-1])) / fit.scale
+    if line.search.is_outlier[-1]:
+        return deviation
+    square = deviation**2 / (1.0 - float(fit.leverage[-1]))
+    left = fit.freedom - square
+    apart = math.sqrt(square * (fit.freedom - 1) / left) if left > 0.0 else math.inf
+    return deviation if apart > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, fit.freedom - 1)) else None
 
 
 def _judged(number: TrendNumber, line: _Line) -> TrendNumber:

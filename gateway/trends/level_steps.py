@@ -108,7 +108,7 @@ def _best_step(rows: FloatArray, wanted: FloatArray, found: list[int]) -> int | 
     if not places or count - rows.shape[1] - len(found) - 1 < LEAST_POINTS:
         return None
     # The residuals of the values and of all candidate steps after the columns present give each step's gain.
-    basis = np.linalg.qr(_with_steps(rows, found))[0]
+    basis = np.linalg.qr(with_steps(rows, found))[0]
     left = wanted - basis @ (basis.T @ wanted)
     steps = (np.arange(count)[:, None] >= np.array(places)).astype(np.float64)
     steps -= basis @ (basis.T @ steps)
@@ -124,7 +124,7 @@ def _is_step(rows: FloatArray, wanted: FloatArray, found: list[int], at: int, le
     from scipy import stats
 
     count = len(wanted)
-    columns = _with_steps(rows, [at, *(other for other in found if other != at)])
+    columns = with_steps(rows, [at, *(other for other in found if other != at)])
     # The step as the last column: its coefficient and gain stand alone in the last row of R.
     columns = np.column_stack([np.delete(columns, rows.shape[1], axis=1), columns[:, rows.shape[1]]])
     basis, triangle = np.linalg.qr(columns)
@@ -141,7 +141,8 @@ def _is_step(rows: FloatArray, wanted: FloatArray, found: list[int], at: int, le
     return chance * count <= level and size >= max(_LEAST_SCATTERS * math.sqrt(rest / freedom), least)
 
 
-def _with_steps(rows: FloatArray, places: list[int]) -> FloatArray:
+def with_steps(rows: FloatArray, places: list[int]) -> FloatArray:
+    """Return a design (n, p) with a column more for each step, 0 before it and 1 from it on."""
     steps = (np.arange(len(rows))[:, None] >= np.array(places, dtype=int)).astype(np.float64)
     return np.column_stack([rows, steps])
 
@@ -149,7 +150,8 @@ def _with_steps(rows: FloatArray, places: list[int]) -> FloatArray:
 def _spikes(values: FloatArray) -> BoolArray:
     """Return (n,) whether a value differs by six times the scatter from the medians of its neighbours on both sides.
 
-    Before the first and after the last values only the other side counts.
+    Before the first and after the last values only the other side counts. Of a run of LEAST_POINTS and more, all are a
+    level of their own, and none is a spike.
     """
     count = len(values)
     if count <= 2 * _NEIGHBOURS:
@@ -161,4 +163,14 @@ def _spikes(values: FloatArray) -> BoolArray:
     off = np.fmin(np.abs(values - before), np.abs(values - after))
     # The nearer of two medians: its scatter is about half that of the values.
     scale = 2.0 * _MAD_TO_STD * float(np.median(off))
-    return np.asarray(off > _SPIKE * scale if scale > 0.0 else np.zeros(count, dtype=bool))
+    found = np.asarray(off > _SPIKE * scale if scale > 0.0 else np.zeros(count, dtype=bool))
+    for begin, end in runs(found):
+        if end - begin >= LEAST_POINTS:
+            found[begin:end] = False
+    return found
+
+
+def runs(marked: BoolArray) -> list[tuple[int, int]]:
+    """Return begin and end (exclusive) of each run of marked values, in order."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(np.int8)))
+    return [(int(begin), int(end)) for begin, end in zip(edges[::2], edges[1::2], strict=True)]

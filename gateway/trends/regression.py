@@ -106,7 +106,7 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
     leverage = np.minimum(np.einsum("ij,jk,ik->i", rows, inverse, rows), _LARGEST_LEVERAGE)
     scaled = rows * (left / (1.0 - leverage))[:, None]
     covariance = inverse @ (scaled.T @ scaled) @ inverse
-    covariance *= _correlation_factor(left / np.sqrt(1.0 - leverage), columns)
+    covariance *= correlation_factor(left / np.sqrt(1.0 - leverage), columns)
     everywhere = np.zeros(len(values))
     everywhere[used] = leverage
     expected = design @ coefficients
@@ -122,7 +122,7 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
     )
 
 
-def _correlation_factor(residuals: FloatArray, columns: int) -> float:
+def correlation_factor(residuals: FloatArray, columns: int) -> float:
     """Return the increase of the variance by residuals that follow each other in time: (1 + r) / (1 - r), at least 1.
 
     r is the autocorrelation of neighbours, with the bias (p + 3 r) / n that a fit of p coefficients gives it removed.

@@ -3,7 +3,8 @@
 A template is a format string over the values of its reason. Values are in SI units; a unit after the format converts
 and is printed: `{depth_m:.1f mm}` shows 0.008 as `8.0 mm`. A
 format of `probability` rounds down near 1. A nested reason is replaced by its own text. `{unit: }` is
-the symbol of a unit that the reason carries itself, behind a blank unless it is empty.
+the symbol of a unit that the reason carries itself, behind a blank unless it is empty. `{name:series}` is the label of
+a series of trends.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Any, Final
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Level, Notice, Reason, Value
 from gateway.views.probabilities import probability_text
+from gateway.views.series_labels import SERIES_LABELS
 from gateway.views.text import escaped
 
 TEMPLATES: Final[Mapping[Code, str]] = {
@@ -695,16 +697,39 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_DISTANCE_CONSTANT: (
         "the distance is the same in all recordings; an odometer file needs readings before and after them"
     ),
+    Code.TREND_LAST_DEVIATES: (
+        "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"
+    ),
+    Code.TREND_LEVEL_CHANGED: (
+        "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.1g}{unit: } from its earlier trend: {count} "
+        "recordings, {first} to {last}"
+    ),
     Code.TREND_LOAD_STATED: "as stated, not measured",
     Code.TREND_LOAD_STEPS: "steps of the load: {count}",
     Code.TREND_LOSES_PRESSURE: "loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month",
+    Code.TREND_LOSS_CHANGED: (
+        "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
+        "{before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
+    ),
+    Code.TREND_NEWEST_LEFT: "without the last {count} recordings, which have left the trend on {date}",
+    Code.TREND_NOW_SINCE: "by the {count} recordings since {date}, which have left the earlier trend",
     Code.TREND_NO_VALUES: "no recording has a value: {why}",
     Code.TREND_OUTLIERS_LEFT_OUT: "outliers left out: {count}",
+    Code.TREND_PASSED: (
+        "from {date} to {until}, {name:series} deviates from its trend by {deviations:.1f} standard deviations and "
+        "more in {count} recordings in a row: {first} to {last}"
+    ),
     Code.TREND_PRESSURE_CONSTANT: (
         "the pressure is {pressure_pa:.1f kPa} in all {count} recordings: the sensor is stuck, or too coarse to show "
         "a loss"
     ),
+    Code.TREND_PRESSURE_FELL: (
+        "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
+    ),
     Code.TREND_PRESSURE_NOT_MEASURED: "no sensor has sent a pressure",
+    Code.TREND_RATE_SINCE: (
+        "of the {count} recordings since {date}; before, it was {before:.3g}{unit: } ± {std:.1g}{unit: }"
+    ),
     Code.TREND_RECORDED_DISTANCE: (
         "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
     ),
@@ -717,6 +742,13 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_SENSOR_MOVES: "sensor: its distance from the neutral layer has changed by {change_m:.1f mm}",
     Code.TREND_SENSOR_NOISE: "sensor: its noise has become {factor:.1f} times as large",
     Code.TREND_SENSOR_ZERO: "sensor: its zero has changed by {change_mps2:.1f m/s²}",
+    Code.TREND_SLOPE_CHANGED: (
+        "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.1g}{unit: } from its "
+        "earlier one at the end: {count} recordings, {first} to {last}"
+    ),
+    Code.TREND_SPEED_WITH_TIME: (
+        "the speed changes with the time, so that the influences of the two are not told apart"
+    ),
     Code.TREND_SPAN_SHORT: (
         "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
         "to hour is no trend"
@@ -743,6 +775,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_UNREADABLE_FILE: "left out, because it cannot be read: {path}",
     Code.TREND_VEHICLE_WITHOUT_ODOMETER: (
         "the odometer file does not cover vehicle {vehicle}: its distance is the recorded one"
+    ),
+    Code.TREND_WEAR_CHANGED: (
+        "since {date}, wears by {after_m:.3f mm} ± {after_std_m:.3f mm} in 1,000 km; before, {before_m:.3f mm} ± "
+        "{before_std_m:.3f mm}: {count} recordings, {first} to {last}"
     ),
     Code.TREND_WEARS_FAST: (
         "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"
@@ -969,6 +1005,7 @@ _UNITS: Final = {
     "deg": math.degrees(1.0),
     "degC": 1.0,
     "K": 1.0,
+    "h": 1.0 / 3_600.0,
     "g": 1.0 / STANDARD_GRAVITY_MPS2,
     "GHz": 1e-9,
     "Hz": 1.0,
@@ -999,6 +1036,9 @@ class _Template(string.Formatter):
             return ", ".join(self.format_field(item, format_spec) for item in value)
         if format_spec == "probability":
             return probability_text(value, ".2g")
+        if format_spec == "series":
+            # Sentences are about the value itself, not its logarithm.
+            return SERIES_LABELS.get(value, str(value)).removeprefix("ln ")
         if format_spec == " ":
             return f" {value}" if value else ""
         if isinstance(value, str) and not value.isprintable():

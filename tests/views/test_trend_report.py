@@ -14,8 +14,9 @@ import pytest
 
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.trend_result import UNKNOWN_VEHICLE, FleetTrends, Quantity
+from gateway.views.series_labels import SERIES_LABELS
 from gateway.views.trend_report.trend_page import trends_page
-from gateway.views.trend_report.trend_tables import LABELS, SERIES_LABELS, trend_lines, trends_csv, trends_json
+from gateway.views.trend_report.trend_tables import LABELS, trend_lines, trends_csv, trends_json
 from tests.testkit.tire_histories import history
 
 HOSTILE = "<script>alert('x')</script>\x1b[2J"

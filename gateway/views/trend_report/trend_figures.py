@@ -10,7 +10,7 @@ import numpy as np
 
 from gateway.trends.trend_result import TireTrend, TrendSeries
 from gateway.views.report.figures import AFTER, BEFORE, MEASURED, QUIET, drawable
-from gateway.views.trend_report.trend_tables import SERIES_LABELS
+from gateway.views.series_labels import SERIES_LABELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,11 +14,11 @@ from gateway.estimators.estimator import Status
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import inline_svg, report_style, require_report_packages
+from gateway.views.series_labels import SERIES_LABELS
 from gateway.views.text import clean, counted
 from gateway.views.trend_report.trend_figures import tire_figure
 from gateway.views.trend_report.trend_tables import (
     LABELS,
-    SERIES_LABELS,
     day,
     number_of,
     plain_number,

@@ -22,6 +22,7 @@ from gateway.trends.trend_result import (
     TrendOutlier,
 )
 from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error
+from gateway.views.series_labels import SERIES_LABELS
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.text import clean, counted, pad, width
 from gateway.views.wording import as_json, joined, text
@@ -54,22 +55,6 @@ LABELS: Final[dict[Quantity, str]] = {
     Quantity.ZERO_RATE: "zero-g offset",
     Quantity.PLY_STEER_ASYMMETRY: "ply steer, left less right",
     Quantity.SLIP_ASYMMETRY: "slip angle, left less right",
-}
-SERIES_LABELS: Final[dict[str, str]] = {
-    "wear_mm": "wear",
-    "pressure_at_20_degc": "pressure at 20 °C",
-    "estimated_load_n": "load",
-    "contact_length_m": "contact length",
-    "Bs": "Bs",
-    "Cw": "Cw",
-    "Rs": "Rs",
-    "Ts": "Ts",
-    "noise_mps2": "ln noise",
-    "samples_lost": "samples lost",
-    "samples_saturated": "samples at the end of the range",
-    "mounting_offset_m": "distance from the neutral layer",
-    "gain": "gain",
-    "zero_g_offset_mps2": "zero-g offset",
 }
 _SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, Quantity.BS_RATE, Quantity.NOISE_RATE)
 _LISTED: Final = 40
