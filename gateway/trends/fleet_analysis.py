@@ -129,14 +129,14 @@ class _Line(NamedTuple):
     @property
     def change_at(self) -> int:
         """Column of the change."""
-        return self.design.shape[1] - 1 - self.has_own_line
+        columns: int = self.design.shape[1]
+        return columns - 1 - self.has_own_line
 
     @property
     def newest(self) -> int:
         """Recordings used since the change."""
         assert self.change is not None
-        newest = self.search.is_outlier[self.change.begin :].tolist()
-        return newest.count(False)
+        return sum(not one for one in self.search.is_outlier[self.change.begin :].tolist())
 
 
 @dataclass(slots=True)

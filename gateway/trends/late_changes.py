@@ -99,7 +99,8 @@ def find_shape(
         others = find_steps(np.column_stack([design, first.column]), values, family=family, least=least_step)
         if others or steps:
             again = changed(others) if others else first
-            if again is not None:
+            # Steps alone that leave no change are not replaced by more parts: a scatter that grows would call for them.
+            if again is not None and (options[0].change is not None or len(others) < len(steps)):
                 options.append(Shape(others, again))
     return min(options, key=lambda one: _criterion(design[keep], values[keep], one, keep))
 

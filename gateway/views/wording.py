@@ -701,7 +701,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"
     ),
     Code.TREND_LEVEL_CHANGED: (
-        "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.1g}{unit: } from its earlier trend: {count} "
+        "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend: {count} "
         "recordings, {first} to {last}"
     ),
     Code.TREND_LOAD_STATED: "as stated, not measured",
@@ -728,7 +728,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.TREND_PRESSURE_NOT_MEASURED: "no sensor has sent a pressure",
     Code.TREND_RATE_SINCE: (
-        "of the {count} recordings since {date}; before, it was {before:.3g}{unit: } ± {std:.1g}{unit: }"
+        "of the {count} recordings since {date}; before, it was {before:.3g}{unit: } ± {std:.2g}{unit: }"
     ),
     Code.TREND_RECORDED_DISTANCE: (
         "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
@@ -743,7 +743,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_SENSOR_NOISE: "sensor: its noise has become {factor:.1f} times as large",
     Code.TREND_SENSOR_ZERO: "sensor: its zero has changed by {change_mps2:.1f m/s²}",
     Code.TREND_SLOPE_CHANGED: (
-        "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.1g}{unit: } from its "
+        "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its "
         "earlier one at the end: {count} recordings, {first} to {last}"
     ),
     Code.TREND_SPEED_WITH_TIME: (
