@@ -60,6 +60,8 @@ _LEAST_1000KM: Final = 0.25
 _LEAST_REFILL_PA: Final = 3000.0
 # What is worth a finding, besides being significant.
 _NOTABLE_LOSS_PA: Final = 1000.0
+# Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
+_NOTABLE_FALL_PA: Final = 20e3
 _NOTABLE_NOISE: Final = 0.25
 _NOTABLE_SHARE: Final = 0.005
 _NOTABLE_CLIPPING: Final = 0.001
@@ -194,10 +196,49 @@ def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:
             wear = wear.copy()
             wear[known] -= np.column_stack(levels) @ by_levels
         edges = [0, *steps, len(known)]
-        for before, at, after in zip(edges, edges[1:-1], edges[2:], strict=False):
-            if np.median(wear[known[at:after]]) < np.median(wear[known[before:at]]):
-                begins.append(int(known[at]))
+        for before, after in zip(edges, edges[2:], strict=False):
+            at = _fall(history.km[known[before:after]], wear[known[before:after]])
+            if at is not None:
+                begins.append(int(known[before + at]))
     yield from history.split(begins)
+
+
+def _fall(km: FloatArray, wear: FloatArray) -> int | None:
+    """Return where the wear falls by that of a tire between the two lines that fit best; None where it does not.
+
+    A tire that begins to wear faster makes a step of a single line, too: there a change of slope fits better than a
+    fall between lines of one slope, and lines of their own meet.
+    """
+    from scipy import stats
+
+    count, along = len(km), np.column_stack([np.ones(len(km)), _centred(km)])
+    index = np.arange(count)
+
+    def squares(columns: FloatArray) -> float:
+        left = wear - columns @ np.linalg.lstsq(columns, wear, rcond=None)[0]
+        return float(left @ left)
+
+    def two_lines(at: int) -> FloatArray:
+        late = (index >= at).astype(np.float64)
+        return np.column_stack([along, late, late * (km - 0.5 * (km[at - 1] + km[at]))])
+
+    places = range(LEAST_POINTS, count - LEAST_POINTS + 1)
+    if not places or count - 4 < LEAST_FREEDOM:
+        return None
+    at = min(places, key=lambda place: squares(two_lines(place)))
+    columns, freedom = two_lines(at), count - 4
+    fall = -float(np.linalg.lstsq(columns, wear, rcond=None)[0][2])
+    scatter = math.sqrt(squares(columns) / freedom)
+    std = scatter * math.sqrt(max(float(np.linalg.pinv(columns.T @ columns)[2, 2]), 0.0))
+    if fall >= _LEAST_NEW_TIRE_MM and fall > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, freedom)) * std:
+        return at
+    # Few recordings give no slope of their own.
+    at = min(places, key=lambda place: squares(two_lines(place)[:, :3]))
+    step = two_lines(at)[:, :3]
+    fall = -float(np.linalg.lstsq(step, wear, rcond=None)[0][2])
+    knees = range(1, count - 1)
+    bent = min(squares(np.column_stack([along, np.maximum(km - km[knee], 0.0)])) for knee in knees)
+    return at if fall >= _LEAST_NEW_TIRE_MM and squares(step) < bent else None
 
 
 def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
@@ -336,11 +377,30 @@ def _pressure(tire: _Tire) -> None:
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
+        if line.doubt is None and (fell := _fallen(history, line)) is not None:
+            tire.findings.append(fell)
         return
     least = loss.value - _quantile(line) * plain.std
     is_certain = (least if found is None else min(found.least, least)) > 0.0
     if loss.status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
+
+
+def _fallen(history: TireHistory, line: _Line) -> Reason | None:
+    """Return the finding of a large fall of the pressure within a time that is too short for a rate."""
+    at = np.flatnonzero(~line.search.is_outlier)
+    first, last = int(line.places[at[0]]), int(line.places[at[-1]])
+    change, std = _along(line, line.design[at[-1]] - line.design[at[0]])
+    if -1e3 * change < _NOTABLE_FALL_PA or -change < _quantile(line) * std:
+        return None
+    return Reason(
+        Code.TREND_PRESSURE_FELL,
+        fall_pa=-1e3 * change,
+        std_pa=1e3 * std,
+        span_s=1e-9 * float(history.time_ns[last] - history.time_ns[first]),
+        first=history.recordings[first],
+        last=history.recordings[last],
+    )
 
 
 def _with_refills(plain: TrendNumber, found: PressureLoss) -> TrendNumber:
