@@ -428,6 +428,7 @@ class Code(StrEnum):
     TREND_RATE_SINCE = "trend_rate_since"
     TREND_RECORDED_DISTANCE = "trend_recorded_distance"
     TREND_REFILLS_HIDE = "trend_refills_hide"
+    TREND_REFILLS_OFTEN = "trend_refills_often"
     TREND_REPEATED = "trend_repeated"
     TREND_REPEATS = "trend_repeats"
     TREND_SENSOR_CLIPS = "trend_sensor_clips"

@@ -23,7 +23,7 @@ from gateway.trends.level_steps import LEAST_POINTS, find_steps, runs, with_step
 from gateway.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.trends.plausible_readings import PlausibleReadings, plausible_readings
 from gateway.trends.recording_doubts import doubt_of, findings_of_recordings, weights_by_doubt
-from gateway.trends.refilled_pressure import LEAST_RECORDINGS, PressureLoss, pressure_loss
+from gateway.trends.refilled_pressure import LEAST_RECORDINGS, MOST_REFILLS, PressureLoss, pressure_loss
 from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
 from gateway.trends.regression import fit as fitted
 from gateway.trends.stated_changes import StatedChange, findings_of_changes, places_of, stated_changes
@@ -56,6 +56,8 @@ _LEAST_NEW_TIRE_MM: Final = 0.3
 _LEAST_MONTHS: Final = 7.0 * _DAY_MONTHS
 _LEAST_LEAK_MONTHS: Final = _DAY_MONTHS
 _LEAST_1000KM: Final = 0.25
+# Time between refills of a driver who tops up often.
+_OFTEN_MONTHS: Final = 7.0 * _DAY_MONTHS
 # Smaller refills are no steps of the line; they are part of the loss's likelihood.
 _LEAST_REFILL_PA: Final = 3000.0
 # What is worth a finding, besides being significant.
@@ -373,7 +375,7 @@ def _pressure(tire: _Tire) -> None:
         status=status,
         reasons=notes,
     )
-    loss = _with_refills(plain, found) if plain.status is not Status.INVALID and found is not None else plain
+    loss = _with_refills(plain, found, line) if plain.status is not Status.INVALID and found is not None else plain
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
@@ -384,6 +386,22 @@ def _pressure(tire: _Tire) -> None:
     is_certain = (least if found is None else min(found.least, least)) > 0.0
     if loss.status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
+
+
+def _hidden_by_frequent_refills(line: _Line) -> Reason | None:
+    """Return what a tire could lose that is topped up to the same pressure every week; None where it is little.
+
+    Its pressure is a saw-tooth, whose standard deviation is its height over the root of 12. No trend tells it from
+    scatter, and the interval leaves it out: with it, it would hold nearly every loss of a sealed tire.
+    """
+    fit = line.search.fit
+    assert fit is not None
+    hidden_pa = 1e3 * math.sqrt(12.0) * fit.scale / _OFTEN_MONTHS
+    if hidden_pa < _NOTABLE_LOSS_PA:
+        return None
+    # One digit: it is a bound by the scatter.
+    digit = 10.0 ** math.floor(math.log10(hidden_pa))
+    return Reason(Code.TREND_REFILLS_OFTEN, often=MOST_REFILLS, hidden_pa=digit * round(hidden_pa / digit))
 
 
 def _fallen(history: TireHistory, line: _Line) -> Reason | None:
@@ -403,7 +421,7 @@ def _fallen(history: TireHistory, line: _Line) -> Reason | None:
     )
 
 
-def _with_refills(plain: TrendNumber, found: PressureLoss) -> TrendNumber:
+def _with_refills(plain: TrendNumber, found: PressureLoss, line: _Line) -> TrendNumber:
     """Return the pressure loss with refills that no step shows; its errors are those of the line at least.
 
     The line knows of recordings that follow each other, the likelihood of refills does not.
@@ -414,6 +432,8 @@ def _with_refills(plain: TrendNumber, found: PressureLoss) -> TrendNumber:
     # Without refills the interval would be less than half as wide upwards: they are what limits it.
     if high - found.value > 2.0 * (found.high_unrefilled - found.value) and high - found.value > half:
         notes = (*notes, Reason(Code.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
+    if (often := _hidden_by_frequent_refills(line)) is not None:
+        notes = (*notes, often)
     std = max(found.std, plain.std)
     return replace(plain, value=found.value, std=std, low=low, high=high, reasons=notes)
 
@@ -672,7 +692,7 @@ def _line(
             if search.fit is not None:
                 break
         doubt = doubt_of([doubts[at] for at in np.flatnonzero(~search.is_outlier)])
-        dates = tuple(_day(history, int(at)) for at in index)
+        dates = tuple(_date(int(history.time_ns[at])) for at in index)
         return _Line(
             index, chosen, own, whole, steps, search, has_covariate, doubt, len(levels), dates, change, len(columns) > 1
         )
@@ -846,8 +866,8 @@ def _size_of_change_at(line: _Line) -> FloatArray:
     return along
 
 
-def _day(history: TireHistory, at: int) -> str:
-    return str(np.datetime64(int(history.time_ns[at]), "ns").astype("datetime64[D]"))
+def _date(time_ns: int) -> str:
+    return str(np.datetime64(time_ns, "ns").astype("datetime64[D]"))
 
 
 def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, one: int) -> TrendOutlier:
@@ -1057,7 +1077,8 @@ def _difference(
     quantity: Quantity, name: str, left: Sequence[TireHistory], right: Sequence[TireHistory]
 ) -> TrendNumber:
     first, second = _by_path(left, name), _by_path(right, name)
-    common = sorted(first.keys() & second.keys())
+    starts = {path: (int(at), path) for tire in left for path, at in zip(tire.paths, tire.time_ns, strict=True)}
+    common = sorted(first.keys() & second.keys(), key=lambda path: starts[path])
     differences = np.array([first[path][0] - second[path][0] for path in common]) * _ANGLES
     stds = np.array([math.hypot(first[path][1], second[path][1]) for path in common]) * _ANGLES
     if len(common) < LEAST_FREEDOM + 1:
@@ -1076,14 +1097,19 @@ def _difference(
         for path, left_out in zip(common, search.is_outlier, strict=True)
         if not left_out
     ]
-    doubt = doubt_of(doubts)
+    why = [doubt] if (doubt := doubt_of(doubts)) is not None else []
+    found = search.is_outlier
+    for begin, end in [*runs(found & (fit.residuals > 0.0)), *runs(found & (fit.residuals < 0.0))]:
+        if end == len(common) and end - begin >= _LEAST_RUN:
+            why.append(Reason(Code.TREND_NEWEST_LEFT, count=end - begin, date=_date(starts[common[begin]][0])))
+    notes = [Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=int(found.sum()))] if found.any() else []
     return TrendNumber(
         quantity,
         value,
         std,
         "deg",
-        Status.VALID if doubt is None else Status.PROVISIONAL,
-        () if doubt is None else (doubt,),
+        Status.PROVISIONAL if why else Status.VALID,
+        (*why, *notes),
         fit.freedom + 1,
         fit.freedom,
         value - 2.0 * std,

@@ -5,7 +5,8 @@ scatter would take all the others for a smaller loss: a tire that loses 1 kPa a 
 tight. Here no refill is decided on. For every loss, the likelihood of the recordings is summed over all refills: jumps
 come at random with a rate, their sizes are exponential with a mean, and the pressure between two recordings is a level
 on a grid that moves with the loss (forward algorithm of a hidden Markov model, Rabiner 1989). Rate, mean size and
-scatter are profiled. The interval of the likelihood ratio then contains losses that small refills would hide.
+scatter are profiled. The interval of the likelihood ratio then contains losses that small refills would hide, up to
+MOST_REFILLS a month. A pressure that is topped up oftener is level but for a scatter, and shows no loss.
 """
 
 from __future__ import annotations
@@ -22,9 +23,12 @@ from gateway.types import FloatArray
 LEAST_RECORDINGS: Final = 8
 """Fewer recordings do not tell scatter from refills."""
 
+MOST_REFILLS: Final = 2.0
+"""Refills in a month up to which they are considered: higher rates make scatter look like refills and losses."""
+
 _MAD_TO_STD: Final = 1.4826
 # Refills in a month, 0 for none: tires are looked after once in a while, not every day.
-_RATES: Final = (0.0, 0.25, 0.5, 1.0, 2.0)
+_RATES: Final = (0.0, 0.25, 0.5, 1.0, MOST_REFILLS)
 # Mean sizes of a refill: those of a careful driver, and of a forgotten tire.
 _SIZES_KPA: Final = (1.0, 3.0, 10.0)
 # Share of jumps that let air out.

@@ -736,6 +736,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.TREND_REFILLS_HIDE: (
         "refills that the scatter hides are not excluded: the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month"
     ),
+    Code.TREND_REFILLS_OFTEN: (
+        "if it is refilled {often:.0f} times a month at most: the scatter hides a loss of {hidden_pa:.0f kPa} a month "
+        "that is topped up every week"
+    ),
     Code.TREND_SENSOR_CLIPS: "sensor: {share:.1%} more of the samples at the end of its range",
     Code.TREND_SENSOR_GAIN: "sensor: its gain has changed by {share:.1%}",
     Code.TREND_SENSOR_LOSSES: "sensor: {share:.1%} more of the samples are lost",
