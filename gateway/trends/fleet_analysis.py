@@ -73,11 +73,13 @@ _NOTABLE_ZERO_MPS2: Final = 5.0
 # Change with time at the same speed over that of the values, from which the two only cancel each other.
 _SHOWN: Final = 1.2
 _NOTABLE_STIFFNESS: Final = 0.05
+# Refills that are not seen make steps down of nearly this in a leak.
+_NOTABLE_LEVEL_PA: Final = 5000.0
 # Size from which a change from one recording on is a finding, in the unit of the series. A rise of the pressure is a
 # refill, and less noise, losses or clipping is no fault.
 _NOTABLE_CHANGE: Final = {
     "wear_mm": _LEAST_NEW_TIRE_MM,
-    "pressure_at_20_degc": 1e-3 * _LEAST_REFILL_PA,
+    "pressure_at_20_degc": 1e-3 * _NOTABLE_LEVEL_PA,
     "estimated_load_n": 200.0,
     "contact_length_m": 5.0,
     **dict.fromkeys(("Bs", "Cw", "Rs", "Ts"), 100.0 * _NOTABLE_STIFFNESS),
@@ -810,13 +812,15 @@ def _findings_of_line(tire: _Tire, name: str, unit: str, line: _Line) -> Iterato
         # Slower wear needs no attention; a leak does before it has become a low pressure.
         before, after = _along(line, _slope_before(line)), _along(line, _slope_after(line))
         part = _recordings(history, line, change.begin, end)
-        is_notable = abs(size) >= _NOTABLE_CHANGE[name]
-        if name == "wear_mm" and after[0] > before[0] and is_notable:
+        bend, bend_std = _along(line, _slope_after(line) - _slope_before(line))
+        if abs(bend) < _quantile(line) * bend_std:
+            return
+        if name == "wear_mm" and bend > 0.0 and abs(size) >= _NOTABLE_CHANGE[name]:
             yield Reason(
                 Code.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
                 after_m=1e-3 * after[0], after_std_m=1e-3 * after[1], **part,
             )  # fmt: skip
-        elif name != "wear_mm" and after[0] < before[0] and (is_notable or -1e3 * after[0] > _NOTABLE_LOSS_PA):
+        elif name != "wear_mm" and bend < 0.0 and -after[0] > max(1e-3 * _NOTABLE_LOSS_PA, 2.0 * after[1]):
             yield Reason(
                 Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
                 after_pa=-1e3 * after[0], after_std_pa=1e3 * after[1], **part,

@@ -102,7 +102,15 @@ def find_shape(
             # Steps alone that leave no change are not replaced by more parts: a scatter that grows would call for them.
             if again is not None and (options[0].change is not None or len(others) < len(steps)):
                 options.append(Shape(others, again))
-    return min(options, key=lambda one: _criterion(design[keep], values[keep], one, keep))
+    best = min(options, key=lambda one: _criterion(design[keep], values[keep], one, keep))
+    if best.change is not None and best.change.is_slope and least_step > 0.0:
+        # Steps that are too small to be reported make a change of slope, too.
+        small = Shape(find_steps(design, values, family=family), None)
+        if small.steps and _criterion(design[keep], values[keep], small, keep) <= _criterion(
+            design[keep], values[keep], best, keep
+        ):
+            return Shape(steps, None)
+    return best
 
 
 def _criterion(rows: FloatArray, wanted: FloatArray, shape: Shape, keep: BoolArray) -> float:
