@@ -962,13 +962,12 @@ def _number(
     assert fit is not None
     value, std = _along(line, along)
     value, std = factor * value, abs(factor) * std
-    freedom = fit.freedom
+    freedom, count = fit.freedom, fit.freedom + fit.coefficients.size
     if line.has_own_line and along[line.change_at :].any():
-        freedom = max(1, min(freedom, line.newest - 2))
+        freedom, count = max(1, min(freedom, line.newest - 2)), line.newest
     half = float(stats.t.ppf(0.975, freedom)) * std
     outliers = int(line.search.is_outlier.sum())
     notes = (*reasons, Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=outliers)) if outliers else reasons
-    count = fit.freedom + fit.coefficients.size
     number = TrendNumber(quantity, value, std, unit, status, notes, count, freedom, value - half, value + half)
     return _judged(number, line)
 
