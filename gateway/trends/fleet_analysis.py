@@ -84,13 +84,13 @@ _NOTABLE_CHANGE: Final = {
     "contact_length_m": 5.0,
     **dict.fromkeys(("Bs", "Cw", "Rs", "Ts"), 100.0 * _NOTABLE_STIFFNESS),
     "noise_mps2": 100.0 * math.log1p(_NOTABLE_NOISE),
-    "missing_fraction": 100.0 * _NOTABLE_SHARE,
+    "samples_lost": 100.0 * _NOTABLE_SHARE,
     "samples_saturated": 100.0 * _NOTABLE_CLIPPING,
     "mounting_offset_m": 1e3 * _NOTABLE_OFFSET_M,
     "gain": 100.0 * _NOTABLE_GAIN,
     "zero_g_offset_mps2": _NOTABLE_ZERO_MPS2,
 }
-_WORSE: Final = {"pressure_at_20_degc": -1.0, "noise_mps2": 1.0, "missing_fraction": 1.0, "samples_saturated": 1.0}
+_WORSE: Final = {"pressure_at_20_degc": -1.0, "noise_mps2": 1.0, "samples_lost": 1.0, "samples_saturated": 1.0}
 # Series of logarithms in percent.
 _LOGARITHMS: Final = frozenset({"Bs", "Cw", "Rs", "Ts", "noise_mps2"})
 # Share of a notable change below which numbers do not follow it: readings have a resolution.
@@ -591,6 +591,7 @@ def _sensor(tire: _Tire) -> None:
     ):
         covariate = log_speed if quantity is Quantity.NOISE_RATE else None
         tested = quantity in (Quantity.NOISE_RATE, Quantity.OFFSET_RATE)
+        known = len(tire.findings)
         line = _line(tire, name, unit, history.months, values, stds, covariate=covariate, tested=tested)
         if line is None or line.search.fit is None:
             why = _missing(history, name if name in history.invalid else "", values)
@@ -605,7 +606,8 @@ def _sensor(tire: _Tire) -> None:
             rate = replace(rate, status=Status.PROVISIONAL, reasons=(why, *rate.reasons))
         tire.numbers.append(rate)
         worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
-        if line.change is None and worse and over > notable and _is_significant(rate, line):
+        has_finding = line.change is not None and len(tire.findings) > known
+        if not has_finding and worse and over > notable and _is_significant(rate, line):
             tire.findings.append(_sensor_finding(quantity, rate.value * _span(history.months)))
 
 

@@ -157,13 +157,14 @@ def test_wear_that_grows_at_the_end_is_followed():
 
 
 @pytest.mark.parametrize(
-    ("name", "factor"), [("missing_fraction", 0.08), ("noise_mps2", 6.0), ("gain", 1.05), ("mounting_offset_m", 4e-3)]
+    ("name", "factor"), [("samples_lost", 5000.0), ("noise_mps2", 6.0), ("gain", 1.05), ("mounting_offset_m", 4e-3)]
 )
 def test_a_sensor_that_fails_at_the_end_is_found(name, factor):
     tire = history(7, COUNT)
     is_late = late(tire, 1.5) > 0.0
     column = tire.columns[name]
-    worse = column * np.where(is_late, factor, 1.0) if factor >= 1.0 else column + np.where(is_late, factor, 0.0)
+    is_added = name in ("samples_lost", "mounting_offset_m")
+    worse = column + np.where(is_late, factor, 0.0) if is_added else column * np.where(is_late, factor, 1.0)
     (one,) = trends_of(changed(tire, **{name: worse})).tires
     (finding,) = findings(one, Code.TREND_LEVEL_CHANGED)
     assert finding["name"] == name
@@ -172,8 +173,8 @@ def test_a_sensor_that_fails_at_the_end_is_found(name, factor):
 
 def test_series_that_are_not_tested_keep_all_values():
     tire = history(8, COUNT)
-    lost = tire.columns["missing_fraction"] + np.where(np.isin(np.arange(COUNT), [10, 25, 40]), 0.2, 0.0)
-    (one,) = trends_of(changed(tire, missing_fraction=lost)).tires
+    lost = tire.columns["samples_lost"] + np.where(np.isin(np.arange(COUNT), [10, 25, 40]), 15_000.0, 0.0)
+    (one,) = trends_of(changed(tire, samples_lost=lost)).tires
     rate = number(one, Quantity.LOSS_RATE)
     assert rate.count == COUNT
     assert Code.TREND_OUTLIERS_LEFT_OUT not in codes_of(rate)
