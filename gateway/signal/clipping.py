@@ -8,6 +8,9 @@ limit gives the probability of a pile by chance:
   reduces it.
 * Noise of more than a count spreads the samples even over a flat part, such as the contact. Towards an extreme their
   density decreases, so the share of the extreme count among the last K counts is at most 1 / (K + 1).
+
+A count stands for a step of the converter. Where the converter is coarser than the counts, as in an import, its steps
+are counted.
 """
 
 from __future__ import annotations
@@ -33,6 +36,9 @@ _LEAST_NOISE: Final = 1.5
 # steady value by two g.
 _DEEP_SHARE: Final = 0.2
 _DEEP_COUNTS: Final = 50
+# Share of the different values that may lie closer together than the converter's step: values between its steps are
+# those of bridged gaps.
+_BETWEEN: Final = 0.1
 # So few samples at an extreme are no pile, whatever the noise below 30,000 counts: the last of them has a probability
 # above that of chance.
 _NO_PILE: Final = 2
@@ -48,16 +54,28 @@ def is_clipped(counts: NDArray[np.integer[Any]], sign: int = 1) -> bool:
         sign: +1 when they are positive inward, -1 when they are negative.
     """
     # 32 bits hold -(-32768), and numpy sorts them many times faster than 16.
-    ascending = counts.astype(np.int32)
+    wide = counts.astype(np.int32)
     if sign < 0:
-        np.negative(ascending, out=ascending)
-    ascending.sort()
+        np.negative(wide, out=wide)
+    ascending = np.sort(wide)
+    if not _is_piled(ascending, wide):
+        return False
+    # Hardly ever does a revolution get here.
+    step = _converter_step(ascending)
+    if step <= 1.0:
+        return True
+    wide = np.rint((wide - ascending[-1]) / step).astype(np.int32)
+    return _is_piled(np.sort(wide), wide)
+
+
+def _is_piled(ascending: NDArray[np.int32], wide: NDArray[np.int32]) -> bool:
+    """Return whether values, given in ascending order and in order of time, pile up at an extreme."""
     n, bottom, top = len(ascending), ascending.item(0), ascending.item(-1)
     if _is_cut_deeply(ascending) or _peak_is_cut(ascending):
         return True
     if n <= _NO_PILE or (ascending.item(_NO_PILE) > bottom and ascending.item(-1 - _NO_PILE) < top):
         return False
-    noise = _noise_counts(counts)
+    noise = _noise_counts(wide)
     if noise < _LEAST_NOISE:
         return False
     near = math.floor(_NOISE_RANGE * noise)
@@ -65,6 +83,19 @@ def is_clipped(counts: NDArray[np.integer[Any]], sign: int = 1) -> bool:
     at_top, near_top = (n - ascending.searchsorted((top, top - near))).tolist()
     share = _FLATNESS / (near + 1.0)
     return _beyond_chance(at_top, near_top, share) or _beyond_chance(at_bottom, near_bottom, share)
+
+
+def _converter_step(ascending: NDArray[np.int32]) -> float:
+    """Return the step of the converter in counts, from the distances of values in ascending order."""
+    distances = np.diff(ascending)
+    distances = np.sort(distances[distances > 0])
+    if not len(distances):
+        return 1.0
+    least = distances.item(math.floor(_BETWEEN * len(distances)))
+    if least <= 1:
+        return 1.0
+    # Counts are whole numbers: a step between two of them appears as both.
+    return float(distances[(distances >= least) & (distances <= least + 1)].mean())
 
 
 def _is_cut_deeply(ascending: NDArray[np.integer[Any]]) -> bool:
@@ -105,8 +136,7 @@ def _beyond_chance(within: int, of: int, share: float) -> bool:
     return float(betainc(within, of - within + 1.0, share)) < _CHANCE
 
 
-def _noise_counts(counts: NDArray[np.integer[Any]]) -> float:
+def _noise_counts(wide: NDArray[np.int32]) -> float:
     """Return the standard deviation of white noise, from the second differences."""
-    wide = counts.astype(np.int32)
     second = np.abs(wide[2:] - 2 * wide[1:-1] + wide[:-2])
     return median(second) / (0.6745 * math.sqrt(6.0)) if len(second) else 0.0

@@ -60,3 +60,24 @@ def test_noisy_contact_cut_at_its_floor_is_clipped() -> None:
     raw = counts(9600.0, 65.0, 3.4, 0.15)
     assert not is_clipped(raw)
     assert is_clipped(np.maximum(raw, 0).astype(np.int16))
+
+
+def imported(samples: np.ndarray, step: float) -> np.ndarray:
+    """Return samples of a coarse converter in the counts of an import, which scales the largest value to 32767."""
+    coarse = np.rint(samples / step) * step
+    return np.rint(coarse * (32767.0 / np.abs(coarse).max())).astype(np.int16)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.48, 1.9, 15.3])
+@pytest.mark.parametrize("noise", [0.0, 0.4, 3.4])
+def test_coarse_converter_is_not_clipped(step: float, noise: float) -> None:
+    samples, contacts = sampled(solution(), 9600.0, 65.0, revolutions=20, noise_mps2=noise, seed=4)
+    raw = imported(samples[:, 1], step)
+    assert not any(is_clipped(raw[int(a) : int(b)]) for a, b in itertools.pairwise(contacts))
+
+
+@pytest.mark.parametrize("step", [0.1, 0.48, 1.9])
+def test_coarse_converter_that_is_cut_is_clipped(step: float) -> None:
+    samples, contacts = sampled(solution(), 9600.0, 65.0, revolutions=5, noise_mps2=0.4, seed=4)
+    raw = imported(np.minimum(samples[:, 1], 1.15 * 0.32 * omega_at(65.0) ** 2), step)
+    assert all(is_clipped(raw[int(a) : int(b)]) for a, b in itertools.pairwise(contacts))

@@ -8,6 +8,7 @@ import pytest
 from gateway.signal.repeated_samples import RepeatedSamples, Repetition
 
 SATURATION = 32_000
+NEVER = 65_535
 
 
 def result_of(counts: np.ndarray, saturation: int = SATURATION) -> Repetition | None:
@@ -57,3 +58,40 @@ def test_two_equal_samples_are_no_run() -> None:
 
 def test_saturated_samples_may_stay() -> None:
     assert result_of(np.clip(2.0 * noise(20.0, 1), -4000, 4000), saturation=4000) is None
+
+
+def imported(counts: np.ndarray, step: float) -> np.ndarray:
+    """Return counts of a converter of a step in the counts of an import, which scales each axis to its largest."""
+    coarse = np.rint(counts / step) * step
+    return np.rint(coarse * (32767.0 / np.abs(coarse).max(axis=0)))
+
+
+@pytest.mark.parametrize("step", [1.0, 8.0, 40.0, 300.0])
+@pytest.mark.parametrize("scale", [0.4, 3.0, 20.0])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_coarse_converter_is_chance(step: float, scale: float, channels: int) -> None:
+    assert result_of(imported(noise(scale, channels), step), NEVER) is None
+
+
+@pytest.mark.parametrize("step", [1.0, 1.5, 2.5, 8.0])
+@pytest.mark.parametrize("share", [1.0, 0.05])
+def test_stuck_samples_of_a_coarse_converter_are_counted(step: float, share: float) -> None:
+    # A converter uses a part of its range on one axis, and hardly any on another.
+    counts = imported(noise(20.0) * (1.0, share, 1.0), step * share)
+    found = result_of(stuck(counts, 12, 5), NEVER)
+    assert found is not None
+    assert (found.runs, found.samples) == (12, 48)
+
+
+def test_stuck_samples_are_counted_beside_a_dead_axis() -> None:
+    found = result_of(stuck(noise(20.0) * (1.0, 0.0, 1.0), 12, 5))
+    assert found is not None
+    assert found.runs == 12
+
+
+def test_values_between_the_steps_hide_no_step() -> None:
+    counts = imported(noise(20.0), 8.0)
+    for at in range(500, len(counts) - 500, 1000):
+        counts[at : at + 40] = np.rint(np.linspace(counts[at - 1], counts[at + 40], 40))
+    assert result_of(counts, NEVER) is None
+    assert result_of(stuck(counts, 12, 5), NEVER) is not None
