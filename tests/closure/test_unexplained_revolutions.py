@@ -80,6 +80,32 @@ def test_a_few_odd_turns_are_no_place() -> None:
     assert unexplained_revolutions([group(odd)]) == ()
 
 
+def changed(at_rad: float, amounts: np.ndarray) -> np.ndarray:
+    """Return one waveform at an angle, in each revolution by another amount."""
+    found = np.zeros((COUNT, 3, GRID))
+    found[:, 2] = amounts[:, None] * np.exp(-0.5 * ((THETA - at_rad) / 0.1) ** 2)
+    return found
+
+
+def test_step_or_drift_of_a_waveform_is_no_place() -> None:
+    """As the load or a gain makes: neighbouring turns are alike."""
+    for amounts in (np.where(np.arange(COUNT) < 40, -20.0, 20.0), np.linspace(-20.0, 20.0, COUNT)):
+        assert unexplained_revolutions([group(changed(0.3, amounts))]) == ()
+
+
+def test_rubbing_beside_a_step_is_found_at_its_own_place() -> None:
+    step = changed(0.3, np.where(np.arange(COUNT) < 40, -20.0, 20.0))
+    (found,) = unexplained_revolutions([group(step + burst(1.5, 2.0))])
+    assert found.angle_rad is not None
+    assert found.angle_rad[0] < 1.5 < found.angle_rad[1]
+
+
+def test_one_waveform_by_random_amounts_is_a_place() -> None:
+    amounts = np.random.default_rng(3).normal(0.0, 5.0, COUNT)
+    found = unexplained_revolutions([group(changed(0.3, amounts))])
+    assert found[0].lock == "place"
+
+
 def test_few_revolutions_have_no_scatter_by_angle() -> None:
     assert angle_scatter(np.ones((5, 3, GRID)), np.ones(3, dtype=bool), np.arange(5)) is None
     assert unexplained_revolutions([replace(group(), by_angle=None)]) == ()
@@ -157,6 +183,7 @@ def test_cells_cover_the_revolution() -> None:
     assert scatter.power_m2ps4.shape == (3, CELLS)
     # 4, less the largest twentieth of the turns.
     assert scatter.power_m2ps4.mean() == pytest.approx(3.7, rel=0.05)
+    assert scatter.successive_m2ps4.mean() == pytest.approx(3.7, rel=0.05)
     assert scatter.alternating_m2ps4.mean() == pytest.approx(3.5, rel=0.1)
 
 

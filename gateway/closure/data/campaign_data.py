@@ -99,6 +99,8 @@ class AngleScatter:
 
     Attributes:
         power_m2ps4: (3, cells) mean over revolutions.
+        successive_m2ps4: (3, cells) half the mean square of the difference of a revolution and the next one: as much as
+            the power where each has another waveform, less where they change slowly or in a step.
         alternating_m2ps4: (3, cells) mean square of the difference of odd and even revolutions, on a scale on which
             noise has the same power.
         freedom: (3,) independent complex values of one cell of one revolution; 0 for absent axes.
@@ -107,6 +109,7 @@ class AngleScatter:
     """
 
     power_m2ps4: FloatArray
+    successive_m2ps4: FloatArray
     alternating_m2ps4: FloatArray
     freedom: FloatArray
     count: int

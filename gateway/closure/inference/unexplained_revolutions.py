@@ -26,6 +26,8 @@ SAMPLES: Final = "samples"
 # Places listed, and cells by which one may differ between groups.
 _MOST: Final = 4
 _BESIDE: Final = 1
+# Independent values in the mean square of successive differences, per value: each is part of two of them.
+_SUCCESSIVE: Final = 2.0 / 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,13 +98,16 @@ def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
         allowed = np.where(near, criteria.EDGE_SHAPE * group.edges.explained_m2ps4 / max(float(near.mean()), 1e-9), 0.0)
         for axis in np.flatnonzero(scatter.freedom).tolist():
             free = ~scatter.at_limit[axis]
-            level = float(np.median(scatter.power_m2ps4[axis, free]))
+            values = scatter.power_m2ps4[axis]
+            if lock == PLACE:
+                # A step or drift of load or gain leaves neighbouring turns alike: a change during the recording.
+                values = np.minimum(values, scatter.successive_m2ps4[axis])
+            level = float(np.median(values[free]))
             if not level > 0.0:
                 continue
-            values = scatter.power_m2ps4[axis]
             freedom[at, axis] = float(scatter.freedom[axis])
             if lock == PLACE:
-                freedom[at, axis] *= scatter.count
+                freedom[at, axis] *= _SUCCESSIVE * scatter.count
                 over[at, axis] = (values - level - allowed) / level
                 power[at, axis] = values - level
                 std[at, axis] = np.maximum(values, level) / math.sqrt(freedom[at, axis])

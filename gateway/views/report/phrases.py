@@ -45,7 +45,7 @@ SCALINGS: Final = {
 NON_STATIONARY: Final = "changes during the recording"
 
 SINGLE_TURNS: Final = {
-    "place": "at one angle with another waveform each turn: a part that rubs, rattles or slips there",
+    "place": "at one angle with another waveform each turn: for example a part that rubs, rattles or slips there",
     "turns": "differs between odd and even turns",
     "samples": "error by samples that repeat the one before on every axis: a data fault of sensor, hub or link",
 }
