@@ -352,6 +352,7 @@ class Code(StrEnum):
     AXES_LEFT_OUT = "axes_left_out"
     AXIS_CONSTANT = "axis_constant"
     SAMPLES_STUCK = "samples_stuck"
+    SAMPLES_BRIDGED = "samples_bridged"
     DIFFERENT_SENSORS = "different_sensors"
     RECORDING_DAMAGED = "recording_damaged"
     RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
@@ -496,6 +497,7 @@ class Code(StrEnum):
     RECORDING_RECORD_MISSING = "recording_record_missing"
     RECORDING_RECORD_TOO_LARGE = "recording_record_too_large"
     UNIT_UNLIKELY = "unit_unlikely"
+    SIGNAL_INTERPOLATED = "signal_interpolated"
 
     # Diagnosis: acceptance tests
     IMPLAUSIBLE_PARAMETER = "implausible_parameter"

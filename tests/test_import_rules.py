@@ -33,7 +33,9 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.simulator": {
         "firmware_protocol", "gateway.config", "gateway.io", "gateway.physics", "gateway.security",
     },
-    "gateway.importing": {"firmware_protocol", "gateway.config", "gateway.io", "gateway.recording"},
+    "gateway.importing": {
+        "firmware_protocol", "gateway.config", "gateway.io", "gateway.recording", "gateway.signal",
+    },
     "gateway.views": {
         "firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline", "gateway.signal",
         "gateway.trends",

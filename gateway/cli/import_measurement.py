@@ -109,6 +109,11 @@ def report_lines(report: ImportReport) -> list[str]:
         gaps = wheel.gaps if report.decimation is not None else wheel.gaps - report.left_out
         if gaps > 0:
             lines.append(f"{gaps} rows without a value in an axis are gaps between samples")
+        if wheel.bridged:
+            lines.append(
+                f"{wheel.bridged} samples on {wheel.bridges} straight lines in every axis bridge gaps: they are left "
+                "out as gaps between samples"
+            )
         lines += [f"check: {text(finding)}" for finding in wheel.findings]
         if wheel.environment_frames:
             lines.append(f"{wheel.environment_frames} messages with pressure or temperature")

@@ -17,6 +17,7 @@ from gateway.importing.decimation import Decimation, decimation_factor
 from gateway.importing.import_map import TIME_UNITS_S, ImportedWheel, ImportMap
 from gateway.importing.sample_rows import SampleRows
 from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, TimeColumn
+from gateway.signal.bridged_gaps import BridgedGaps, Bridging
 from gateway.types import FloatArray
 
 # A million g; no sensor reads as much, and its square must still be a number.
@@ -34,12 +35,14 @@ class WheelScan:
         low_mps2: smallest value of each axis, in the protocol's direction.
         high_mps2: largest value of each axis.
         liveliest_mps2: (n,) radial axis of the block with the largest scatter, NaN in gaps.
+        bridging: gaps that are bridged by straight lines, None without any.
     """
 
     gaps: int
     low_mps2: dict[Axis, float]
     high_mps2: dict[Axis, float]
     liveliest_mps2: FloatArray
+    bridging: Bridging | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +162,11 @@ class _WheelRange:
         self._radial = self._axes.index(Axis.RADIAL)
         self._liveliest, self._most = np.empty(0), -1.0
         self._gaps = 0
+        self._bridged = BridgedGaps(len(self._axes))
 
     def look(self, values_mps2: FloatArray) -> None:
         present = np.isfinite(values_mps2).all(axis=1)
+        self._bridged.add(values_mps2)
         self._gaps += len(values_mps2) - int(np.count_nonzero(present))
         if not present.any():
             return
@@ -184,6 +189,7 @@ class _WheelRange:
             low_mps2=dict(zip(self._axes, self._low.tolist(), strict=True)),
             high_mps2=dict(zip(self._axes, self._high.tolist(), strict=True)),
             liveliest_mps2=self._liveliest,
+            bridging=self._bridged.result(),
         )
 
 

@@ -28,10 +28,10 @@ from gateway.importing.reference_channels import ReferenceChannel
 from gateway.importing.sample_rows import SampleRows, WheelColumns, kept_rows
 from gateway.importing.unit_check import unlikely_unit
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
-from gateway.reasons import Reason
+from gateway.reasons import Code, Reason
 from gateway.recording.reference_topic import reference_topic
 from gateway.recording.writer import RecordingWriter
-from gateway.types import FloatArray
+from gateway.types import BoolArray, FloatArray, IntArray
 
 _logger = logging.getLogger(__name__)
 
@@ -64,6 +64,8 @@ class WheelReport:
     Attributes:
         position: wheel position in the recording.
         gaps: samples in which an axis has no value.
+        bridged: samples on straight lines that bridge gaps; they are left out.
+        bridges: number of these lines.
         axes: one report per axis, in the protocol's order.
         environment_frames: pressure and temperature messages.
         findings: contradictions between the map and the measurement.
@@ -71,6 +73,8 @@ class WheelReport:
 
     position: str
     gaps: int
+    bridged: int
+    bridges: int
     axes: tuple[AxisReport, ...]
     environment_frames: int
     findings: tuple[Reason, ...]
@@ -155,7 +159,9 @@ class _WheelStream:
         self._quantiser = Quantiser.of(wheel, self._found)
         self._stream = FrameStream(import_map.sensor, wheel, number, found.rate_hz, self._quantiser)
         self._errors_mps2 = np.zeros(len(self._quantiser.scale_mps2))
-        self._finding = _unit_finding(import_map, wheel, self._found, found.rate_hz)
+        self._lines, self._findings = _bridges(self._found)
+        self._findings += _unit_findings(import_map, wheel, self._found, found.rate_hz)
+        self._rows = 0
 
     @property
     def end_s(self) -> float:
@@ -165,7 +171,7 @@ class _WheelStream:
     def chunks(self, rows: FloatArray, columns: WheelColumns, *, last: bool) -> Iterator[tuple[float, bytes]]:
         """Yield (end in s, bytes) of the chunks that n more rows complete."""
         values_mps2 = rows[:, columns.axes]
-        present = np.asarray(np.isfinite(values_mps2).all(axis=1))
+        present = np.asarray(np.isfinite(values_mps2).all(axis=1)) & ~self._is_bridged(len(rows))
         counts = np.zeros(values_mps2.shape, dtype=np.int16)
         if present.any():
             counts[present], block_errors_mps2 = self._quantiser.counts(values_mps2[present])
@@ -176,6 +182,17 @@ class _WheelStream:
                 slow[:, k] = rows[:, column]
         yield from self._stream.chunks(counts, present, slow, last=last)
 
+    def _is_bridged(self, count: int) -> BoolArray:
+        """Return (count,) which of the next rows lie on straight lines between samples."""
+        result = np.zeros(count, dtype=np.bool_)
+        begin = self._rows
+        self._rows += count
+        first = np.searchsorted(self._lines[:, 1], begin, side="right")
+        last = np.searchsorted(self._lines[:, 0], self._rows, side="left")
+        for start, stop in self._lines[first:last].tolist():
+            result[max(start - begin, 0) : stop - begin] = True
+        return result
+
     def report(self) -> WheelReport:
         """Return the report of the wheel."""
         found = self._found
@@ -183,12 +200,14 @@ class _WheelStream:
         return WheelReport(
             position=self._wheel.position,
             gaps=found.gaps,
+            bridged=int((self._lines[:, 1] - self._lines[:, 0]).sum()),
+            bridges=len(self._lines),
             axes=tuple(
                 AxisReport(axis, found.low_mps2[axis], found.high_mps2[axis], float(step), float(error))
                 for axis, step, error in axes
             ),
             environment_frames=self._stream.environment_frames,
-            findings=() if self._finding is None else (self._finding,),
+            findings=self._findings,
         )
 
 
@@ -306,10 +325,22 @@ def _positions(channel: ReferenceChannel, import_map: ImportMap) -> tuple[str, .
     return channel.reference.wheels or tuple(wheel.position for wheel in import_map.wheels())
 
 
-def _unit_finding(import_map: ImportMap, wheel: ImportedWheel, found: WheelScan, rate_hz: float) -> Reason | None:
+def _bridges(found: WheelScan) -> tuple[IntArray, tuple[Reason, ...]]:
+    """Return the (k, 2) lines to leave out, first sample and that after the last, and findings."""
+    bridging = found.bridging
+    if bridging is None:
+        return np.empty((0, 2), dtype=np.int64), ()
+    if bridging.is_everywhere:
+        # Without its lines nothing would remain.
+        return np.empty((0, 2), dtype=np.int64), (Reason(Code.SIGNAL_INTERPOLATED, share=bridging.share),)
+    return bridging.lines, ()
+
+
+def _unit_findings(import_map: ImportMap, wheel: ImportedWheel, found: WheelScan, rate_hz: float) -> tuple[Reason, ...]:
     radius_m = (import_map.radius_mm(wheel) or ASSUMED_RADIUS_MM) * 1e-3
     dc = import_map.sensor.protocol_coupling is Coupling.DC
-    return unlikely_unit(found.liveliest_mps2, rate_hz, radius_m, wheel.radial.unit, dc=dc)
+    finding = unlikely_unit(found.liveliest_mps2, rate_hz, radius_m, wheel.radial.unit, dc=dc)
+    return () if finding is None else (finding,)
 
 
 def _selected(

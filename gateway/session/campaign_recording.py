@@ -30,6 +30,7 @@ from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import Quantity, assumed_conditions, is_assumed, stated_conditions
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
+from gateway.signal.bridged_gaps import BridgedGaps
 from gateway.signal.repeated_samples import RepeatedSamples
 from gateway.views.wording import notice_text
 
@@ -136,6 +137,8 @@ class _Collector:
         self.statements = StatementWatch(positions(vehicle))
         self.links: set[str] = set()
         self.repeated: dict[tuple[int, int], RepeatedSamples] = {}
+        self.bridged: dict[tuple[int, int], BridgedGaps] = {}
+        self._next_sample: dict[tuple[int, int], int] = {}
         self.readings: dict[tuple[int, int], SensorReading] = {}
         self.saturated: dict[str, int] = {}
         self._wheel = order.wheel
@@ -165,17 +168,23 @@ class _Collector:
                 if isinstance(hello, Hello):
                     self.readings.setdefault((hub, number), SensorReading.from_hello(hello))
         for group in batch.sample_groups():
-            self._repeated(group)
+            self._inspect(group)
 
-    def _repeated(self, group: SampleGroup) -> None:
+    def _inspect(self, group: SampleGroup) -> None:
         source = group.hub, group.wheel
         reading, channels = self.readings.get(source), group.counts.shape[2]
         if reading is None or len(reading.columns) != channels:
             return
         counter = self.repeated.setdefault(source, RepeatedSamples(channels, reading.saturation_counts))
         follows = np.diff(group.first_sample.astype(np.int64)) == group.counts.shape[1]
+        lines = self.bridged.setdefault(source, BridgedGaps(channels))
+        is_next = self._next_sample.get(source) == int(group.first_sample[0])
         for part in np.split(group.counts, np.flatnonzero(~follows) + 1):
-            counter.add(part.reshape(-1, channels))
+            samples = part.reshape(-1, channels)
+            counter.add(samples)
+            lines.add(samples, follows=is_next)
+            is_next = False
+        self._next_sample[source] = int(group.first_sample[-1]) + group.counts.shape[1]
 
     def repeats(self, source: tuple[int, int] | None) -> Repeats | None:
         """Return the repeated samples of a wheel, None without."""
@@ -186,6 +195,13 @@ class _Collector:
         error = np.zeros(3)
         error[list(reading.columns)] = found.error_counts * np.abs(reading.scale_mps2)
         return Repeats(found.runs, found.samples, found.total, (float(error[0]), float(error[1]), float(error[2])))
+
+    def bridges(self, source: tuple[int, int] | None) -> Reason | None:
+        """Return that gaps of a wheel's signal are bridged by straight lines, None without."""
+        found = self.bridged[source].result() if source is not None and source in self.bridged else None
+        if found is None:
+            return None
+        return Reason(Code.SAMPLES_BRIDGED, samples=found.samples, share=found.share, lines=len(found.lines))
 
     @property
     def has_host_times(self) -> bool:
@@ -294,6 +310,8 @@ def _reduced(
         share = repeats.samples / repeats.total
         remarks.append(Reason(Code.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
     sensors = collected.sensors.at(vehicle, position)
+    if (bridges := collected.bridges(address)) is not None:
+        remarks.append(bridges)
     return RecordingRead(
         wheels=tuple(collected.wheels),
         groups=tuple(groups),

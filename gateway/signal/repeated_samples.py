@@ -109,9 +109,10 @@ class RepeatedSamples:
         if not live.any():
             return
         steps = steps[:, live]
-        free = (np.abs(counts[1:, live].astype(np.int32)) < self._saturation).all(axis=1)
-        small = (steps <= one_step[live]).all(axis=1)
-        equal, near = ~steps.any(axis=1) & free, small & free
+        free: BoolArray = np.logical_and.reduce(np.abs(counts[1:, live].astype(np.int32)) < self._saturation, axis=1)
+        small: BoolArray = np.logical_and.reduce(steps <= one_step[live], axis=1)
+        equal: BoolArray = (steps.max(axis=1) == 0) & free
+        near = small & free
         self._total += len(counts)
         self._moving += len(small) - int(small.sum())
         self._near += int((near[1:] & near[:-1] & ~(equal[1:] & equal[:-1])).sum())

@@ -603,6 +603,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "data fault: {samples} samples ({share:.2%}) repeat the one before on every axis, in {runs} stretches of three "
         "or more, far beyond chance; check sensor, hub and link"
     ),
+    Code.SAMPLES_BRIDGED: (
+        "data fault: {samples} samples ({share:.2%}) are on {lines} straight lines in every axis, far beyond chance: "
+        "bridged gaps, which bias the numbers. A new import of the measurement leaves them out"
+    ),
     Code.DIFFERENT_SENSORS: "the recordings are of different sensors: {sensors}",
     Code.RECORDING_DAMAGED: "{damage}. The readable part is used",
     Code.RECORDING_ORDER_UNKNOWN: (
@@ -874,6 +878,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
         "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
         "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
+    ),
+    Code.SIGNAL_INTERPOLATED: (
+        "{share:.0%} of the samples lie on straight lines in every axis: the signal was interpolated. Import it at the "
+        "rate at which it was measured"
     ),
     # Diagnosis: acceptance tests
     Code.IMPLAUSIBLE_PARAMETER: (

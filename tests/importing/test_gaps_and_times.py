@@ -16,6 +16,7 @@ from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import parse_map
 from gateway.importing.importer import ImportReport, import_file
 from gateway.importing.missing_rows import GapFilledColumns
+from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.importing.measurements import Decoded, simple_map
 
@@ -199,3 +200,32 @@ def test_exact_times_are_not_called_rounded(tmp_path: Path) -> None:
     report, _ = imported(tmp_path, [f"{k / 5000:.4f},{k % 7}" for k in range(3000)], 'time_column = "t"')
     assert (report.rounding_s, report.rate_std_hz) == (None, None)
     assert report.rate_hz == pytest.approx(5000, rel=1e-9)
+
+
+def bridged_lines(starts: range, length: int, decimals: int) -> list[str]:
+    values = 100.0 + 20.0 * np.random.default_rng(3).standard_normal(9000)
+    for at in starts:
+        values[at : at + length] = np.linspace(values[at - 1], values[at + length], length + 2)[1:-1]
+    return [f"{k},{value:.{decimals}f}" for k, value in enumerate(values)]
+
+
+@pytest.mark.parametrize("block_rows", [100, 65536])
+@pytest.mark.parametrize("decimals", [3, 9])
+def test_bridged_gaps_are_gaps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block_rows: int, decimals: int) -> None:
+    monkeypatch.setattr("gateway.importing.csv_columns.BLOCK_ROWS", block_rows)
+    starts = range(200, 8000, 700)
+    report, decoded = imported(tmp_path, bridged_lines(starts, 30, decimals))
+    assert set(range(9000)) - set(numbered(decoded)) == {at + k for at in starts for k in range(30)}
+    (wheel,) = report.wheels
+    assert (wheel.gaps, wheel.bridged, wheel.bridges) == (0, 30 * len(starts), len(starts))
+    assert any(line.startswith("360 samples on 12 straight lines") for line in report_lines(report))
+
+
+def test_signal_that_was_interpolated_is_kept_and_reported(tmp_path: Path) -> None:
+    values = np.interp(np.arange(9000) / 10.0, np.arange(901), RNG.normal(100.0, 20.0, 901))
+    report, decoded = imported(tmp_path, [f"{k},{value:.9f}" for k, value in enumerate(values)])
+    assert len(numbered(decoded)) == 9000
+    (wheel,) = report.wheels
+    assert wheel.bridged == 0
+    assert [finding.code for finding in wheel.findings] == [Code.SIGNAL_INTERPOLATED]
+    assert any("the signal was interpolated" in line for line in report_lines(report))
