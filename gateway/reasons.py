@@ -546,6 +546,7 @@ class Code(StrEnum):
     BASELINE_UNFITTED = "baseline_unfitted"
     CONTACT_UNLIKE_OTHERS = "contact_unlike_others"
     CONTACTS_CONTRADICT = "contacts_contradict"
+    LATERAL_OPPOSITE = "lateral_opposite"
     LATERAL_OPPOSITE_TO_OTHERS = "lateral_opposite_to_others"
     LOADS_CONTRADICT = "loads_contradict"
     RADIUS_UNLIKE_OTHERS = "radius_unlike_others"

@@ -32,6 +32,7 @@ from gateway.closure.inference.number_estimates import (
 )
 from gateway.closure.inference.outvoted_recordings import (
     RecordingsContradictedError,
+    opposite_pair,
     unlike_contacts_of,
     unlike_loads,
     unlike_signals,
@@ -205,6 +206,7 @@ def _diagnose(
                 Reason(Code.ABOUT_RECORDING, recording=campaign.recordings[number], reason=reason)
                 for number, reason in sorted(outvoted.items())
             ),
+            *_opposite(campaign),
             *_contradictions(campaign, unlike),
             *_apart(apart),
             *_differing(campaign, differing),
@@ -414,6 +416,15 @@ _RANK: Final = {Verdict.NAMED: 0, Verdict.INDISTINGUISHABLE: 1, Verdict.REFUSED:
 def _folds_of(campaign: Campaign) -> str:
     single = all(block.count == 1 for group in campaign.groups for block in group.blocks)
     return "revolutions" if single else "blocks of revolutions"
+
+
+def _opposite(campaign: Campaign) -> tuple[Reason, ...]:
+    """Return that two recordings have opposite lateral axes, where no majority tells which is reversed."""
+    pair = opposite_pair(campaign)
+    if pair is None:
+        return ()
+    one, other = (campaign.recordings[number] for number in pair)
+    return (Reason(Code.LATERAL_OPPOSITE, recording=one, other=other),)
 
 
 def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[Reason, ...]:

@@ -987,6 +987,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{number} is {low:.3g} in {recording} alone and {high:.3g} in {other}, beyond their errors: tire, load or "
         "pressure is not as stated; no number is determined"
     ),
+    Code.LATERAL_OPPOSITE: (
+        "the lateral waveforms of {recording} and {other} are opposite: the lateral axis of one is reversed, or its "
+        "sensor or tire is turned round"
+    ),
     Code.LATERAL_OPPOSITE_TO_OTHERS: (
         "its lateral waveform is the opposite of that of {count} others: its lateral axis is reversed, or its sensor "
         "or tire is turned round"

@@ -8,7 +8,12 @@ import pytest
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, GroupConditions
-from gateway.closure.inference.outvoted_recordings import unlike_contacts_of, unlike_loads, unlike_signals
+from gateway.closure.inference.outvoted_recordings import (
+    opposite_pair,
+    unlike_contacts_of,
+    unlike_loads,
+    unlike_signals,
+)
 from gateway.closure.result import Fitted, TireState
 from gateway.reasons import Code
 from gateway.types import FloatArray
@@ -46,10 +51,20 @@ def test_a_reversed_lateral_axis_is_found_by_the_majority(numbers, count, found)
         assert reason["count"] == count - len(found)
 
 
+@pytest.mark.parametrize(
+    ("numbers", "count", "pair"),
+    [((), 2, None), ((1,), 2, (0, 1)), ((0,), 2, (0, 1)), ((0, 1), 4, (0, 2)), ((1,), 3, None), ((2,), 5, None)],
+)
+def test_opposite_lateral_axes_without_a_majority_are_a_pair(numbers, count, pair):
+    assert opposite_pair(with_reversed(*numbers, count=count)) == pair
+
+
 def test_noise_on_the_lateral_axis_is_never_opposite():
     for seed in range(5):
         campaign = campaign_of(SPEEDS, sideways((), 0.0), axes=ALL_AXES, seed=seed)
         assert unlike_signals(campaign) == {}
+        assert opposite_pair(campaign) is None
+    assert opposite_pair(campaign_of(SPEEDS)) is None
     assert unlike_signals(campaign_of(SPEEDS)) == {}  # no lateral axis
 
 

@@ -2,7 +2,7 @@
 
 One recording with an axis connected the wrong way round, or with another tire's load in its configuration, spoils what
 all recordings are fitted for together. Where most recordings agree with each other, it is that one which is wrong. Of
-two that differ nobody knows which.
+two that differ nobody knows which: that they differ is all that can be said.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gateway.closure.inference.number_estimates import contradict
 from gateway.closure.result import Fitted, TireState
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # Correlation from which the opposite of a waveform explains more than half of another's power.
 _OPPOSITE: Final = -math.sqrt(0.5)
@@ -48,6 +48,17 @@ def unlike_signals(campaign: Campaign) -> dict[int, Reason]:
     Both need no fit: a tire has one belt, and its lateral waveform over omega^2 has one sign.
     """
     return {**_opposite_lateral(campaign), **_other_radius(campaign)}
+
+
+def opposite_pair(campaign: Campaign) -> tuple[int, int] | None:
+    """Return two recordings whose lateral waveforms are opposite where no majority tells which is wrong, else None."""
+    numbers, opposite = _opposites(campaign)
+    if _opposite_lateral(campaign):
+        return None
+    for one, against in zip(numbers, opposite, strict=True):
+        if against.any():
+            return one, numbers[int(np.argmax(against))]
+    return None
 
 
 def unlike_contacts_of(campaign: Campaign) -> dict[int, Reason]:
@@ -133,13 +144,23 @@ def _other_radius(campaign: Campaign) -> dict[int, Reason]:
 
 def _opposite_lateral(campaign: Campaign) -> dict[int, Reason]:
     """Return the recordings whose lateral waveform is the opposite of that of most others."""
+    numbers, opposite = _opposites(campaign)
+    return {
+        number: Reason(Code.LATERAL_OPPOSITE_TO_OTHERS, count=int(against.sum()))
+        for number, against in zip(numbers, opposite, strict=True)
+        if 2 * int(against.sum()) > len(numbers)
+    }
+
+
+def _opposites(campaign: Campaign) -> tuple[list[int], BoolArray]:
+    """Return the recordings, and (n, n) which of them have opposite lateral waveforms."""
     numbers = sorted({group.recording for group in campaign.groups})
     found = [_lateral(campaign.groups, number) for number in numbers]
     waves, variances = np.array([wave for wave, _ in found]), np.array([variance for _, variance in found])
     # One weight for all, so that pairs are compared by the same orders.
     used = np.isfinite(variances).all(axis=0)
     if not used.any():
-        return {}
+        return numbers, np.zeros((len(numbers), len(numbers)), dtype=np.bool_)
     waves, variances = waves[:, used], variances[:, used]
     weights = 1.0 / variances.mean(axis=0)
     products = np.einsum("in,n,jn->ij", waves, weights, waves.conj()).real
@@ -148,12 +169,8 @@ def _opposite_lateral(campaign: Campaign) -> dict[int, Reason]:
     sizes = np.sqrt(np.where(power > 0.0, power, math.inf))
     scatter = (weights**2 * np.abs(waves) ** 2) @ variances.T
     certain = products < -_CERTAIN * np.sqrt(scatter + scatter.T)
-    opposite = certain & (products < _OPPOSITE * np.outer(sizes, sizes))
-    return {
-        number: Reason(Code.LATERAL_OPPOSITE_TO_OTHERS, count=int(against.sum()))
-        for number, against in zip(numbers, opposite, strict=True)
-        if 2 * int(against.sum()) > len(numbers)
-    }
+    opposite: BoolArray = certain & (products < _OPPOSITE * np.outer(sizes, sizes))
+    return numbers, opposite
 
 
 def _lateral(groups: Collection[Group], number: int) -> tuple[ComplexArray, FloatArray]:
