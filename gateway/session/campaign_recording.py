@@ -196,6 +196,14 @@ class _Collector:
         error[list(reading.columns)] = found.error_counts * np.abs(reading.scale_mps2)
         return Repeats(found.runs, found.samples, found.total, (float(error[0]), float(error[1]), float(error[2])))
 
+    def step_mps2(self, source: tuple[int, int] | None) -> tuple[float, float, float]:
+        """Return the step of a wheel's converter by axis, 0 where it is not known."""
+        step = np.zeros(3)
+        if source is not None and source in self.repeated:
+            reading = self.readings[source]
+            step[list(reading.columns)] = self.repeated[source].step_counts() * np.abs(reading.scale_mps2)
+        return float(step[0]), float(step[1]), float(step[2])
+
     def bridges(self, source: tuple[int, int] | None) -> Reason | None:
         """Return that gaps of a wheel's signal are bridged by straight lines, None without."""
         found = self.bridged[source].result() if source is not None and source in self.bridged else None
@@ -305,6 +313,8 @@ def _reduced(
         remarks.append(Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
     if _is_doubted(faults, wheel):
         groups = [replace(group, sensor_doubted=True) for group in groups]
+    step_mps2 = collected.step_mps2(address)
+    groups = [replace(group, step_mps2=step_mps2) for group in groups]
     if repeats is not None:
         groups = [replace(group, repeats=repeats) for group in groups]
         share = repeats.samples / repeats.total

@@ -77,6 +77,13 @@ class RepeatedSamples:
         if int(self._changes.min()) >= _SHOWN or self._awaited >= _AWAITED:
             self._count_waiting()
 
+    def step_counts(self) -> FloatArray:
+        """Return the (channels,) step of the converter in counts, rounded down to a whole number."""
+        if self._one_step is None:
+            self._count_waiting()
+        step: FloatArray = np.asarray(self._one_step, dtype=np.float64) - 1.0
+        return step
+
     def result(self) -> Repetition | None:
         """Return the repetitions; None if chance may make as many, or the signal moves too little to tell."""
         if self._one_step is None:

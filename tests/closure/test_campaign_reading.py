@@ -6,13 +6,16 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 
+import gateway
 from gateway.closure.data.group_statistics import CUT_OFF, FEW
 from gateway.config.vehicle import parse_vehicle
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.errors import RecordingError
-from gateway.importing.import_map import load_map
+from gateway.importing.import_map import load_map, parse_map
 from gateway.importing.importer import import_file
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
@@ -25,6 +28,7 @@ from tests.testkit.campaign_recordings import START_NS, write_recording
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 MAP = Path(__file__).parents[2] / "examples" / "innerliner_drum_80kmh.map.toml"
+LOST = Reason(Code.SAMPLES_LOST)
 AT_60 = "[motion]\nspeed_kmh = 60.0"
 AT_90 = "[motion]\nspeed_kmh = 90.0"
 LIGHT = "load_n = 3500.0\npressure_kpa = 240.0\ntemperature_degc = 40.0"
@@ -363,6 +367,52 @@ class TestSensors:
         assert 0 < campaign.rejected[CUT_OFF] < 0.3 * len(peaks)
         assert CUT_OFF not in loud.rejected
         assert all(text(Reason(Code.RADIAL_SATURATED)) not in reason for reason in campaign.rejected)
+
+
+def measurement(folder: Path, name: str, bridged: bool) -> Path:
+    """Write a measurement of 9 s, with lines over 30 gaps of 40 samples or with empty cells, and return its import."""
+    wheel = {"position": "W1", "wheel": 0, "sensor_id": "0000b001", "load_n": 4200.0, "pressure_kpa": 210.0}
+    scenario = {"scenario": {"seed": 1, "name": "x"}, "motion": {"speed_kmh": 60.0}, "wheel": [wheel]}
+    samples = gateway.simulate(scenario, duration_s=9.0)["W1"].samples()
+    columns = {name: np.array(samples[f"{axis}_mps2"]) for name, axis in zip("clr", AXIS_NAMES, strict=True)}
+    for values in columns.values():
+        for at in range(2000, len(values) - 100, len(values) // 30):
+            values[at : at + 40] = np.linspace(values[at - 1], values[at + 40], 42)[1:-1] if bridged else np.nan
+    pyarrow.parquet.write_table(pyarrow.table(columns), folder / f"{name}.parquet")
+    axes = "".join(
+        f'[axis.{axis}]\ncolumn = "{name}"\nunit = "m/s^2"\n' for name, axis in zip("clr", AXIS_NAMES, strict=True)
+    )
+    conditions = (
+        '[conditions]\nposition = "W1"\nradius_mm = 320.0\nload_n = 4200.0\npressure_kpa = 210.0\n'
+        "temperature_degc = 30.0\n"
+    )
+    text_of_map = (
+        f'[file]\nformat = "parquet"\n[sampling]\nrate_hz = 9600.0\n{axes}[sensor]\ncoupling = "DC"\n{conditions}'
+    )
+    path = folder / f"{name}.mcap"
+    import_file(folder / f"{name}.parquet", parse_map(text_of_map, "map"), path, lambda _: None)
+    return path
+
+
+def remarks(campaign):
+    return [note["reason"] for note in campaign.notes if note.code is Code.ABOUT_RECORDING]
+
+
+def test_revolutions_with_bridged_gaps_are_left_out_as_those_with_gaps(tmp_path):
+    lost = read_campaign([measurement(tmp_path, "lost", bridged=False)])
+    bridged = read_campaign([measurement(tmp_path, "bridged", bridged=True)])
+    assert lost.rejected[LOST] > 20
+    assert bridged.rejected == lost.rejected
+    assert Code.SAMPLES_BRIDGED not in [reason.code for reason in remarks(bridged)]
+
+
+def test_bridged_gaps_in_a_recording_are_reported(tmp_path, monkeypatch):
+    monkeypatch.setattr("gateway.importing.importer._bridges", lambda _: (np.empty((0, 2), dtype=int), ()))
+    campaign = read_campaign([measurement(tmp_path, "bridged", bridged=True)])
+    (note,) = remarks(campaign)
+    assert note.code is Code.SAMPLES_BRIDGED
+    assert note["lines"] > 25
+    assert note["samples"] == pytest.approx(40 * note["lines"], rel=0.05)
 
 
 @pytest.mark.skipif(not MEASURED.exists(), reason="the measured recording is not here")

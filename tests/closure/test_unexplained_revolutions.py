@@ -106,6 +106,17 @@ def test_one_waveform_by_random_amounts_is_a_place() -> None:
     assert found[0].lock == "place"
 
 
+def test_coarse_converter_is_no_place() -> None:
+    """It scatters where the signal passes from one step to the next, and nowhere else."""
+    step = 8.0
+    rng = np.random.default_rng(1)
+    passing = np.abs(THETA - 0.8) < 0.4
+    scatter = np.where(passing, rng.uniform(-0.5 * step, 0.5 * step, (COUNT, 3, GRID)), 0.0)
+    coarse = group(scatter)
+    assert [one.lock for one in unexplained_revolutions([coarse])][:1] == ["place"]
+    assert unexplained_revolutions([replace(coarse, step_mps2=(step, step, step))]) == ()
+
+
 def test_few_revolutions_have_no_scatter_by_angle() -> None:
     assert angle_scatter(np.ones((5, 3, GRID)), np.ones(3, dtype=bool), np.arange(5)) is None
     assert unexplained_revolutions([replace(group(), by_angle=None)]) == ()

@@ -159,6 +159,7 @@ class Group:
             independent; NaN as in `Block`; None where the edges do not jitter.
         by_angle: power of the deviations by angle; None for too few revolutions.
         repeats: repeated samples of the group's recording; None without.
+        step_mps2: of the sensor's converter by axis; 0 where it is not known.
         sensor_doubted: True where the pipeline raised an alarm about the sensor that makes every shape doubtful.
     """
 
@@ -181,6 +182,7 @@ class Group:
     edge_errors_mps2: ComplexArray | None = None
     by_angle: AngleScatter | None = None
     repeats: Repeats | None = None
+    step_mps2: tuple[float, float, float] = (0.0, 0.0, 0.0)
     sensor_doubted: bool = False
 
 

@@ -155,6 +155,10 @@ RARE: Final = 5.6
 """Standard deviations of a normal variate beyond which scatter is listed as unexplained: noise reaches it once in 1e8,
 and some thousand places are looked at."""
 
+TURNS_ALIKE: Final = 0.5
+"""Ratio of the power of successive differences to that of deviations below which turns are alike: 1 where each has
+another waveform, less than this where most of the deviation changes slowly."""
+
 SIGMAS_LISTED: Final = 3.0
 """Standard errors above which the size of something listed is taken as known."""
 

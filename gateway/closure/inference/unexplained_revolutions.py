@@ -101,14 +101,21 @@ def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
             values = scatter.power_m2ps4[axis]
             if lock == PLACE:
                 # A step or drift of load or gain leaves neighbouring turns alike: a change during the recording.
+                alike = scatter.successive_m2ps4[axis] < criteria.TURNS_ALIKE * values
                 values = np.minimum(values, scatter.successive_m2ps4[axis])
+                # What jitters there comes with the change: the mean suits no turn.
+                free = free & ~alike
+                if not free.any():
+                    continue
             level = float(np.median(values[free]))
             if not level > 0.0:
                 continue
             freedom[at, axis] = float(scatter.freedom[axis])
             if lock == PLACE:
                 freedom[at, axis] *= _SUCCESSIVE * scatter.count
-                over[at, axis] = (values - level - allowed) / level
+                # A coarse converter scatters by up to half a step, and not at all where the signal stays.
+                coarse = 0.25 * group.step_mps2[axis] ** 2
+                over[at, axis] = (values - max(level, coarse) - allowed) / level
                 power[at, axis] = values - level
                 std[at, axis] = np.maximum(values, level) / math.sqrt(freedom[at, axis])
             else:
