@@ -54,28 +54,28 @@ def is_clipped(counts: NDArray[np.integer[Any]], sign: int = 1) -> bool:
         sign: +1 when they are positive inward, -1 when they are negative.
     """
     # 32 bits hold -(-32768), and numpy sorts them many times faster than 16.
-    wide = counts.astype(np.int32)
+    ascending = counts.astype(np.int32)
     if sign < 0:
-        np.negative(wide, out=wide)
-    ascending = np.sort(wide)
-    if not _is_piled(ascending, wide):
+        np.negative(ascending, out=ascending)
+    ascending.sort()
+    if not _is_piled(ascending, counts):
         return False
     # Hardly ever does a revolution get here.
     step = _converter_step(ascending)
     if step <= 1.0:
         return True
-    wide = np.rint((wide - ascending[-1]) / step).astype(np.int32)
-    return _is_piled(np.sort(wide), wide)
+    top = ascending[-1]
+    return _is_piled(np.rint((ascending - top) / step).astype(np.int32), np.rint(counts / step))
 
 
-def _is_piled(ascending: NDArray[np.int32], wide: NDArray[np.int32]) -> bool:
-    """Return whether values, given in ascending order and in order of time, pile up at an extreme."""
+def _is_piled(ascending: NDArray[np.int32], counts: NDArray[Any]) -> bool:
+    """Return whether values, in ascending order and, but for their sign, in order of time, pile up at an extreme."""
     n, bottom, top = len(ascending), ascending.item(0), ascending.item(-1)
     if _is_cut_deeply(ascending) or _peak_is_cut(ascending):
         return True
     if n <= _NO_PILE or (ascending.item(_NO_PILE) > bottom and ascending.item(-1 - _NO_PILE) < top):
         return False
-    noise = _noise_counts(wide)
+    noise = _noise_counts(counts)
     if noise < _LEAST_NOISE:
         return False
     near = math.floor(_NOISE_RANGE * noise)
@@ -136,7 +136,8 @@ def _beyond_chance(within: int, of: int, share: float) -> bool:
     return float(betainc(within, of - within + 1.0, share)) < _CHANCE
 
 
-def _noise_counts(wide: NDArray[np.int32]) -> float:
+def _noise_counts(counts: NDArray[Any]) -> float:
     """Return the standard deviation of white noise, from the second differences."""
+    wide = counts.astype(np.int32)
     second = np.abs(wide[2:] - 2 * wide[1:-1] + wide[:-2])
     return median(second) / (0.6745 * math.sqrt(6.0)) if len(second) else 0.0
