@@ -23,6 +23,7 @@ import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.lost_steady_value import LostSteadyValue, SteadyValueCheck
 from gateway.estimators.pace import is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M
@@ -88,6 +89,9 @@ _GRAVITY_SHOWS_MPS2: Final = 1500.0
 _KEPT_OF_GRAVITY: Final = 0.9
 # Largest order of an axis that stands still.
 _STILL_MPS2: Final = 1e-6
+# Mean square of kappa R from which the waveform is not that of a belt: 1.06 on a car tire, 1.2 on a flat one. Nothing that
+# rests on the shape or on gravity can be told from it.
+GREATEST_MEAN_SQUARE: Final = 1.5
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
 
@@ -201,6 +205,7 @@ class SelfCalibrationEstimator:
     def __init__(self) -> None:
         """Start from the priors."""
         self._roll = RollCalibration(offset_std_mps2=_PRIOR_STDS[1])
+        self._steady = SteadyValueCheck()
         self.reset()
 
     @property
@@ -211,6 +216,8 @@ class SelfCalibrationEstimator:
     def reset(self) -> None:
         """Forget everything, as after a change of sensor."""
         self._roll.reset()
+        self._steady.reset()
+        self._lost: list[LostSteadyValue | None] = []
         self._has_along = False
         self._is_calibrated = False
         self._reference_degc: float | None = None
@@ -241,12 +248,15 @@ class SelfCalibrationEstimator:
     def measure(self, block: RevolutionBlock) -> list[Measured | None]:
         """Take revolutions and return what is measured after each; None before the first that can be used.
 
-        Curvature of the belt, contact centre and scatter are those of the average at the last renewal.
+        Curvature of the belt, contact centre and scatter are those of the average at the last renewal. Revolutions
+        whose steady value is lost are not used.
         """
+        self._lost = self._steady.update_block(block)
         steps: list[_Step] = []
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
-            refused = _refused(revolution, block.conditions[index])
+            lost = self._lost[index]
+            refused = _refused(revolution, block.conditions[index]) if lost is None else steady_value_lost(lost)
             count = self._last.revolutions + len(taken) + 1
             due = self._belt is None or is_due(count) or count == _LEAST_REVOLUTIONS + 1 or count % _LONGEST == 0
             if refused is not None or due:
@@ -261,6 +271,11 @@ class SelfCalibrationEstimator:
         steps += self._take(block, taken)
         self._steps = steps
         return [step.measured for step in steps]
+
+    @property
+    def lost(self) -> list[LostSteadyValue | None]:
+        """What is left of the steady value in each revolution of the block that was measured last, None where all is."""
+        return self._lost
 
     def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:
         """Return the estimates of NAMES after each revolution of the block that was measured last.
@@ -326,6 +341,8 @@ class SelfCalibrationEstimator:
             return
         belt, radius_m = self._belt, block.conditions[index].radius_m
         assert belt is not None
+        if belt.mean_square > GREATEST_MEAN_SQUARE:
+            return
         revolution = block.revolutions[index]
         weightless = spectra.copy()
         weightless[0] += STANDARD_GRAVITY_MPS2 * belt.known_spectra[0]
@@ -439,7 +456,7 @@ class SelfCalibrationEstimator:
         left = order_1.real - belt.signal_order_1 * mean
         change = np.abs(block.arrays.omega_dot_radps2[at]) * (2.0 * math.pi) / (omega * omega)
         settled = self._last.revolutions + 1 + np.arange(len(taken)) > 2
-        is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled
+        is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled & (belt.mean_square <= GREATEST_MEAN_SQUARE)
         usable = np.isfinite(left) & np.isfinite(expected)
         # Factors of G, z, G' and a, then the left-hand side, of both equations.
         both = np.zeros((len(taken), 2, 5))
@@ -573,6 +590,11 @@ def _why_without(measured: Measured | None) -> Reason:
 def gravity_absent(gravity: AlongGravity) -> Reason:
     """Return the statement that the circumferential axis does not turn in gravity."""
     return Reason(Code.GRAVITY_ABSENT, axis=_ALONG_NAME, share=abs(gravity.share), std=gravity.std)
+
+
+def steady_value_lost(lost: LostSteadyValue) -> Reason:
+    """Return the statement that the sensor is not DC-coupled as stated."""
+    return Reason(Code.COUPLING_CONTRADICTED, share=lost.share, std=lost.std)
 
 
 def _roll_estimate(revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Found | None) -> Estimate:

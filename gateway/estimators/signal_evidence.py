@@ -23,18 +23,27 @@ from typing import Final, NamedTuple
 from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.self_calibration import Equations, Measured, gravity_absent, speed_errors
+from gateway.estimators.lost_steady_value import LARGEST_ZERO_MPS2, LostSteadyValue
+from gateway.estimators.self_calibration import (
+    GREATEST_MEAN_SQUARE,
+    Equations,
+    Measured,
+    gravity_absent,
+    speed_errors,
+    steady_value_lost,
+)
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
 from gateway.reasons import Code, Reason
 
 # Relative change of an estimate from which it is invalid.
 _INVALID_FROM: Final = 0.2
+# Relative change above which its size says nothing: a factor of four.
+_UNBOUNDED: Final = 3.01
 # Share of an estimate's standard error below which a change of it does not matter.
 _NEGLIGIBLE: Final = 0.3
-# A belt radius or gain that is wrong by more, relative, is not a likely cause; nor is a larger zero-g offset.
+# A belt radius or gain that is wrong by more, relative, is not a likely cause.
 _LIKELY_RADIUS: Final = 0.25
 _LIKELY_GAIN: Final = 0.5
-_LIKELY_ZERO_MPS2: Final = 6.0 * STANDARD_GRAVITY_MPS2
 # Ratios of sampling rates that are mistaken for each other, such as the rate before decimation.
 _RATE_RATIOS: Final = (0.1, 0.2, 0.25, 1.0 / 3.0, 0.5, 2.0 / 3.0, 0.75, 4.0 / 3.0, 1.5, 2.0, 3.0, 4.0, 5.0, 10.0)
 # Implausibility, in standard errors, of a rate that is mistaken by such a ratio, or by any other; of a wrong unit.
@@ -63,6 +72,7 @@ class Cause(StrEnum):
     """Statement that may be wrong."""
 
     AXES = "axes"
+    COUPLING = "coupling"
     GAIN = "gain"
     OFFSET = "offset"
     RADIUS = "radius"
@@ -99,6 +109,22 @@ _SLOPES: Final = ("ply_steer_", "slip_", "conicity_")
 _OF_ANOTHER_AXIS: Final = 0.0
 # Estimates that are the stated radius times something measured much better.
 _OF_RADIUS: Final = frozenset({"speed_mps", "distance_m", "contact_length_m"})
+# Estimates that a high-pass leaves: times, contact edges, and what is not locked to the wheel's angle.
+_OF_COUPLED: Final = frozenset(
+    {
+        "speed_mps",
+        "angular_speed_radps",
+        "rotation_rpm",
+        "distance_m",
+        "leading_edge_rad",
+        "trailing_edge_rad",
+        "contact_length_m",
+        "asynchronous_rms_mps2",
+        "asynchronous_line_rms_mps2",
+        "asynchronous_line_hz",
+        "cavity_hz",
+    }
+)
 # Estimates that rest on the shape of the belt, which offset and zero of the sensor change.
 _OF_SHAPE: Final = frozenset({*RING_NUMBERS, *RING_RATIOS, "half_angle_rad"})
 
@@ -107,6 +133,7 @@ class Subject(StrEnum):
     """What a contradiction is about, one or two words."""
 
     AXES = "axes"
+    COUPLING = "coupling"
     GRAVITY = "gravity"
     OFFSET = "sensor offset"
     STEADY = "steady value"
@@ -130,8 +157,13 @@ class Contradiction:
     ratios: dict[Cause, float]
 
     def effect_on(self, estimate: Estimate) -> float:
-        """Return the largest relative change of an estimate by one of the causes; NaN where its error contains it."""
+        """Return the largest relative change of an estimate by one of the causes.
+
+        It is NaN where the error of the estimate contains it, infinite where it rests on what the signal lacks.
+        """
         name = estimate.name
+        if Cause.COUPLING in self.ratios:
+            return 0.0 if name in _OF_COUPLED else math.inf
         exponents = _SLOPE if name.startswith(_SLOPES) else _EXPONENTS.get(name, {})
         changes = [abs(self.ratios[cause] ** power - 1.0) for cause, power in exponents.items() if cause in self.ratios]
         if not changes and name in _OF_SHAPE and self.ratios.keys() & {Cause.OFFSET, Cause.ZERO}:
@@ -205,6 +237,9 @@ class Evidence(NamedTuple):
             effect = contradiction.effect_on(estimate)
             if math.isnan(effect):
                 reasons.append(Reason(Code.ERROR_COVERS, why=contradiction.reason))
+            elif effect > _UNBOUNDED:
+                reasons.append(Reason(Code.NOTHING_FOLLOWS, why=contradiction.reason))
+                worst = effect
             elif effect * abs(estimate.value) > _NEGLIGIBLE * estimate.std or (effect and math.isnan(estimate.std)):
                 reasons.append(Reason(Code.MAY_CHANGE_BY, effect=effect, why=contradiction.reason))
                 worst = max(worst, effect)
@@ -225,19 +260,31 @@ class _Value(NamedTuple):
     std: float
 
 
-def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: float, *, ac_coupled: bool) -> Evidence:
+def assess(
+    measured: Measured | None,
+    conditions: TireConditions,
+    steady_mps2: float,
+    *,
+    ac_coupled: bool,
+    lost: LostSteadyValue | None = None,
+) -> Evidence:
     """Return the evidence on one wheel.
 
     Args:
         measured: by self-calibration; None before its first revolutions.
         conditions: as stated.
         steady_mps2: R Omega^2 of the stated radius at the present speed, positive.
-        ac_coupled: whether the sensor passes no steady value.
+        ac_coupled: whether the sensor passes no steady value, as stated.
+        lost: what is left of the steady value where that contradicts the stated coupling.
     """
     claims = conditions.claims
     radius_std = conditions.radius_std_m / conditions.radius_m
     radius = _Value(conditions.radius_m, conditions.radius_std_m)
     contradictions: list[Contradiction] = []
+    if lost is not None:
+        # What was measured rests on the steady value.
+        measured = None
+        contradictions.append(Contradiction(Subject.COUPLING, steady_value_lost(lost), {Cause.COUPLING: math.nan}))
     zero_std, gain_std = claims.zero_g_std_mps2, claims.gain_std
     # Relative error of the measured offset that a contradicted gain or rate makes.
     offset_error = 0.0
@@ -249,7 +296,8 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
         if claims.offset_m is not None:
             depth_m = min(depth_m, claims.offset_std_m)
         depth = depth_m / conditions.radius_m
-        by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, measured.mean_square * depth)
+        mean_square = min(measured.mean_square, GREATEST_MEAN_SQUARE)
+        by_gain = math.hypot(ratio.std, claims.gain_std, 2.0 * claims.rate_std, mean_square * depth)
         found_radius = _Value(conditions.radius_m * ratio.value, conditions.radius_m * by_gain)
         if radius.std > _RADIUS_UNKNOWN * found_radius.std and abs(found_radius.value - radius.value) <= (
             CONTRADICTION * math.hypot(radius.std, found_radius.std)
@@ -292,7 +340,7 @@ def assess(measured: Measured | None, conditions: TireConditions, steady_mps2: f
         scale = steady_mps2 * math.hypot(radius_std, claims.gain_std, 2.0 * claims.rate_std)
         steady_std = zero_std * scale / math.hypot(zero_std, scale) if scale and zero_std else zero_std
         if not zero_is_measured:
-            steady_std = math.hypot(steady_std, min(unsure * steady_mps2, _LIKELY_ZERO_MPS2))
+            steady_std = math.hypot(steady_std, min(unsure * steady_mps2, LARGEST_ZERO_MPS2))
     return Evidence(
         sensor_offset_m=offset_m,
         sensor_offset_std_m=offset_std_m,
@@ -477,6 +525,6 @@ def _causes(
             fits = Reason(Code.RADIUS_WOULD_FIT, radius_m=conditions.radius_m * value, stated_m=conditions.radius_m)
             yield _Possible(errors, Cause.RADIUS, value, fits)
     zero_mps2 = (value - 1.0) * measured.steady_mps2
-    if not measured.ac_coupled and abs(zero_mps2) <= _LIKELY_ZERO_MPS2:
+    if not measured.ac_coupled and abs(zero_mps2) <= LARGEST_ZERO_MPS2:
         errors = abs(zero_mps2) / max(claims.zero_g_std_mps2, 1e-6)
         yield _Possible(errors, Cause.ZERO, math.nan, Reason(Code.ZERO_WOULD_FIT, zero_mps2=zero_mps2))

@@ -263,8 +263,8 @@ class TireEstimates:
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
         given = [Given() for _ in revolutions]
         evidences = [
-            assess(found, at, at.radius_m * revolution.omega_radps**2, ac_coupled=revolution.ac_coupled)
-            for found, at, revolution in zip(measured, stated, revolutions, strict=True)
+            assess(found, at, at.radius_m * revolution.omega_radps**2, ac_coupled=revolution.ac_coupled, lost=lost)
+            for found, at, revolution, lost in zip(measured, stated, revolutions, series.calibration.lost, strict=True)
         ]
         self.evidence = evidences[-1]
         conditions = [

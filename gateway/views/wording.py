@@ -141,6 +141,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
     # Of what the signal says against what is stated
+    Code.COUPLING_CONTRADICTED: (
+        "the steady radial value is {share:.2f} ± {std:.2f} times what the contact shows: the sensor is AC-coupled and "
+        "stated as DC-coupled; state its coupling as AC"
+    ),
     Code.CONTACTS_MISSED: "a contact found in one of {every:.0f} revolutions only would fit",
     Code.ERROR_COVERS: "{why}; the standard error covers the difference",
     Code.GAIN_WOULD_FIT: "a gain of {gain:.3f} would fit",
@@ -151,6 +155,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
     Code.MAY_CHANGE_BY: "may be wrong by {effect:.1%}: {why}",
     Code.NO_SINGLE_CAUSE: "no single cause fits",
+    Code.NOTHING_FOLLOWS: "not determined: {why}",
     Code.OFFSET_CONTRADICTED: (
         "the sensor is stated {stated_m:.1f mm} ± {stated_std_m:.1f mm} below the neutral layer, the circumferential "
         "axis gives {offset_m:.2f mm} ± {std_m:.2f mm}"
@@ -1042,6 +1047,11 @@ _UNITS: Final = {
 }
 
 
+def _unsigned_zero(shown: str) -> str:
+    """Return a printed number without the sign of a zero."""
+    return shown[1:] if shown.startswith("-") and not any(digit in shown for digit in "123456789n") else shown
+
+
 class _Template(string.Formatter):
     """`str.format` with units of display and nested reasons."""
 
@@ -1062,8 +1072,9 @@ class _Template(string.Formatter):
             value = escaped(value)
         number, _, unit = format_spec.partition(" ")
         if unit:
-            return f"{format(value * _UNITS[unit], number)} {unit}"
-        return format(value, format_spec)
+            return f"{_unsigned_zero(format(value * _UNITS[unit], number))} {unit}"
+        shown = format(value, format_spec)
+        return _unsigned_zero(shown) if isinstance(value, float) else shown
 
 
 _FORMATTER: Final = _Template()
