@@ -24,6 +24,8 @@ class Code(StrEnum):
     RADIAL_CLIPPED = "radial_clipped"
     RADIAL_SATURATED = "radial_saturated"
     SAMPLES_LOST = "samples_lost"
+    SAMPLES_LOST_UNMARKED = "samples_lost_unmarked"
+    SAMPLES_REPEATED_UNMARKED = "samples_repeated_unmarked"
     EFFECTS_OUTSIDE_LOADS = "effects_outside_loads"
     EFFECTS_OUTSIDE_PRESSURES = "effects_outside_pressures"
     EFFECTS_OUTSIDE_SPEEDS = "effects_outside_speeds"

@@ -89,8 +89,8 @@ _GRAVITY_SHOWS_MPS2: Final = 1500.0
 _KEPT_OF_GRAVITY: Final = 0.9
 # Largest order of an axis that stands still.
 _STILL_MPS2: Final = 1e-6
-# Mean square of kappa R from which the waveform is not that of a belt: 1.06 on a car tire, 1.2 on a flat one. Nothing that
-# rests on the shape or on gravity can be told from it.
+# Mean square of kappa R from which the waveform is not that of a belt: 1.06 on a car tire. Nothing that rests on the
+# shape or on gravity can be told from it.
 GREATEST_MEAN_SQUARE: Final = 1.5
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
@@ -274,7 +274,7 @@ class SelfCalibrationEstimator:
 
     @property
     def lost(self) -> list[LostSteadyValue | None]:
-        """What is left of the steady value in each revolution of the block that was measured last, None where all is."""
+        """What is left of the steady value in each revolution of the last block, None where it is not lost."""
         return self._lost
 
     def estimates(self, block: RevolutionBlock, unsure: Sequence[float] | None = None) -> list[tuple[Estimate, ...]]:

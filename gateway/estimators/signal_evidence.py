@@ -319,7 +319,7 @@ def assess(
             gain_std = max(gain_std, abs(changed - 1.0))
             by_rate = contradiction.ratios.get(Cause.RATE, 1.0) ** -2.0
             offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
-    zero = None if measured is None else _zero(measured)
+    zero = None if measured is None else _zero(measured, zero_std)
     zero_is_measured = zero is not None and zero.std < _ZERO_MEASURED * zero_std
     if zero is not None and zero_is_measured:
         if abs(zero.value) > CONTRADICTION * math.hypot(zero.std, zero_std):
@@ -413,12 +413,20 @@ def _steady_ratio(measured: Measured, zero_std_mps2: float) -> _Value | None:
         return None if measured.contact_gain is None else _Value(*measured.contact_gain)
     if not measured.by_mean.aa > 0.0:
         return None
-    found = _first_of(measured.by_mean, max(zero_std_mps2, 1e-3))
-    return None if found is None else _Value(1.0 + found[0], math.sqrt(found[1]))
+    equations = measured.by_mean
+    found = _first_of(equations, max(zero_std_mps2, 1e-3))
+    if found is None:
+        return None
+    zero = (equations.b - equations.ab * found[0]) / (equations.bb + max(zero_std_mps2, 1e-3) ** -2.0)
+    if abs(zero) > max(LARGEST_ZERO_MPS2, CONTRADICTION * zero_std_mps2):
+        # No sensor has it: a few means do not belong to their speeds. All means together have the stated zero.
+        std = math.hypot(equations.aa**-0.5, zero_std_mps2 * equations.ab / equations.aa)
+        return _Value(1.0 + equations.a / equations.aa, std)
+    return _Value(1.0 + found[0], math.sqrt(found[1]))
 
 
-def _zero(measured: Measured) -> _Value | None:
-    """Return the zero-g offset that means at different speeds give, None where there is only one speed."""
+def _zero(measured: Measured, zero_std_mps2: float) -> _Value | None:
+    """Return the zero-g offset that means at different speeds give, None where there is only one speed or none fits."""
     aa, ab, bb, a, b = measured.by_mean
     if measured.ac_coupled or not aa > 0.0:
         return None
@@ -426,7 +434,9 @@ def _zero(measured: Measured) -> _Value | None:
     if not determinant > 1e-9 * aa * bb:
         return None
     std = math.hypot(math.sqrt(aa / determinant), speed_errors(measured.by_mean).zero_mps2)
-    return _Value((aa * b - ab * a) / determinant, std)
+    value = (aa * b - ab * a) / determinant
+    # One that no sensor has is no measurement: a few means do not belong to their speeds.
+    return _Value(value, std) if abs(value) <= max(LARGEST_ZERO_MPS2, CONTRADICTION * zero_std_mps2) else None
 
 
 def _gravity_gain(measured: Measured, depth: float) -> _Value | None:

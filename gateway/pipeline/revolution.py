@@ -109,6 +109,7 @@ class TimedRevolution:
         sign: +1 or -1, makes the radial axis positive inward.
         contribution_mps2: (3, GRID_SIZE) contribution of known effects to the axes, which is subtracted; None if none.
         uncorrected: reason why no contribution is subtracted although effects are known.
+        missing_samples: samples that were lost without being marked; negative for repeated ones.
     """
 
     pair: ContactPair
@@ -119,6 +120,7 @@ class TimedRevolution:
     sign: int
     contribution_mps2: FloatArray | None = None
     uncorrected: Reason | None = None
+    missing_samples: float = 0.0
 
 
 def revolutions_in_angle(
@@ -209,8 +211,8 @@ def _in_angle(
             missing_fraction=lost / period,
             saturated=saturated,
             ac_coupled=reading.ac_coupled,
-            faults=_faults(revolution.pair, lost / period, saturated, clipped, edge_fault),
-            period_std_s=timed.period_std / revolution.rate_hz,
+            faults=_faults(revolution, lost / period, saturated, clipped, edge_fault),
+            period_std_s=math.hypot(timed.period_std, revolution.missing_samples) / revolution.rate_hz,
             rate_hz=revolution.rate_hz,
             uncorrected=revolution.uncorrected,
         )
@@ -249,13 +251,18 @@ def _edges(
 
 
 def _faults(
-    pair: ContactPair, missing: float, saturated: bool, clipped: bool, edge_fault: Reason | None
+    revolution: TimedRevolution, missing: float, saturated: bool, clipped: bool, edge_fault: Reason | None
 ) -> tuple[Reason, ...]:
     faults = []
+    pair = revolution.pair
     if pair.start.predicted or pair.end.predicted:
         faults.append(Reason(Code.CONTACT_INTERPOLATED))
     if missing > _MAX_MISSING_FRACTION:
         faults.append(Reason(Code.SAMPLES_LOST))
+    if revolution.missing_samples > 0.0:
+        faults.append(Reason(Code.SAMPLES_LOST_UNMARKED, count=revolution.missing_samples))
+    elif revolution.missing_samples < 0.0:
+        faults.append(Reason(Code.SAMPLES_REPEATED_UNMARKED, count=-revolution.missing_samples))
     if saturated:
         faults.append(Reason(Code.RADIAL_SATURATED))
     if clipped:

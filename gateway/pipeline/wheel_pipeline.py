@@ -14,7 +14,7 @@ from firmware_protocol.messages import Axis, Environment, Hello
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from gateway.constants import AXIS_NAMES
-from gateway.pipeline.contact_timing import ContactTimer
+from gateway.pipeline.contact_timing import ContactTimer, TimedPair
 from gateway.pipeline.missing_revolutions import MissingRevolutions
 from gateway.pipeline.possible_readings import possible_reading
 from gateway.pipeline.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
@@ -24,6 +24,7 @@ from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.pipeline.sensor_health import SensorHealth
 from gateway.pipeline.timebase import HostClock, SampleClock
 from gateway.pipeline.tire_estimates import TireEstimates
+from gateway.pipeline.unmarked_loss import UnmarkedLossCheck
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import MARGIN_SAMPLES
@@ -75,6 +76,7 @@ class WheelPipeline:
         self._hold_s = hold_s
         self._tire = TireEstimates(setup, estimators)
         self._timer = ContactTimer()
+        self._unmarked = UnmarkedLossCheck()
         self._missing = MissingRevolutions(setup.radius_m)
         self._sensor: _Sensor | None = None
         self._buffer: SampleBuffer | None = None
@@ -88,6 +90,8 @@ class WheelPipeline:
         self._environments_waiting = 0
         self._samples = self._lost = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
+        # Samples that the last revolution was short of without a mark.
+        self._missing_before = 0.0
         self.blocks_before_hello = 0
         # The latest state for views, until something changes it.
         self._snapshot: WheelSnapshot | None = None
@@ -119,6 +123,7 @@ class WheelPipeline:
             self._buffer = SampleBuffer(round(BUFFER_S * hello.rate_hz), len(reading.columns))
             self._segmenter = None
             self._timer.reset()
+            self._unmarked.reset()
             self._clock = SampleClock(hello.rate_hz)
 
     def environment(self, tick_us: int, environment: Environment) -> None:
@@ -292,6 +297,7 @@ class WheelPipeline:
         self._buffer.reset(head)
         self._start_segmenter(head)
         self._timer.reset()
+        self._unmarked.reset()
         self._clock = SampleClock(self._sensor.hello.rate_hz)
 
     def _start_segmenter(self, head: int) -> None:
@@ -358,7 +364,12 @@ class WheelPipeline:
         )
         revolutions: list[TimedRevolution] = []
         ends_us: list[float] = []
-        for pair, timed, rate_hz in zip(pairs, all_timed, rates_hz, strict=True):
+        missing = self._missing_samples(pairs, all_timed, sign)
+        before = self._missing_before
+        for pair, timed, rate_hz, lost in zip(pairs, all_timed, rates_hz, missing, strict=True):
+            if before and timed.previous_period is not None:
+                timed = timed._replace(previous_period=timed.previous_period + before)
+            before = lost
             end_us = clock.hub_us(timed.end.centre)
             omega_radps = 2.0 * math.pi * rate_hz / (timed.end.centre - timed.start.centre)
             contribution, uncorrected = self._tire.contribution(
@@ -366,13 +377,35 @@ class WheelPipeline:
             )
             start_s = clock.hub_us(timed.start.centre) * 1e-6
             revolutions.append(
-                TimedRevolution(pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected)
+                TimedRevolution(pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected, lost)
             )
             ends_us.append(end_us)
             self._revolutions += 1
+        self._missing_before = before
         in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m)
         doubts = sensor.health.revolutions(in_angle.revolutions)
         self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
+
+    def _missing_samples(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[float]:
+        """Return the samples that each revolution is short of without a mark, negative for repeated ones."""
+        sensor, buffer = self._sensor, self._buffer
+        assert sensor is not None
+        assert buffer is not None
+        reading = sensor.reading
+        if reading.ac_coupled:
+            return [0.0] * len(pairs)
+        column = reading.radial_column
+        offset, scale = float(reading.offset_counts[column]), sign * float(reading.scale_mps2[column])
+        missing: list[float] = []
+        for pair, one in zip(pairs, timed, strict=True):
+            start, end = one.start.centre, one.end.centre
+            first, last = math.ceil(start), math.ceil(end)
+            if pair.start.predicted or pair.end.predicted or buffer.missing_between(first, last):
+                missing.append(0.0)
+                continue
+            total = int(buffer.view(first, last)[:, column].sum(dtype=np.int64))
+            missing.append(self._unmarked.missing(end - start, scale * (total / (last - first) - offset)))
+        return missing
 
     @property
     def average_mps2(self) -> FloatArray | None:

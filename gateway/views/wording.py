@@ -32,6 +32,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.RADIAL_CLIPPED: "the radial axis is clipped below the range that the hub states",
     Code.RADIAL_SATURATED: "the radial axis reached the end of its range",
     Code.SAMPLES_LOST: "samples were lost on the link",
+    Code.SAMPLES_LOST_UNMARKED: "about {count:.0f} samples short: samples were lost without being marked",
+    Code.SAMPLES_REPEATED_UNMARKED: "about {count:.0f} samples too many: samples were repeated or inserted",
     Code.EFFECTS_OUTSIDE_LOADS: (
         "{load_n:.0f N} is outside the {low_n:.0f N} to {high_n:.0f N} at which the effects were found"
     ),

@@ -1,0 +1,89 @@
+"""Samples that were lost or repeated without being marked, from the radial mean and the period of a revolution.
+
+The mean of the radial axis is R Omega^2 of the true speed; the speed from the contacts is too high where samples are
+missing between them. So the mean times the square of the period, which no speed changes, falls in one revolution, and
+the period falls short of that of its neighbours by the same number of samples. A change of gain or radius changes the
+mean alone, braking or skidding the period alone.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import deque
+from typing import Final
+
+from gateway.estimators.lost_steady_value import LARGEST_ZERO_MPS2
+
+# Revolutions whose median is the reference, and the least number of them.
+_MEMORY: Final = 9
+_LEAST: Final = 3
+# Least relative deviation, and the deviation in robust standard deviations of those revolutions: on an even road the
+# product scatters by 0.05 %, on a rough one by up to 1 %.
+_LEAST_DEVIATION: Final = 0.008
+_DEVIATIONS: Final = 6.0
+# Median absolute deviation of normal values over their standard deviation, inverted.
+_MAD_TO_STD: Final = 1.483
+# Share of the number of samples by which the period may miss what its neighbours let expect: these may change speed.
+_AGREEMENT: Final = 0.5
+# A change of the speed within a revolution, relative, squared and times this, bounds what it adds to the mean square.
+_BY_CHANGE: Final = 0.25
+# Below, the mean is that of a wheel that hardly rolls, or of a sensor without a steady value.
+_LEAST_MEAN_MPS2: Final = 30.0
+# Revolutions in a row that deviate alike from which the deviation is the new state, such as another gain.
+_CHANGED: Final = 3
+
+
+class UnmarkedLossCheck:
+    """Follows the revolutions of one DC-coupled wheel; deterministic, one revolution at a time."""
+
+    def __init__(self) -> None:
+        """Start without revolutions."""
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, as after a gap or a change of sensor."""
+        self._products: deque[float] = deque(maxlen=_MEMORY)
+        # The two latest periods as they should have been, the earlier one first.
+        self._periods: tuple[float, ...] = ()
+        self._deviating = 0
+
+    def missing(self, period: float, mean_mps2: float) -> float:
+        """Take a revolution; return the number of samples it is short of, negative for repeated ones, 0 for none.
+
+        Args:
+            period: of the revolution in samples.
+            mean_mps2: mean of its radial axis, positive inward.
+        """
+        found = self._found(period, mean_mps2)
+        self._deviating = self._deviating + 1 if found else 0
+        if self._deviating >= _CHANGED:
+            self.reset()
+            found = 0.0
+        if not found:
+            self._products.append(mean_mps2 * period * period)
+        self._periods = (*self._periods[-1:], period + found)
+        return found
+
+    def _found(self, period: float, mean_mps2: float) -> float:
+        if len(self._products) < _LEAST or len(self._periods) < 2 or not mean_mps2 > _LEAST_MEAN_MPS2:
+            return 0.0
+        middle = statistics.median(self._products)
+        if not middle > _LEAST_MEAN_MPS2 * period * period:
+            return 0.0
+        scatter = _MAD_TO_STD * statistics.median(abs(product - middle) for product in self._products) / middle
+        before, last = self._periods
+        change = period / last - 1.0
+        # A zero-g offset is a larger part of the mean at lower speeds.
+        by_zero = LARGEST_ZERO_MPS2 / mean_mps2 * abs(change)
+        limit = max(_LEAST_DEVIATION, _DEVIATIONS * scatter) + 2.0 * by_zero + _BY_CHANGE * change * change
+        ratio = middle / (mean_mps2 * period * period)
+        if abs(ratio - 1.0) <= limit:
+            return 0.0
+        # Outside the contact, the samples that remain keep the mean. Lost in it, where they read nothing, they raise it,
+        # so that the product falls by half as much.
+        least = period * (math.sqrt(ratio) - 1.0)
+        short = 2.0 * last - before - period
+        if not 1.0 - _AGREEMENT <= short / least <= 2.0 + _AGREEMENT:
+            return 0.0
+        return least * min(max(short / least, 1.0), 2.0)
