@@ -2,7 +2,8 @@
 
 The belt is flat in the contact, so a sensor that passes the steady value reads about zero there, and its mean is the
 depth of the contact. Behind a high-pass the mean tends to zero and the contact reads minus its depth. The ratio of the
-two depends on neither gain, unit, radius nor sampling rate.
+two depends on neither gain, unit, radius nor sampling rate. On a rough road it scatters, so the mean must also be less
+than speed and belt radius let expect, which does not.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class LostSteadyValue(NamedTuple):
     """Steady value of a sensor that has lost it.
 
     Attributes:
-        share: of the depth of the contact that is left.
+        share: of it that is left: mean over the depth of the contact, or over R Omega^2 where that is more.
         std: its standard error.
     """
 
@@ -69,17 +70,19 @@ class SteadyValueCheck:
         floors = radial[:, n // 2 - reach : n // 2 + reach + 1].mean(axis=1).tolist()
         means = block.arrays.orders_mps2[:, 0].real.tolist()
         found: list[LostSteadyValue | None] = []
-        for revolution, mean, floor in zip(block.revolutions, means, floors, strict=True):
+        radii = [at.radius_m for at in block.conditions]
+        for revolution, radius_m, mean, floor in zip(block.revolutions, radii, means, floors, strict=True):
             if not (revolution.ac_coupled or revolution.faults or revolution.saturated):
-                self._take(mean, floor)
+                self._take(mean, floor, radius_m * revolution.omega_radps**2)
             found.append(self._present() if self._is_lost and not revolution.ac_coupled else None)
         return found
 
-    def _take(self, mean: float, floor: float) -> None:
+    def _take(self, mean: float, floor: float, steady: float) -> None:
         depth = mean - floor
-        if not depth > 0.0:
+        if not (depth > 0.0 and steady > 0.0):
             return
-        share = mean / depth
+        # A mean of minus the steady value is that of a wrong direction, as a rough road may give it at first.
+        share = max(mean / depth, abs(mean) / steady)
         is_large = -floor > LARGEST_ZERO_MPS2
         self._shares.append(share if is_large else max(share, 1.0))
         lost = 1.0 - max(self._shares)

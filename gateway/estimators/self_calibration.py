@@ -218,6 +218,8 @@ class SelfCalibrationEstimator:
         self._roll.reset()
         self._steady.reset()
         self._lost: list[LostSteadyValue | None] = []
+        # Whether the revolution before each of a block has faults.
+        self._after_fault: BoolArray = np.zeros(1, np.bool_)
         self._has_along = False
         self._is_calibrated = False
         self._reference_degc: float | None = None
@@ -252,6 +254,8 @@ class SelfCalibrationEstimator:
         whose steady value is lost are not used.
         """
         self._lost = self._steady.update_block(block)
+        faulty = [bool(revolution.faults) for revolution in block.revolutions]
+        self._after_fault = np.array([self._after_fault[-1], *faulty])
         steps: list[_Step] = []
         taken: list[int] = []
         for index, revolution in enumerate(block.revolutions):
@@ -457,7 +461,8 @@ class SelfCalibrationEstimator:
         change = np.abs(block.arrays.omega_dot_radps2[at]) * (2.0 * math.pi) / (omega * omega)
         settled = self._last.revolutions + 1 + np.arange(len(taken)) > 2
         is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled & (belt.mean_square <= GREATEST_MEAN_SQUARE)
-        usable = np.isfinite(left) & np.isfinite(expected)
+        # Behind a revolution with faults, neither the time of the contact between them nor the acceleration is sure.
+        usable = np.isfinite(left) & np.isfinite(expected) & ~self._after_fault[:-1][at]
         # Factors of G, z, G' and a, then the left-hand side, of both equations.
         both = np.zeros((len(taken), 2, 5))
         by_mean, by_gravity = both[:, 0], both[:, 1]

@@ -224,13 +224,17 @@ class Evidence(NamedTuple):
         """Whether `qualified` changes any estimate."""
         return bool(self.contradictions) or not self.offset_is_known or self.disagreement is not None
 
+    @property
+    def _is_coupled(self) -> bool:
+        return any(found.subject is Subject.COUPLING for found in self.contradictions)
+
     def qualified(self, estimate: Estimate) -> Estimate:
         """Return an estimate with what the evidence says against it.
 
         It is invalid where a contradiction may change it by more than a fifth, and provisional where by more than
-        a share of its standard error.
+        a share of its standard error. Without a steady value, that is the reason whatever an estimator finds missing.
         """
-        if estimate.status is Status.INVALID:
+        if estimate.status is Status.INVALID and not self._is_coupled:
             return estimate
         reasons, worst = [], 0.0
         for contradiction in self.contradictions:
@@ -245,6 +249,8 @@ class Evidence(NamedTuple):
                 worst = max(worst, effect)
         if worst > _INVALID_FROM:
             return Estimate.invalid(estimate.name, *reasons)
+        if estimate.status is Status.INVALID:
+            return estimate
         if reasons:
             return estimate._replace(status=Status.PROVISIONAL, reasons=(*reasons, *estimate.reasons))
         if self.disagreement is not None and estimate.name in _OF_RADIUS:

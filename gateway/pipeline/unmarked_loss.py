@@ -44,6 +44,8 @@ class UnmarkedLossCheck:
     def reset(self) -> None:
         """Forget everything, as after a gap or a change of sensor."""
         self._products: deque[float] = deque(maxlen=_MEMORY)
+        # Their periods, in the same order.
+        self._sound: deque[float] = deque(maxlen=_MEMORY)
         # The two latest periods as they should have been, the earlier one first.
         self._periods: tuple[float, ...] = ()
         self._deviating = 0
@@ -62,6 +64,7 @@ class UnmarkedLossCheck:
             found = 0.0
         if not found:
             self._products.append(mean_mps2 * period * period)
+            self._sound.append(period)
         self._periods = (*self._periods[-1:], period + found)
         return found
 
@@ -75,12 +78,13 @@ class UnmarkedLossCheck:
         before, last = self._periods
         change = period / last - 1.0
         # A zero-g offset is a larger part of the mean at lower speeds.
-        by_zero = LARGEST_ZERO_MPS2 / mean_mps2 * abs(change)
+        slower = max(abs(period / sound - 1.0) for sound in (self._sound[0], self._sound[-1]))
+        by_zero = LARGEST_ZERO_MPS2 / mean_mps2 * slower
         limit = max(_LEAST_DEVIATION, _DEVIATIONS * scatter) + 2.0 * by_zero + _BY_CHANGE * change * change
         ratio = middle / (mean_mps2 * period * period)
         if abs(ratio - 1.0) <= limit:
             return 0.0
-        # Outside the contact, the samples that remain keep the mean. Lost in it, where they read nothing, they raise it,
+        # Outside the contact, the samples that remain keep the mean. Lost in it, where they read zero, they raise it,
         # so that the product falls by half as much.
         least = period * (math.sqrt(ratio) - 1.0)
         short = 2.0 * last - before - period

@@ -208,7 +208,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "no flat contact at angle 0: its curvature is {curvature:.2f} of the mean, the limit {limit:.2f}"
     ),
     Code.NO_RING_EQUILIBRIUM: "no ring in equilibrium reproduces this waveform",
-    Code.NOT_DETERMINED: "not determined: the standard error is {relative_error:.2g} times the value",
+    Code.NOT_DETERMINED: "not determined: the standard error is {relative_error:times} the value",
     Code.ORDERS_UNUSABLE: "the orders of the average are flat or not finite",
     Code.RING_DOES_NOT_FIT: (
         "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
@@ -1049,6 +1049,10 @@ _UNITS: Final = {
 }
 
 
+# A standard error of more times the value says no more about it.
+_MOST_TIMES: Final = 10.0
+
+
 def _unsigned_zero(shown: str) -> str:
     """Return a printed number without the sign of a zero."""
     return shown[1:] if shown.startswith("-") and not any(digit in shown for digit in "123456789n") else shown
@@ -1067,6 +1071,8 @@ class _Template(string.Formatter):
         if format_spec == "series":
             # Sentences are about the value itself, not its logarithm.
             return SERIES_LABELS.get(value, str(value)).removeprefix("ln ")
+        if format_spec == "times":
+            return f"more than {_MOST_TIMES:g} times" if value > _MOST_TIMES else f"{value:.2g} times"
         if format_spec == " ":
             return f" {value}" if value else ""
         if isinstance(value, str) and not value.isprintable():

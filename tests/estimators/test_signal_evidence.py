@@ -243,3 +243,36 @@ def test_error_of_a_number_does_not_cover_a_wrong_radius(name: str) -> None:
     change = 0.93**-2.0 - 1.0 if name == "Bs" else 1.0 - 0.93**2.0
     assert contradiction.effect_on(estimate) == pytest.approx(change)
     assert math.isnan(contradiction.effect_on(Estimate("Bs/Cw", 1.0, 0.004, Status.VALID)))
+
+
+def test_zero_that_no_sensor_has_does_not_move_the_steady_value() -> None:
+    """One of 40 revolutions with a speed 6.5 % too high would separate gain and zero, at 2000 m/s^2."""
+    expected = [1950.0] * 39 + [2210.0]
+    rows = [(steady / 0.5, 1.0 / 0.5, (1950.0 - steady) / 0.5) for steady in expected]
+    sums = Equations(
+        sum(a * a for a, _, _ in rows),
+        sum(a * b for a, b, _ in rows),
+        sum(b * b for _, b, _ in rows),
+        sum(a * left for a, _, left in rows),
+        sum(b * left for _, b, left in rows),
+    )
+    evidence = assess(measured(1.0)._replace(by_mean=sums, steady_mps2=1950.0), CONDITIONS, 1950.0, ac_coupled=False)
+    assert evidence.contradictions == ()
+    assert evidence.qualified(SPEED).status is Status.VALID
+
+
+def test_error_by_the_shape_is_bounded() -> None:
+    """A waveform without a steady value has any mean square; it must not hide the contradiction."""
+    flat = measured(0.01, offset_m=None)._replace(mean_square=5000.0)
+    assert [found.subject for found in assess(flat, CONDITIONS, 1000.0, ac_coupled=False).contradictions] == [
+        Subject.STEADY
+    ]
+
+
+def test_change_without_bound_has_no_size() -> None:
+    """A gain of a tenth would need a tenfold radius."""
+    contradiction = Contradiction(Subject.GRAVITY, Reason(Code.NO_SINGLE_CAUSE), {Cause.RADIUS: 10.0})
+    evidence = assess(None, CONDITIONS, 1000.0, ac_coupled=False)._replace(contradictions=(contradiction,))
+    found = evidence.qualified(SPEED)
+    assert found.status is Status.INVALID
+    assert found.reasons[0].code is Code.NOTHING_FOLLOWS

@@ -47,11 +47,14 @@ def restated(
     *,
     rate_factor: float = 1.0,
     unit_factor: float = 1.0,
+    lost: tuple[tuple[int, int], ...] = (),
+    repeated: tuple[tuple[int, int], ...] = (),
     seed: int = 4,
 ) -> tuple[tuple[RevolutionResult, ...], WheelSnapshot]:
     """Return the results of the same samples with another sampling rate and unit stated, as an import may state them.
 
-    The time stamps follow the stated rate.
+    The time stamps follow the stated rate. Ranges of samples (first, end) of the result may be lost or repeated without
+    a mark, the last one first.
     """
     text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
     decoder = FrameDecoder()
@@ -67,8 +70,14 @@ def restated(
     stated = hello._replace(rate_hz=rate_factor * hello.rate_hz, scale_mps2=scale)
     size = len(blocks[0])
     whole = [block for block in blocks if len(block) == size]
-    ticks = [round(index * size * 1e6 / stated.rate_hz) for index in range(len(whole))]
+    samples = np.concatenate(whole)
+    for first, end in lost:
+        samples = np.delete(samples, slice(first, end), axis=0)
+    for first, end in repeated:
+        samples = np.insert(samples, end, samples[first:end], axis=0)
+    samples = samples[: len(samples) // size * size]
+    ticks = [round(index * size * 1e6 / stated.rate_hz) for index in range(len(samples) // size)]
     wheel, host = WheelPipeline(setup, estimators), HostClock()
     wheel.hello(stated)
-    results = wheel.samples(0, ticks, stated.axes, np.concatenate(whole), host)
+    results = wheel.samples(0, ticks, stated.axes, samples, host)
     return tuple(results + wheel.finish(host)), wheel.snapshot()

@@ -50,3 +50,13 @@ def test_joined_reasons_are_not_repeated():
 def test_an_unknown_value_is_an_error():
     with pytest.raises(KeyError):
         Reason(Code.SAMPLES_LOST)["depth_m"]
+
+
+def test_zero_has_no_sign() -> None:
+    reason = Reason(Code.COUPLING_CONTRADICTED, share=-0.0001, std=0.04)
+    assert "is 0.00 ± 0.04 times" in text(reason)
+
+
+@pytest.mark.parametrize(("error", "shown"), [(3.4, "3.4 times"), (1.1e4, "more than 10 times")])
+def test_large_relative_error_has_no_size(error: float, shown: str) -> None:
+    assert shown in text(Reason(Code.NOT_DETERMINED, relative_error=error))

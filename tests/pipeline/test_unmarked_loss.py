@@ -1,0 +1,95 @@
+"""Samples that were lost or repeated without a mark: the revolution has a fault, and nothing else changes."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gateway.estimators.estimator import Status
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.unmarked_loss import UnmarkedLossCheck
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code
+from tests.testkit.simulated_wheel import restated, simulated
+
+SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
+ESTIMATORS = ("kinematic", "weak-form")
+FAST = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 90"
+BRAKING = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = [[0, 100], [1, 100], [3.6, 10], [4, 10]]"
+ROUGH = "[sensor]\nrange_g = 1000\n[motion]\nspeed_kmh = 60\n[road]\nprofile = 'F'"
+OF_LOSS = (Code.SAMPLES_LOST_UNMARKED, Code.SAMPLES_REPEATED_UNMARKED)
+
+
+def faults_of(results: tuple[RevolutionResult, ...]) -> dict[int, tuple[Code, float]]:
+    """Return code and number of samples of the unmarked losses, by revolution."""
+    return {
+        place: (fault.code, float(fault["count"]))
+        for place, result in enumerate(results)
+        for fault in result.revolution.faults
+        if fault.code in OF_LOSS
+    }
+
+
+@pytest.mark.parametrize("axes", ["", '\naxes = ["radial"]'])
+@pytest.mark.parametrize("count", [10, 50, 200, -20, -50])
+def test_one_loss_is_a_fault_of_its_revolution_alone(count: int, axes: str) -> None:
+    tables = FAST.replace("range_g = 1000", "range_g = 1000" + axes)
+    span = (20_000, 20_000 + abs(count))
+    results, snapshot = restated(
+        tables, 4.0, SETUP, ESTIMATORS, lost=(span,) if count > 0 else (), repeated=() if count > 0 else (span,)
+    )
+    ((place, (code, found)),) = faults_of(results).items()
+    assert code is (Code.SAMPLES_LOST_UNMARKED if count > 0 else Code.SAMPLES_REPEATED_UNMARKED)
+    assert found == pytest.approx(abs(count), rel=0.1, abs=1.5)
+    assert snapshot.flags == ()
+    for other, result in enumerate(results):
+        speed, *_ = result.estimates
+        assert (speed.status is Status.VALID) is (other != place)
+        assert abs(speed.value - 25.0) < 3.0 * speed.std
+    last = {estimate.name: estimate for estimate in results[-1].estimates}
+    assert last["Rs"].status is Status.VALID
+
+
+def test_several_losses_are_each_found() -> None:
+    results, _ = restated(FAST, 4.0, SETUP, ESTIMATORS, lost=((30_100, 30_140), (20_000, 20_040), (12_000, 12_040)))
+    assert len(faults_of(results)) == 3
+    assert results[-1].estimates[0].status is Status.VALID
+
+
+@pytest.mark.parametrize("tables", [BRAKING, ROUGH])
+def test_braking_and_rough_roads_lose_nothing(tables: str) -> None:
+    assert faults_of(simulated(tables, 4.0, SETUP, ESTIMATORS)[0]) == {}
+
+
+def test_loss_while_braking_is_found() -> None:
+    """At 1 g the speed falls by 3 % in a revolution, about what the loss adds."""
+    check, speed, period = UnmarkedLossCheck(), 25.0, 0.0
+    found = []
+    for turn in range(12):
+        period = 2.0 * math.pi * 0.32 / speed * 9600.0
+        lost = 30.0 if turn == 8 else 0.0
+        found.append(check.missing(period - lost, speed * speed / 0.32))
+        speed -= 9.81 * period / 9600.0
+    assert [turn for turn, count in enumerate(found) if count] == [8]
+    assert found[8] == pytest.approx(30.0, rel=0.1)
+
+
+def test_skidding_wheel_loses_nothing() -> None:
+    """The mean follows the speed of the wheel, however suddenly that changes."""
+    check = UnmarkedLossCheck()
+    for speed in (25.0, 25.0, 25.0, 24.9, 21.0, 24.5, 20.0, 24.0, 23.8):
+        assert check.missing(2.0 * math.pi * 0.32 / speed * 9600.0, speed * speed / 0.32) == 0.0
+
+
+def test_another_gain_is_no_loss() -> None:
+    check = UnmarkedLossCheck()
+    assert [check.missing(772.0, 1950.0 * gain) for gain in (1.0, 1.0, 1.0, 1.0, 0.9, 0.9, 0.9)] == [0.0] * 7
+
+
+def test_a_lasting_change_is_no_loss() -> None:
+    """The sampling rate is another one from the fifth revolution on; three revolutions later that is the new state."""
+    check = UnmarkedLossCheck()
+    found = [check.missing(period, 1950.0) for period in [772.0] * 5 + [740.0] * 10]
+    assert found[5] == pytest.approx(32.0, rel=0.05)
+    assert not any(found[8:])
