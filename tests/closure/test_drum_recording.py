@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
 from gateway.closure.effects.belt_geometry import slopes
@@ -86,7 +88,11 @@ def fitted(recording: Path) -> Fitted:
     before = with_mounting(campaign, data)
     trial = try_effect(before, effect_of(WAVES), shapes_of(before, [0]))
     assert trial is not None
-    return Fitted(campaign, data, before, refit(trial, data))
+    # The trial's linear step bends the ring too far; the effect's own values are near enough.
+    start = before.model.layout.moved(before.vector, trial.model.layout)
+    own = trial.model.layout.effect(WAVES)
+    start[own] = trial.vector[own]
+    return Fitted(campaign, data, before, fit_model(trial.model, data, start))
 
 
 def parameters(fit: Fit) -> dict[str, float]:
@@ -129,11 +135,13 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
     names = ("blocks", "bending_over_mass_m4ps2", "tension_over_mass_m2ps2", "sidewall_loss_ps", "bending_loss_m4ps")
     tread = BlockTread(*(found[name] for name in names))
     before, after = (belt_wave(tread, side, conditions.omega_radps, conditions.radius_m) for side in (0, 1))
-    assert (before.order, after.order) == pytest.approx((94.9, 52.4), abs=1.0)
+    second = belt_wave(replace(tread, blocks=2.0 * tread.blocks), 1, conditions.omega_radps, conditions.radius_m)
+    assert (before.order, after.order) == pytest.approx((97.4, 52.4), abs=1.0)
+    assert (second.order, second.decay_per_rad) == pytest.approx((113.5, 4.0), rel=0.05)
     # The free orders, decays and pitch of before are here those of a whole number of blocks on a car tire's belt.
-    assert tread.blocks == pytest.approx(70.3, abs=0.75)
-    assert tread.bending_m4ps2 == pytest.approx(0.51, abs=0.2)
-    assert tread.tension_m2ps2 == pytest.approx(1400.0, abs=900.0)
+    assert tread.blocks == pytest.approx(71.1, abs=0.75)
+    assert tread.bending_m4ps2 == pytest.approx(0.43, abs=0.2)
+    assert tread.tension_m2ps2 == pytest.approx(1290.0, abs=900.0)
     # Bending damping makes the shorter wave ahead decay faster than the one behind; the sidewall's damping would not.
     assert before.decay_per_rad / after.decay_per_rad == pytest.approx(3.9, abs=0.5)
     undamped = belt_wave(replace(tread, bending_loss_m4ps=0.0, sidewall_loss_ps=100.0), 0, 70.8, 0.3)
@@ -142,18 +150,21 @@ def test_orders_and_decays_fit_one_belt(fitted: Fitted) -> None:
 
 
 def test_waves_reduce_the_misfit(fitted: Fitted) -> None:
-    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(1930.0, abs=60.0)
+    assert fitted.before.misfit - fitted.after.misfit == pytest.approx(2054.0, abs=60.0)
     found = parameters(fitted.after)
-    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((30.2, 0.215), rel=0.06)
+    assert (found["ahead_order"], found["ahead_place_rad"]) == pytest.approx((28.8, 0.241), rel=0.06)
+    # Of an acceleration, so that the second harmonic of the deflection is a sixth of the first.
+    first, second = (math.hypot(found[f"{name}_cosine"], found[f"{name}_sine"]) for name in ("after", "second"))
+    assert second / first == pytest.approx(0.8, abs=0.15)
 
 
 @pytest.mark.parametrize(
     ("window", "share_before", "share_after"),
     [
-        ((-60.0, -33.0), 0.26, 0.36),
-        ((-33.0, -20.0), 0.78, 0.20),
-        ((-20.0, -11.5), 0.43, 0.08),
-        ((12.0, 60.0), 0.85, 0.52),
+        ((-60.0, -33.0), 0.26, 0.33),
+        ((-33.0, -20.0), 0.78, 0.25),
+        ((-20.0, -11.5), 0.43, 0.14),
+        ((12.0, 60.0), 0.85, 0.46),
     ],
 )
 def test_waves_explain_the_repeating_part(
@@ -170,14 +181,38 @@ def test_diagnosis_names_the_waves(recording: Path) -> None:
     found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
     assert set(found) == {"mounting offset", WAVES}
     assert all(finding.probability > 0.999 for finding in found.values())
-    assert diagnosis.held_out.rms_before_mps2 == pytest.approx(88.7, abs=1.0)
-    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(55.7, abs=1.0)
+    assert diagnosis.held_out.rms_before_mps2 == pytest.approx(88.5, abs=1.0)
+    assert diagnosis.held_out.rms_after_mps2 == pytest.approx(53.2, abs=1.0)
     assert diagnosis.noise_floor_mps2 == pytest.approx(44.2, abs=1.5)
     radial = next(axis for axis in diagnosis.held_out.axes if axis.axis == "radial")
-    assert (radial.before_mps2, radial.after_mps2) == pytest.approx((109.4, 82.2), abs=1.5)
-    assert radial.with_discrepancy_mps2 == pytest.approx(74.4, abs=1.5)
+    assert (radial.before_mps2, radial.after_mps2) == pytest.approx((108.8, 79.1), abs=1.5)
+    assert radial.with_discrepancy_mps2 == pytest.approx(72.9, abs=1.5)
+    along = next(axis for axis in diagnosis.held_out.axes if axis.axis == "circumferential")
+    assert (along.before_mps2, along.after_mps2) == pytest.approx((103.7, 36.7), abs=1.5)
     offset = found["mounting offset"].parameters["offset_m"]
-    assert (offset.value, offset.std) == pytest.approx((6.21e-3, 0.40e-3), abs=2e-4)
+    assert (offset.value, offset.std) == pytest.approx((6.36e-3, 0.32e-3), abs=2e-4)
     assert not any(diagnosis.determined.get(number, True) for number in ("Bs", "Cw", "Rs", "Ts"))
     assert diagnosis.determined["Bs/Cw"]
-    assert diagnosis.estimates_after["Bs/Cw"].value == pytest.approx(1.8e-4, abs=0.5e-4)
+    assert diagnosis.estimates_after["Bs/Cw"].value == pytest.approx(4.6e-4, abs=0.9e-4)
+
+
+@pytest.mark.slow
+def test_three_revolutions_give_the_same(recording: Path) -> None:
+    campaign = read_campaign([recording])
+    (group,) = campaign.groups
+    blocks = group.blocks[::2]
+    omega = math.sqrt(np.mean([block.conditions.omega_radps**2 for block in blocks]))
+    errors = group.edge_errors_mps2
+    few = replace(
+        group,
+        blocks=blocks,
+        conditions=replace(group.conditions, omega_radps=omega),
+        edge_errors_mps2=None if errors is None else errors * math.sqrt(5.0 / 3.0),
+    )
+    diagnosis = diagnose(replace(campaign, groups=(few,)))
+    found = {finding.name: finding for finding in diagnosis.findings if finding.verdict is Verdict.NAMED}
+    assert set(found) == {"mounting offset", WAVES}
+    assert found["mounting offset"].parameters["offset_m"].value == pytest.approx(6.1e-3, abs=3e-4)
+    second = [found[WAVES].parameters[f"second_{part}"].value for part in ("cosine", "sine")]
+    assert second == pytest.approx([0.14, -0.06], abs=0.04)
+    assert found[WAVES].parameters["blocks"].value == pytest.approx(67.3, abs=0.5)

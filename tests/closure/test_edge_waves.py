@@ -3,27 +3,30 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 
 from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
+from gateway.closure.effects.belt_waves import TravellingEdgeWaves
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, SignalEffect
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, FIELD_SIZE, RADIAL, ModelledBlock, SignalEffect
 from gateway.closure.inference.candidate_trial import refit, shapes_of, try_effect
 from gateway.closure.inference.fit import FitFailedError, fit_model
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
-from tests.closure.belt_data import THETA, block_of
+from gateway.types import FloatArray
+from tests.closure.belt_data import block_of, limited
 from tests.closure.test_belt_recovery import campaign, std_of_recovered
 
 WAVES = "travelling edge waves"
 OFFSET_M = 6e-3
 NONE_AHEAD = (0.0, 0.0, 30.0, 0.25, 0.09, 0.0)
 TREAD = (67.0, 1.9, 1200.0, 40.0, 5e-5)
-TRAVELLING = (-0.012, 0.022, 0.002, 0.018, *TREAD, -0.023, 0.022, 29.4, 0.24, 0.09, -0.8)
+TRAVELLING = (-0.012, 0.022, 0.002, 0.018, 0.006, -0.004, *TREAD, -0.023, 0.022, 29.4, 0.24, 0.09, -0.8)
 # The car tire of tools/independent_tire: 6.8 N m^2 and 4.2 kN over 3.5 kg/m.
 FINITE_ELEMENTS = BlockTread(67.0, 1.940, 1200.0, 17.1, 2.9e-5)
 
@@ -52,8 +55,8 @@ def test_wave_on_a_string_has_one_speed() -> None:
     for side, sign in ((0, 1.0), (1, -1.0)):
         wave = belt_wave(string, side, omega, radius)
         assert wave.order == pytest.approx(67.0 / (1.0 - sign / over_rolling), rel=0.03)
-        assert wave.share == pytest.approx(sign / over_rolling, rel=0.05)
-        assert wave.share == pytest.approx(1.0 - 67.0 / wave.order)
+        assert wave.shares[0] == pytest.approx(sign / over_rolling, rel=0.05)
+        assert wave.shares[0] == pytest.approx(1.0 - 67.0 / wave.order)
         assert wave.decay_per_rad == 0.0
 
 
@@ -73,25 +76,71 @@ def test_wave_derivatives_match_differences(side: int) -> None:
     for place, step in enumerate(steps):
         change = np.eye(5)[place] * step
         above, below = (belt_wave(BlockTread(*(at + way * change)), side, 60.0, 0.32) for way in (1.0, -1.0))
-        for name, by in (("order", wave.order_by), ("decay_per_rad", wave.decay_by), ("share", wave.share_by)):
+        for name in ("orders", "sizes", "shares"):
             numeric = (getattr(above, name) - getattr(below, name)) / (2.0 * step)
-            assert by[place] == pytest.approx(numeric, rel=1e-4)
+            by = getattr(wave, f"{name}_by")[:, place]
+            assert np.abs(by - numeric).max() <= 1e-4 * np.abs(numeric).max()
 
 
-def test_travelling_wave_reverses_the_circumferential_axis() -> None:
-    block = block_of(offset_m=OFFSET_M)
-    conditions = block.conditions
-    waves = [belt_wave(BlockTread(*TREAD), side, conditions.omega_radps, conditions.radius_m) for side in (0, 1)]
-    made = effect().contribution(block, np.array([0.0, 0.0, 0.02, 0.0, *TREAD, *NONE_AHEAD]))
-    locked = catalogue()["tire-locked edge waves"]
-    assert isinstance(locked, SignalEffect)
-    after = waves[1].order, waves[1].decay_per_rad
-    still = locked.contribution(block, np.array([0.0, 0.0, 90.0, 4.0, 0.02, 0.0, *after]))
-    assert made[RADIAL] == pytest.approx(still[RADIAL], abs=1e-9)
-    assert made[CIRCUMFERENTIAL] == pytest.approx((1.0 - 67.0 / after[0]) * still[CIRCUMFERENTIAL], abs=1e-9)
-    in_contact = np.abs(THETA) < 0.5 * block.trailing_edge_rad
-    assert np.abs(made[:, in_contact]).max() < 0.02 * np.abs(made[:, ~in_contact]).max()
-    assert made.shape == (3, FIELD_SIZE)
+@pytest.mark.parametrize("losses", [(0.0, 0.0), (300.0, 5e-5), (50.0, 5e-4), (0.0, 1e-3)])
+@pytest.mark.parametrize("belt", [(40.0, 6.0, 600.0), (67.0, 1.9, 1200.0), (140.0, 0.2, 2500.0)])
+@pytest.mark.parametrize("side", [0, 1])
+def test_near_field_ends_within_a_wave(
+    side: int, belt: tuple[float, float, float], losses: tuple[float, float]
+) -> None:
+    for omega in (20.0, 60.0, 110.0):
+        wave = belt_wave(BlockTread(*belt, *losses), side, omega, 0.32)
+        assert wave.orders[1].imag > wave.orders[0].imag
+        # The deflection, acceleration over the order's square, has no slope along the belt at the edge.
+        along = wave.sizes / np.square(wave.orders) * wave.shares * wave.orders
+        assert abs(along.sum()) < 1e-9 * abs(along[0])
+
+
+def forced_belt(tread: BlockTread, block: ModelledBlock, ahead: bool) -> FloatArray:
+    """Return a sensor's reading of a belt on springs that blocks move in the contact, radial and circumferential.
+
+    A closed beam under tension, on springs and dampers, rolls through a contact that moves it by cos(N Omega t). Forces
+    there, at 4096 places a turn, follow from the beam's response to one of them: no wave number is solved for.
+
+    Returns:
+        Acceleration ahead of the contact or behind it, and that of the inclination times the sensor's depth, at the
+        model's points (2, FIELD_SIZE), orders 2 to 110, in the belt's deflection times Omega^2.
+    """
+    conditions, points = block.conditions, 4096
+    radius, omega = conditions.radius_m, conditions.omega_radps
+    x = -math.pi + 2.0 * math.pi / points * np.arange(points)
+    k = np.fft.fftfreq(points, 1.0 / points)
+    w = (tread.blocks - k) * omega
+    bending = tread.bending_m4ps2 - 1j * w * tread.bending_loss_m4ps
+    stiffness = bending * (k / radius) ** 4 + (tread.tension_m2ps2 / radius**2 + omega**2) * k**2 + 1.8e5
+    receptance = 1.0 / (stiffness - 1j * w * tread.sidewall_loss_ps - w * w)
+    held = np.flatnonzero((x >= block.leading_edge_rad) & (x <= block.trailing_edge_rad))
+    influence = np.fft.ifft(receptance)[(held[:, None] - held) % points]
+    force = np.zeros(points, complex)
+    force[held] = np.linalg.solve(influence, np.ones(len(held)))
+    deflection = np.fft.fft(force) * receptance
+    # The sensor's place on the belt is x = Omega t, so that a wave turns at the order k - N.
+    moved = np.fft.ifft(np.stack([deflection, 1j * k * deflection]) * np.square(k - tread.blocks))
+    seen = (moved * np.exp(-1j * tread.blocks * x)).real * (x < x[held[0]] if ahead else x > x[held[-1]])
+    seen[1] *= -OFFSET_M / radius
+    spectrum = np.fft.rfft(seen, axis=-1)[:, : FIELD_SIZE // 2 + 1]
+    spectrum[:, :2] = spectrum[:, 111:] = 0.0
+    return np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1) * (FIELD_SIZE / points)
+
+
+@pytest.mark.parametrize(("place", "ahead", "harmonic"), [(0, True, 1), (2, False, 1), (4, False, 2)])
+def test_waves_and_near_field_are_those_of_a_forced_belt(place: int, ahead: bool, harmonic: int) -> None:
+    # With so much loss no wave comes round to the other edge.
+    block, tread = block_of(offset_m=OFFSET_M), BlockTread(67.0, 1.9, 1200.0, 900.0, 5e-5)
+    truth = forced_belt(replace(tread, blocks=harmonic * tread.blocks), block, ahead)
+    parameters = np.zeros((2, len(TRAVELLING)))
+    parameters[:, 6:11], parameters[:, 11:16] = astuple(tread), NONE_AHEAD[:5]
+    parameters[:, place : place + 2] = np.eye(2)
+    ours = np.stack([limited(effect().contribution(block, row))[[RADIAL, CIRCUMFERENTIAL]] for row in parameters])
+    sizes = np.linalg.lstsq(ours[:, 0].T, truth[0], rcond=None)[0]
+    # The beam lacks the curvature of the ring. Without the near field a tenth to a half would be left.
+    error, size = (np.linalg.norm(one, axis=-1) for one in (np.tensordot(sizes, ours, 1) - truth, truth))
+    assert (error < 0.06 * size).all()
 
 
 @pytest.mark.parametrize("speeds", [(65.0,), (45.0, 60.0, 75.0)])
@@ -100,7 +149,33 @@ def test_travelling_waves_and_a_packet_ahead_are_found(speeds: tuple[float, ...]
     std = std_of_recovered(effect(), truth, 21, speeds)
     # One speed leaves bending and tension to each other; several part them.
     if len(speeds) > 1:
-        assert (std[4:7] < 0.03 * truth[4:7]).all()
+        assert (std[6:9] < 0.03 * truth[6:9]).all()
+
+
+class ForcedBelt(TravellingEdgeWaves):
+    """The effect as a belt on springs has it, moved by 2e-6 R at N and by 1e-6 R at 2N."""
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        tread = BlockTread(*parameters[6:11])
+        waves = 2e-6 * (forced_belt(tread, block, True) + forced_belt(tread, block, False))
+        waves += 1e-6 * forced_belt(replace(tread, blocks=2.0 * tread.blocks), block, False)
+        result = block.zeros()
+        result[[RADIAL, CIRCUMFERENTIAL]] = waves * block.conditions.radius_m * block.conditions.omega_radps**2
+        return result
+
+
+def test_tread_of_a_forced_belt_is_found() -> None:
+    truth = np.array([*[0.01] * 6, 67.0, 1.9, 1200.0, 900.0, 5e-5, *NONE_AHEAD])
+    made = campaign(ForcedBelt(), truth, 23, (45.0, 60.0, 75.0))
+    data = whiten(made, ExactCore())
+    without = fit_model(ClosureModel(made, ExactCore()), data)
+    trial = try_effect(without, effect(), shapes_of(without, range(len(data.orders))))
+    assert trial is not None
+    fit = refit(trial, data)
+    found = fit.vector[fit.model.layout.effect(WAVES)]
+    assert found[6:9] == pytest.approx(truth[6:9], rel=0.03)
+    assert found[9] == pytest.approx(truth[9], rel=0.15)
+    assert fit.misfit < 0.15 * without.misfit
 
 
 @pytest.mark.parametrize(
@@ -139,7 +214,7 @@ def test_other_effects_are_not_better_explained_by_waves(name: str, values: tupl
     ],
 )
 def test_values_that_are_no_wave_stay_finite(tread: tuple[float, ...]) -> None:
-    parameters = np.array([0.1, 0.1, 0.1, 0.1, *tread, 0.1, 0.1, 1e4, 0.2, 0.1, 0.0])
+    parameters = np.array([*[0.1] * 6, *tread, 0.1, 0.1, 1e4, 0.2, 0.1, 0.0])
     block = block_of(offset_m=OFFSET_M)
     assert np.isfinite(effect().contribution(block, parameters)).all()
     assert np.isfinite(effect().derivative(block, parameters)).all()

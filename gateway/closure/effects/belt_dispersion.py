@@ -1,4 +1,4 @@
-"""Dispersion of waves on a rolling belt: wave number and decay of those that the tread's blocks send out.
+"""Dispersion of waves on a rolling belt: wave number, decay and near field of those that the tread's blocks send out.
 
 N blocks enter and leave the contact each turn, so a fixed point of the road sees the frequency N Omega. A wave
 exp(i (k x - N Omega t)), k waves a turn over the angle x from the contact's middle, has the frequency (N - k) Omega on
@@ -11,10 +11,20 @@ matter:
 with B = EI / (rho A), T = p0 b R / (rho A), S the sidewall's stiffness, a and b the losses of sidewall and bending. The
 root with negative real part runs ahead of the contact and is seen by a sensor at order N - k, above N; that with a
 positive one is behind it, below N. The imaginary part is the decay.
+
+Bending is of fourth order in k, so two waves leave the contact on each side: k_p, which propagates, and k_e, the near
+field, k_e^2 = -(T / R^2 + Omega^2) R^4 / B - k_p^2 but for losses and small terms, which ends within a wave. The road
+holds the belt's slope at the contact's edge x = 0, so that the deflection there is
+
+    w = Re{A (exp(i k_p x) - (k_p / k_e) exp(i k_e x)) exp(-i N Omega t)},   dw/dx = 0.
+
+At the sensor's place on the belt, x = Omega t, either part turns at its order n = N - k and has the acceleration
+(n Omega)^2 w, so the near field has rho = -(k_p / k_e) (n_e / n_p)^2 of the propagating part.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -27,7 +37,13 @@ from gateway.types import ComplexArray
 # kw / (rho A) of the ring paper's tire at 210 kPa. A factor of two moves an order by 0.1.
 _SIDEWALL_PS2: Final = 1.8e5
 _STEPS: Final = 12
-_POLISH: Final = 6
+_POLISH: Final = 20
+_EXACT: Final = 1e-13
+_SMALLEST: Final = 1e-300
+# Over the wave number.
+_LONGEST_STEP: Final = 0.3
+# Steps to the loss that bending has at the near field's own frequency.
+_LOSSY: Final = 3
 # A fit may pass through values that carry no wave.
 _LEAST_BLOCKS: Final = 5.0
 _LEAST_BENDING: Final = 1e-2
@@ -55,54 +71,59 @@ class BlockTread:
 
 @dataclass(frozen=True, slots=True)
 class BeltWave:
-    """One wave as the sensor sees it.
+    """One wave from an edge of the contact as the sensor sees it.
+
+    It has two parts, that which propagates and the near field: size exp(i order d) at the angle d from the edge.
 
     Attributes:
-        order: of the sensor's signal.
-        decay_per_rad: over the angle from the contact's edge.
-        share: change along the belt over that of the sensor's signal, k / (k - N).
-        order_by: (5,) derivatives by the fields of `BlockTread`.
-        decay_by: likewise.
-        share_by: likewise.
+        orders: (2,) N - k, 1/rad, turned so that the real part is the order and the imaginary one the decay.
+        sizes: (2,) over the propagating part: 1 and rho.
+        shares: (2,) change along the belt over that of the sensor's signal, k / (k - N).
+        orders_by: (2, 5) derivatives by the fields of `BlockTread`.
+        sizes_by: likewise.
+        shares_by: likewise.
     """
 
-    order: float
-    decay_per_rad: float
-    share: float
-    order_by: tuple[float, ...]
-    decay_by: tuple[float, ...]
-    share_by: tuple[float, ...]
+    orders: ComplexArray
+    sizes: ComplexArray
+    shares: ComplexArray
+    orders_by: ComplexArray
+    sizes_by: ComplexArray
+    shares_by: ComplexArray
+
+    @property
+    def order(self) -> float:
+        """Of the propagating part."""
+        return float(self.orders[0].real)
+
+    @property
+    def decay_per_rad(self) -> float:
+        """Of the propagating part, over the angle from the contact's edge."""
+        return float(self.orders[0].imag)
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=32)
 def belt_wave(tread: BlockTread, side: int, omega_radps: float, radius_m: float) -> BeltWave:
     """Return the wave ahead of the contact (side 0) or behind it (side 1)."""
     blocks = max(tread.blocks, _LEAST_BLOCKS)
     bending = max(tread.bending_m4ps2, _LEAST_BENDING)
     tension = max(tread.tension_m2ps2, _LEAST_TENSION)
     sign = -1.0 if side == 0 else 1.0
-    at = complex(sign * _undamped(blocks, bending, tension, sign, omega_radps, radius_m))
-    loss = tread.sidewall_loss_ps, tread.bending_loss_m4ps
-    for _ in range(_POLISH):
-        value, slope, by = _balance(at, blocks, bending, tension, *loss, omega_radps, radius_m)
-        at -= value / slope
-    _, slope, by = _balance(at, blocks, bending, tension, *loss, omega_radps, radius_m)
-    number_by: ComplexArray = -by / slope
-    for place, held in enumerate((blocks > tread.blocks, bending > tread.bending_m4ps2, tension > tread.tension_m2ps2)):
-        if held:
-            number_by[place] = 0.0
-    order = blocks - at.real
-    own = np.zeros(5)
-    own[0] = float(blocks == tread.blocks)
-    order_by = own - number_by.real
-    return BeltWave(
-        order=order,
-        decay_per_rad=sign * at.imag,
-        share=-at.real / order,
-        order_by=tuple(order_by.tolist()),
-        decay_by=tuple((sign * number_by.imag).tolist()),
-        share_by=tuple((-(number_by.real * order - at.real * order_by) / order**2).tolist()),
-    )
+    belt = blocks, bending, tension, tread.sidewall_loss_ps, tread.bending_loss_m4ps, omega_radps, radius_m
+    real = sign * _undamped(blocks, bending, tension, sign, omega_radps, radius_m)
+    k, k_by = np.empty(2, complex), np.empty((2, 5), complex)
+    for part, near in enumerate((complex(real), _near_field(real, sign, belt))):
+        k[part], k_by[part] = _root(near, belt)
+    # Where a value is held at its least, nothing depends on it.
+    free = np.array([blocks == tread.blocks, bending == tread.bending_m4ps2, tension == tread.tension_m2ps2, 1.0, 1.0])
+    k_by *= free
+    n, n_by = blocks - k, free * np.eye(5)[0] - k_by
+    rho = -(k[0] / k[1]) * (n[1] / n[0]) ** 2
+    rho_by = rho * (k_by[0] / k[0] - k_by[1] / k[1] + 2.0 * (n_by[1] / n[1] - n_by[0] / n[0]))
+    shares_by = -(k_by * n[:, None] - k[:, None] * n_by) / np.square(n)[:, None]
+    found = n, np.array([1.0, rho]), -k / n, n_by, np.stack([np.zeros(5), rho_by]), shares_by
+    # Behind the contact the angle from the edge runs with the sensor, whose signal turns with -n.
+    return BeltWave(*(found if side == 0 else (np.conj(one) for one in found)))
 
 
 def mass_of_wave(
@@ -145,6 +166,31 @@ def _undamped(blocks: float, bending: float, tension: float, sign: float, omega_
         slope = 4.0 * fourth * n**3 + 2.0 * second * n + 2.0 * sign * omega_radps * w
         n = max(n - value / slope, 1.5)
     return n
+
+
+def _near_field(real: float, sign: float, belt: tuple[float, ...]) -> complex:
+    """Return the wave number of the near field without sidewall and curvature of the ring, from the undamped wave's."""
+    blocks, bending, tension, _, bending_loss, omega, radius = belt
+    pulled = tension * radius**2 + omega**2 * radius**4
+    k = complex(0.0, sign * math.sqrt(pulled / bending + real * real))
+    for _ in range(_LOSSY if bending_loss else 0):
+        root = cmath.sqrt(-pulled / (bending - 1j * bending_loss * (blocks - k) * omega) - real * real)
+        k = root if root.imag * sign > 0.0 else -root
+    return k
+
+
+def _root(near: complex, belt: tuple[float, ...]) -> tuple[complex, ComplexArray]:
+    """Return the balance's root near a value, by Newton's method, and its derivatives by the five fields, (5,)."""
+    at = near
+    for _ in range(_POLISH):
+        value, slope, _ = _balance(at, *belt)
+        step = value / slope
+        # A longer one could reach the root of another wave.
+        at -= step * min(1.0, _LONGEST_STEP * abs(at) / max(abs(step), _SMALLEST))
+        if abs(step) <= _EXACT * abs(at):
+            break
+    _, slope, by = _balance(at, *belt)
+    return at, -by / slope
 
 
 def _balance(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -21,9 +21,9 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.wave_packets import Packet, decaying, free_belt, pulse
+from gateway.closure.effects.wave_packets import free_belt, pulse, running, spectrum_of
 from gateway.reasons import Code, Reason
-from gateway.types import FloatArray
+from gateway.types import ComplexArray, FloatArray
 
 _EDGE_WAVES: Final = "edge waves"
 # A short packet responds to orders two or three off its own, so that a scan of every sixth finds any. Behind the
@@ -47,8 +47,13 @@ _ORDER: Final = np.arange(FIELD_SIZE // 2 + 1)
 _CLOSED: Final = np.where(_ORDER > 1, 1.0, 0.0)
 _CLOSED_SLOPE: Final = np.where((_ORDER > 1) & (_ORDER <= SLOPE_ORDERS), 1j * _ORDER, 0.0)
 # Places of the amplitudes of travelling waves, and of what their orders and decays follow from.
-_AMPLITUDES: Final = [0, 1, 2, 3, 9, 10]
-_TREAD: Final = slice(4, 9)
+_AMPLITUDES: Final = [0, 1, 2, 3, 4, 5, 11, 12]
+_TREAD: Final = range(6, 11)
+# Places of the amplitudes of the packet ahead, and of its shape.
+_AHEAD_AT: Final = 11
+_AHEAD: Final = range(13, 16)
+# Place of the amplitudes, edge and multiple of the number of blocks of each wave.
+_WAVES: Final = ((0, 0, 1), (2, 1, 1), (4, 1, 2))
 # Speed at which the sizes of travelling waves are stated.
 _REFERENCE_MPS: Final = 20.0
 # Standard errors from 0 at which an amplitude is determined.
@@ -87,50 +92,59 @@ def _decay(name: str) -> Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class _Sent:
-    """A packet on the belt and what it depends on.
+class _Packet:
+    """A packet on the belt, as Fourier coefficients of orders m and -m, (2, FIELD_SIZE // 2 + 1).
 
     Attributes:
-        places: of its two amplitudes among the parameters.
+        place: of its first amplitude among the parameters.
         amplitude: cosine minus i sine.
-        packet: of unit amplitude.
-        share: change along the belt over that of the sensor's signal.
-        chain: (place, derivative of the order, of the decay, of the share) for each parameter behind them.
-        shape_places: of the parameters that are the packet's own shape.
+        curve: of unit amplitude.
+        along: its part that changes along the belt as it does for the sensor.
+        behind: places of the parameters behind them.
+        curve_by: derivatives of `curve` by these.
+        along_by: likewise.
     """
 
-    places: tuple[int, int]
+    place: int
     amplitude: complex
-    packet: Packet
-    share: float
-    chain: list[tuple[int, float, float, float]]
-    shape_places: tuple[int, ...] = ()
+    curve: ComplexArray
+    along: ComplexArray
+    behind: range
+    curve_by: ComplexArray
+    along_by: ComplexArray
 
 
 class TravellingEdgeWaves(SignalEffect):
     """Waves that the tread's blocks send along the belt from both edges, and a separate packet ahead of the contact.
 
-    Orders and decays at every speed follow from the number of blocks and the belt's own dispersion
+    Orders, decays and near fields at every speed follow from the number of blocks and the belt's own dispersion
     (`gateway.closure.effects.belt_dispersion`). At one speed this is two orders, two decays and the share along the
     belt in other numbers; at several speeds it is over-determined.
+
+    The passing of blocks is no pure tone. Its second harmonic sends a wave of 2N on the same belt, with an amplitude of
+    its own. Ahead of the contact its order is above those that are compared.
     """
 
     name = "travelling edge waves"
     rank = 170
     summary = "The tread's blocks send waves along the belt from both edges of the contact, alike in every revolution."
     equation = (
-        "R omega^2 (v / 20 m/s)^growth times (a cos(n d) + b sin(n d)) exp(-decay d) on either side, d = distance from "
-        "the edge, n = N + m before and N - m after for N blocks and m waves round the belt, "
-        "rho A (n omega)^2 = EI (m / R)^4 + T (m / R)^2 + kw; and times (a cos(n x) + b sin(n x)) "
-        "exp(-x^2 / (2 width^2)) ahead, x = d - place; orders 0 and 1 removed; "
-        "circumferential: -(e/R) kappa times its slope, kappa = 1 - N / n (ahead as before)"
+        "R omega^2 (v / 20 m/s)^growth times Re[(a - i b) (exp(i n d) + rho exp(i n' d))] on either side, d = distance "
+        "from the edge, n = N - k before and its conjugate after for N blocks and k waves round the belt, "
+        "rho A (n omega)^2 = EI (k / R)^4 + T (k / R)^2 + kw with losses; near field n' = N - k', k' the root that "
+        "ends within a wave, rho = -(k / k') (n' / n)^2 (slope held at the edge); the same with 2N after; and times "
+        "(a cos(n x) + b sin(n x)) exp(-x^2 / (2 width^2)) ahead, x = d - place; orders 0 and 1 removed; "
+        "circumferential: -(e/R) kappa times its slope, kappa = 1 - N / n of every part (ahead as before)"
     )
-    source = "dispersion of an inextensible ring under pressure and rotation, excited N times a turn"
+    source = "inextensible ring under pressure and rotation, excited N and 2N times a turn where its slope is held"
     parameters = (
         _amplitude("before_cosine", _MAX_EDGE_AMPLITUDE, 0.2),
         _amplitude("before_sine", _MAX_EDGE_AMPLITUDE, 0.2),
         _amplitude("after_cosine", _MAX_EDGE_AMPLITUDE, 0.2),
         _amplitude("after_sine", _MAX_EDGE_AMPLITUDE, 0.2),
+        # A harmonic is smaller than what it belongs to.
+        _amplitude("second_cosine", _MAX_EDGE_AMPLITUDE, 0.1),
+        _amplitude("second_sine", _MAX_EDGE_AMPLITUDE, 0.1),
         # Passenger car tires have 50 to 80 pitches, truck and winter patterns from 40, fine ones up to 110.
         Parameter("blocks", "per revolution", 36.0, 120.0, 25.0, 1e-4, prior_mean=70.0),
         # A car tire's belt: 7 N m^2 and 4 kN over 3 to 8 kg/m. Tires of one class differ by a factor of two either way.
@@ -161,27 +175,34 @@ class TravellingEdgeWaves(SignalEffect):
         Confounder(("contact edge scatter", "shear flexibility"), "they act at the edges themselves", "0.2"),
     )
     start_values = tuple(
-        (0.3, 0.3, 0.3, 0.3, blocks, bending, 1200.0, 50.0, 1e-4, *_START_AHEAD, -0.5)
+        (0.3, 0.3, 0.3, 0.3, 0.0, 0.0, blocks, bending, 1200.0, 50.0, 1e-4, *_START_AHEAD, -0.5)
         for bending in _START_BENDING
         for blocks in _START_BLOCKS
     )
     form_of = _EDGE_WAVES
-    scan = ((8, _SCAN_BENDING_LOSS), (7, _SCAN_SIDEWALL_LOSS))
+    scan = ((10, _SCAN_BENDING_LOSS), (9, _SCAN_SIDEWALL_LOSS))
     stage = Stage.BELT
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the packets; nothing without amplitude, whatever the orders."""
         if not parameters[_AMPLITUDES].any():
             return block.zeros()
-        return self._size(block, parameters)[0] * _signal_of(block, self._packets(block, parameters))
+        packets = self._packets(block, parameters)
+        return self._size(block, parameters)[0] * _travelling_signal(block, packets)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, tread, belt, the packet ahead and the growth."""
-        sent = self._packets(block, parameters)
-        rows = _derivative_of(block, sent, len(parameters))
+        packets = self._packets(block, parameters)
+        rows = np.zeros((len(parameters), 2, len(_ORDER)), complex)
+        for one in packets:
+            both = np.stack([one.curve, one.along])
+            rows[one.place : one.place + 2] += spectrum_of(np.stack([both, -1j * both]))
+            by = spectrum_of(one.amplitude * np.stack([one.curve_by, one.along_by], axis=1))
+            rows[one.behind.start : one.behind.stop] += by
         size, logarithm = self._size(block, parameters)
-        rows[-1] = logarithm * _signal_of(block, sent)
-        return size * rows
+        result = _curvature_signal(block, rows[:, 0], rows[:, 1])
+        result[-1] = logarithm * _travelling_signal(block, packets)
+        return size * result
 
     @staticmethod
     def _size(block: ModelledBlock, parameters: FloatArray) -> tuple[float, float]:
@@ -190,28 +211,38 @@ class TravellingEdgeWaves(SignalEffect):
         relative = conditions.omega_radps * conditions.radius_m / _REFERENCE_MPS
         return relative ** float(parameters[-1]), math.log(relative)
 
-    def _packets(self, block: ModelledBlock, parameters: FloatArray) -> list[_Sent]:
-        """Return the packets before, after and ahead."""
-        p = parameters.tolist()
-        conditions, free = block.conditions, free_belt(block)
-        tread = BlockTread(*p[_TREAD])
-        sent = []
-        for side in (0, 1):
-            wave = belt_wave(tread, side, conditions.omega_radps, conditions.radius_m)
-            packet = decaying(free, side, wave.order, wave.decay_per_rad)
-            at = range(_TREAD.start, _TREAD.stop)
-            chain = list(zip(at, wave.order_by, wave.decay_by, wave.share_by, strict=True))
-            sent.append(
-                _Sent((2 * side, 2 * side + 1), complex(p[2 * side], -p[2 * side + 1]), packet, wave.share, chain)
-            )
-            if side == 0:
+    def _packets(self, block: ModelledBlock, parameters: FloatArray) -> list[_Packet]:
+        """Return the packets before, after, that of the second harmonic, and the one ahead."""
+        p, conditions = parameters.tolist(), block.conditions
+        tread = BlockTread(*p[_TREAD.start : _TREAD.stop])
+        packets = []
+        for place, side, harmonic in _WAVES:
+            its_tread = replace(tread, blocks=harmonic * tread.blocks)
+            wave = belt_wave(its_tread, side, conditions.omega_radps, conditions.radius_m)
+            curves, curves_by = running(block, side, wave.orders)
+            sizes_by, moved = wave.sizes_by, wave.sizes[:, None] * wave.orders_by
+            by = np.tensordot(sizes_by.T, curves, 1) + np.tensordot(moved.T, curves_by, 1)
+            along_by = np.tensordot((sizes_by * wave.shares[:, None]).T, curves, 1)
+            along_by += np.tensordot((wave.sizes[:, None] * wave.shares_by).T, curves, 1)
+            along_by += np.tensordot((moved * wave.shares[:, None]).T, curves_by, 1)
+            for rows in (by, along_by):
+                rows[0] *= harmonic
+            curve, along = (np.tensordot(weights, curves, 1) for weights in (wave.sizes, wave.sizes * wave.shares))
+            packets.append(_Packet(place, _amplitude_at(p, place), curve, along, _TREAD, by, along_by))
+            if place == 0:
                 before = wave
         # On the same belt, so its share along the belt is that of the wave before.
-        chain = [(place, 0.0, 0.0, by) for place, by in zip(at, before.share_by, strict=True)]
-        chain += [(11, 1.0, 0.0, 0.0)]
-        ahead = pulse(free, p[11], p[12], p[13])
-        sent.append(_Sent((9, 10), complex(p[9], -p[10]), ahead, before.share, chain, (12, 13)))
-        return sent
+        curve, by = pulse(block, *p[_AHEAD.start : _AHEAD.stop])
+        share, share_by = before.shares[0], before.shares_by[0]
+        behind = range(_TREAD.start, _AHEAD.stop)
+        curve_by = np.zeros((len(behind), *curve.shape), complex)
+        along_by = np.zeros_like(curve_by)
+        curve_by[-3:], along_by[-3:] = by, share * by
+        along_by[: len(share_by)] = share_by[:, None, None] * curve
+        packets.append(
+            _Packet(_AHEAD_AT, _amplitude_at(p, _AHEAD_AT), curve, share * curve, behind, curve_by, along_by)
+        )
+        return packets
 
 
 class TireLockedEdgeWaves(SignalEffect):
@@ -255,24 +286,23 @@ class TireLockedEdgeWaves(SignalEffect):
         """Return the packets; nothing without amplitude, whatever the orders."""
         if not parameters[[0, 1, 4, 5]].any():
             return block.zeros()
-        return _signal_of(block, self._packets(block, parameters))
+        waves = self._waves(block, parameters)
+        return _curvature_signal(block, np.fft.rfft(waves[:, 0].real.sum(axis=0)))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes and shapes."""
-        return _derivative_of(block, self._packets(block, parameters), len(parameters))
+        rows = self._waves(block, parameters)[:, 1:].real.reshape(len(parameters), FIELD_SIZE)
+        return _curvature_signal(block, np.fft.rfft(rows))
 
-    def _packets(self, block: ModelledBlock, parameters: FloatArray) -> list[_Sent]:
+    def _waves(self, block: ModelledBlock, parameters: FloatArray) -> ComplexArray:
+        """Return either packet and its derivatives by its four parameters, as complex curves (2, 5, FIELD_SIZE)."""
         p, free = parameters.tolist(), free_belt(block)
-        return [
-            _Sent(
-                (at, at + 1),
-                complex(p[at], -p[at + 1]),
-                decaying(free, side, p[at + 2], p[at + 3]),
-                1.0,
-                [(at + 2, 1.0, 0.0, 0.0), (at + 3, 0.0, 1.0, 0.0)],
-            )
-            for side, at in enumerate((0, 4))
-        ]
+        found = []
+        for side, at in enumerate((0, 4)):
+            curve = free.packet(side, p[at + 2], p[at + 3])
+            wave, distance = _amplitude_at(p, at) * curve, free.distance_rad[side]
+            found.append(np.stack([wave, curve, -1j * curve, 1j * distance * wave, -distance * wave]))
+        return np.stack(found)
 
 
 class TreadPitch(SignalEffect):
@@ -315,7 +345,8 @@ class TreadPitch(SignalEffect):
         """Return the wave."""
         if not parameters[:2].any():
             return block.zeros()
-        return _curvature_signal(block, np.tensordot(parameters[:2], _pitch_waves(block, parameters)[0], 1))
+        wave = np.tensordot(parameters[:2], _pitch_waves(block, parameters)[0], 1)
+        return _curvature_signal(block, np.fft.rfft(wave))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by amplitudes, order and width."""
@@ -327,7 +358,7 @@ class TreadPitch(SignalEffect):
             cosine * by_order[0] + sine * by_order[1],
             cosine * by_width[0] + sine * by_width[1],
         ]
-        return _curvature_signal(block, np.stack(rows))
+        return _curvature_signal(block, np.fft.rfft(np.stack(rows)))
 
 
 def _fades_within_a_wave(
@@ -347,31 +378,15 @@ def _fades_within_a_wave(
     return None
 
 
-def _signal_of(block: ModelledBlock, sent: list[_Sent]) -> FloatArray:
+def _amplitude_at(parameters: list[float], place: int) -> complex:
+    """Return cosine minus i sine."""
+    return complex(parameters[place], -parameters[place + 1])
+
+
+def _travelling_signal(block: ModelledBlock, packets: list[_Packet]) -> FloatArray:
     """Return the contribution of packets, (3, FIELD_SIZE)."""
-    waves = np.stack([(one.amplitude * one.packet.curve).real for one in sent])
-    return _curvature_signal(block, waves.sum(axis=0), np.array([one.share for one in sent]) @ waves)
-
-
-def _derivative_of(block: ModelledBlock, sent: list[_Sent], count: int) -> FloatArray:
-    """Return the derivatives of `_signal_of` by all parameters, (count, 3, FIELD_SIZE)."""
-    rows = np.zeros((count, len(block.theta_rad)))
-    along = np.zeros_like(rows)
-    for one in sent:
-        wave = one.amplitude * one.packet.curve
-        for place, curve in zip(one.places, (one.packet.curve.real, one.packet.curve.imag), strict=True):
-            rows[place] += curve
-            along[place] += one.share * curve
-        shapes = [(by * wave).real for by in one.packet.shape_by]
-        for place, curve in zip(one.shape_places, shapes, strict=False):
-            rows[place] += curve
-            along[place] += one.share * curve
-        by_order = (one.packet.order_by * wave).real
-        for place, order_by, decay_by, share_by in one.chain:
-            moved = order_by * by_order + (decay_by * shapes[0] if decay_by else 0.0)
-            rows[place] += moved
-            along[place] += one.share * moved + share_by * wave.real
-    return _curvature_signal(block, rows, along)
+    curves = np.sum([one.amplitude * np.stack([one.curve, one.along]) for one in packets], axis=0)
+    return _curvature_signal(block, *spectrum_of(curves))
 
 
 def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -390,30 +405,28 @@ def _pitch_waves(block: ModelledBlock, parameters: FloatArray) -> FloatArray:
     return np.stack([waves, np.stack([-side * theta * sine, side * theta * cosine]), waves * (square / width)])
 
 
-def _curvature_signal(block: ModelledBlock, wave: FloatArray, along: FloatArray | None = None) -> FloatArray:
+def _curvature_signal(block: ModelledBlock, wave: ComplexArray, along: ComplexArray | None = None) -> FloatArray:
     """Return the contribution of a wave of the belt's curvature to the axes.
 
     Args:
         block: the block.
-        wave: (..., FIELD_SIZE) in R omega^2.
-        along: the part that changes along the belt as it does for the sensor, kappa times the wave; None for all of it.
+        wave: its spectrum on the model's grid in R omega^2, (..., FIELD_SIZE // 2 + 1).
+        along: that of the part that changes along the belt as it does for the sensor, kappa times the wave; None where
+            all of it does.
 
     Returns:
         (..., 3, FIELD_SIZE), m/s^2.
     """
     scale = block.conditions.radius_m * block.conditions.omega_radps**2
-    result = np.zeros((*wave.shape[:-1], 3, wave.shape[-1]))
-    # Without amplitude, the derivatives by all but the amplitudes are zero.
-    busy = wave.any(axis=-1)
-    spectrum = np.fft.rfft(wave[busy], axis=-1) * (scale * _CLOSED)
-    result[busy, RADIAL] = np.fft.irfft(spectrum, n=FIELD_SIZE, axis=-1)
+    result = np.zeros((*wave.shape[:-1], 3, FIELD_SIZE))
     offset = relative_offset(block)
-    if offset:
-        if along is not None:
-            busy = along.any(axis=-1)
-            spectrum = np.fft.rfft(along[busy], axis=-1) * scale
-        turned = np.fft.irfft(spectrum * (-offset * _CLOSED_SLOPE), n=FIELD_SIZE, axis=-1)
-        result[busy, CIRCUMFERENTIAL] = turned
+    # Without amplitude, the derivatives by all but the amplitudes are zero.
+    for axis, spectrum, factor in (
+        (RADIAL, wave, scale * _CLOSED),
+        (CIRCUMFERENTIAL, wave if along is None else along, -offset * scale * _CLOSED_SLOPE),
+    ):
+        busy = spectrum.any(axis=-1) & bool(factor.any())
+        result[busy, axis] = np.fft.irfft(spectrum[busy] * factor, n=FIELD_SIZE, axis=-1)
     return result
 
 

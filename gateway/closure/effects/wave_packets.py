@@ -8,11 +8,17 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.effect import ModelledBlock
+from gateway.closure.effects.effect import FIELD_SIZE, ModelledBlock
 from gateway.types import ComplexArray, FloatArray
 
-# A packet swells from nothing over this angle, as measured ones do: the edge itself belongs to the ring.
+# A tire-locked packet swells from nothing over this angle: the edge itself belongs to the ring.
 _ONSET_RAD: Final = 0.03
+_ORDER: Final = np.arange(FIELD_SIZE // 2 + 1, dtype=np.float64)
+_BOTH: Final = np.stack([_ORDER, -_ORDER])
+# The grid begins at -pi. Half of either side's coefficients make the real part.
+_ON_GRID: Final = 0.5 * FIELD_SIZE * (-1.0) ** _ORDER
+# Turn over the free belt below which a wave has the coefficients of this one.
+_SHORT: Final = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +33,11 @@ class FreeBelt:
     distance_rad: FloatArray
     swell: FloatArray
 
+    def packet(self, side: int, order: float, decay_per_rad: float) -> ComplexArray:
+        """Return a packet from the leading (side 0) or the trailing edge, exp((i order - decay) d), (FIELD_SIZE,)."""
+        result: ComplexArray = self.swell[side] * np.exp((1j * order - decay_per_rad) * self.distance_rad[side])
+        return result
+
 
 def free_belt(block: ModelledBlock) -> FreeBelt:
     """Return the belt's free part."""
@@ -39,31 +50,50 @@ def free_belt(block: ModelledBlock) -> FreeBelt:
     return FreeBelt(distance, swell)
 
 
-@dataclass(frozen=True, slots=True)
-class Packet:
-    """A packet cos + i sin, and the factors that give its derivatives.
+def running(block: ModelledBlock, side: int, orders: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return exp(i order d) over the free belt, d = angle from the leading (side 0) or the trailing edge (1).
 
-    Attributes:
-        curve: (FIELD_SIZE,).
-        order_by: (FIELD_SIZE,) factor that makes it its derivative by the order.
-        shape_by: one such factor for each parameter of its envelope.
+    Args:
+        block: the block.
+        side: edge.
+        orders: (n,) complex.
+
+    Returns:
+        The Fourier coefficients of orders m and -m, (n, 2, FIELD_SIZE // 2 + 1), and their derivatives by the order.
+        They are integrals: samples of a curve that begins with a step would have the aliases of its high orders.
     """
+    length = 2.0 * math.pi - (block.trailing_edge_rad - block.leading_edge_rad)
+    edge, way = (block.leading_edge_rad, 1.0) if side == 0 else (block.trailing_edge_rad, -1.0)
+    z = orders[:, None, None] + way * _BOTH
+    short = np.abs(z) * length < _SHORT
+    z = np.where(short, _SHORT / length, z)
+    end = np.exp(1j * length * z)
+    curve = (end - 1.0) / (1j * z)
+    by = (length * end - curve) / z
+    # From here on a coefficient is that of a constant but for a turn of its phase.
+    turn = np.exp(-1j * edge * _BOTH) / (2.0 * math.pi)
+    return turn * curve, turn * by
 
-    curve: ComplexArray
-    order_by: ComplexArray
-    shape_by: tuple[ComplexArray | FloatArray, ...]
+
+def spectrum_of(coefficients: ComplexArray) -> ComplexArray:
+    """Return what `numpy.fft.rfft` gives of the real part of a curve on the model's grid, (..., FIELD_SIZE // 2 + 1).
+
+    Args:
+        coefficients: of its orders m and -m, (..., 2, FIELD_SIZE // 2 + 1).
+    """
+    result: ComplexArray = _ON_GRID * (coefficients[..., 0, :] + np.conj(coefficients[..., 1, :]))
+    return result
 
 
-def decaying(free: FreeBelt, side: int, order: float, decay: float) -> Packet:
-    """Return a packet that decays from the leading (side 0) or the trailing edge (1); its shape is the decay."""
-    distance = free.distance_rad[side]
-    return Packet(free.swell[side] * np.exp((1j * order - decay) * distance), 1j * distance, (-distance,))
+def pulse(block: ModelledBlock, order: float, place_rad: float, width_rad: float) -> tuple[ComplexArray, ComplexArray]:
+    """Return exp(i order x - x^2 / (2 width^2)), x = angle ahead of the leading edge less the place.
 
-
-def pulse(free: FreeBelt, order: float, place_rad: float, width_rad: float) -> Packet:
-    """Return a packet ahead of the contact with a Gaussian envelope; its shape are place and width."""
-    from_it = free.distance_rad[0] - place_rad
-    relative = from_it / width_rad
-    square = np.square(relative)
-    curve = free.swell[0] * np.exp(1j * order * from_it - 0.5 * square)
-    return Packet(curve, 1j * from_it, (relative / width_rad - 1j * order, square / width_rad))
+    Returns:
+        The Fourier coefficients of orders m and -m, (2, FIELD_SIZE // 2 + 1), and their derivatives by order, place and
+        width, (3, 2, FIELD_SIZE // 2 + 1).
+    """
+    off = order + _BOTH
+    turn = np.exp(-1j * (block.leading_edge_rad - place_rad) * _BOTH)
+    curve: ComplexArray = turn * (width_rad / math.sqrt(2.0 * math.pi)) * np.exp(-0.5 * np.square(width_rad * off))
+    by = [-(width_rad**2) * off, 1j * _BOTH, 1.0 / width_rad - width_rad * np.square(off)]
+    return curve, np.stack([factor * curve for factor in by])
