@@ -762,7 +762,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "earlier one at the end: {count} recordings, {first} to {last}"
     ),
     Code.TREND_SPEED_WITH_TIME: (
-        "the speed changes with the time, so that the influences of the two are not told apart"
+        "the speed changes with the time, so that the influences of the two cannot be separated"
     ),
     Code.TREND_SPAN_SHORT: (
         "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
