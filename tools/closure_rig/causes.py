@@ -110,6 +110,10 @@ def _gain(drawn: Drawing) -> Tables:
     return {"sensor": {"gain_error_percent": [0.0, 0.0, drawn.sign() * drawn.size]}}
 
 
+def _circumferential_gain(drawn: Drawing) -> Tables:
+    return {"sensor": {"gain_error_percent": [drawn.sign() * drawn.size, 0.0, 0.0]}}
+
+
 def _gain_temperature(drawn: Drawing) -> Tables:
     return {"sensor": {"gain_drift_percent_per_k": [0.0, 0.0, drawn.sign() * drawn.size]}}
 
@@ -263,6 +267,8 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter, locked=Locked.EDGES),
     Cause("mounting resonance", "Hz", (2400.0, 1600.0, 800.0), _loose, lowest=0.45 * SAMPLE_RATE_HZ),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
+    # With the sensor on the neutral layer only gravity shows it; a few millimetres below it, a hundredth of that is seen.
+    Cause("circumferential gain", "%", (0.8, 2.4, 5.0), _circumferential_gain),
 )
 
 

@@ -24,6 +24,8 @@ UNPAIRED: Final = frozenset(
         *combinations(("AC coupling", "gain", "zero-g offset", "rolling radius", "sample clock error"), 2),
         ("clipping", "AC coupling"),
         ("gain", "gain-temperature drift"),
+        # One list of the scenario has the gains of all axes.
+        ("gain", "circumferential gain"),
         ("camber", "zero-g offset"),
         ("camber", "AC coupling"),
         # One table of the scenario has both, and one list of axes.
@@ -33,7 +35,8 @@ UNPAIRED: Final = frozenset(
 
 
 BLIND_STRANGERS: Final = 7
-"""Number of effects outside the catalogue that `blind` draws from: kept diagnoses rely on what a seed draws."""
+BLIND_CAUSES: Final = 36
+"""Number of effects outside and in the catalogue that `blind` draws from: kept diagnoses rely on what a seed draws."""
 
 
 class Kind(StrEnum):
@@ -201,13 +204,13 @@ def blind(seed: int) -> Order:
     if kind is Kind.OUTSIDE:
         return Order(kind, seed, (STRANGERS[int(rng.integers(BLIND_STRANGERS))].name,), size)
     if kind is Kind.EFFECT:
-        return Order(kind, seed, (CAUSES[int(rng.integers(len(CAUSES)))].name,), size)
-    return Order(kind, seed, pair(rng))
+        return Order(kind, seed, (CAUSES[int(rng.integers(BLIND_CAUSES))].name,), size)
+    return Order(kind, seed, pair(rng, BLIND_CAUSES))
 
 
-def pair(rng: np.random.Generator) -> tuple[str, str]:
-    """Return two effects that can occur together."""
+def pair(rng: np.random.Generator, count: int = len(CAUSES)) -> tuple[str, str]:
+    """Return two effects that can occur together, of the first `count`."""
     while True:
-        first, second = (CAUSES[int(i)].name for i in rng.choice(len(CAUSES), 2, replace=False))
+        first, second = (CAUSES[int(i)].name for i in rng.choice(count, 2, replace=False))
         if frozenset((first, second)) not in UNPAIRED:
             return first, second

@@ -22,7 +22,7 @@ PAIRS: Final = 100
 EACH_EFFECT: Final = 9
 EACH_LARGE: Final = 2
 EACH_STRANGER: Final = 13
-"""Cases of each kind: 324 single effects about their detection limits, 72 of usual sizes, 156 outside the catalogue."""
+"""Cases of each kind: 333 single effects about their detection limits, 74 of usual sizes, 156 outside the catalogue."""
 
 SINGLE: Final = (0.3, 10.0)
 TOGETHER: Final = (3.0, 100.0)

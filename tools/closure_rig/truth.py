@@ -102,6 +102,8 @@ def _parameters(name: str, case: Case) -> dict[str, float]:
         return {"offset_m": 1e-3 * (sensor["offset_mm"] - bench.offset_mm)}
     if name == "gain":
         return {"error": 1e-2 * sensor["gain_error_percent"][2]}
+    if name == "circumferential gain":
+        return {"error": 1e-2 * sensor["gain_error_percent"][0]}
     if name == "gain-temperature drift":
         return {"drift_per_k": 1e-2 * sensor["gain_drift_percent_per_k"][2]}
     if name == "sensor nonlinearity":
