@@ -275,3 +275,33 @@ def sideways(size_mps2: float, goes_with: Callable[[GroupConditions], float] = l
         return read
 
     return plant
+
+
+class WavePacket(Sideways):
+    """A wave at a place near 1 rad, whose start value is a period off: a fit from there ends a period off."""
+
+    linear = False
+    start_values = ((3.0, 1.0 + math.tau / 9.0),)
+
+    def __init__(self, *places_rad: float) -> None:
+        """Take places to start from instead."""
+        super().__init__("wave packet")
+        self.parameters = (*self.parameters, Parameter("place_rad", "rad", 0.0, 3.0, 0.3, 1e-4, prior_mean=1.0))
+        self.start_values = tuple((3.0, place) for place in places_rad) or self.start_values
+
+    def contribution(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        change = here.zeros()
+        change[LATERAL] = float(parameters[0]) * self.packet(here.theta_rad - float(parameters[1]))[0]
+        return change
+
+    def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        rows = np.zeros((2, *here.signal_mps2.shape))
+        packet, slope = self.packet(here.theta_rad - float(parameters[1]))
+        rows[:, LATERAL] = packet, -float(parameters[0]) * slope
+        return rows
+
+    @staticmethod
+    def packet(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return a packet of order 9 two radians long, and its slope."""
+        hull, wave = np.exp(-0.5 * x**2), np.cos(9.0 * x)
+        return hull * wave, hull * (-x * wave - 9.0 * np.sin(9.0 * x))

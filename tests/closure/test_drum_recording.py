@@ -215,4 +215,7 @@ def test_three_revolutions_give_the_same(recording: Path) -> None:
     assert found["mounting offset"].parameters["offset_m"].value == pytest.approx(6.1e-3, abs=3e-4)
     second = [found[WAVES].parameters[f"second_{part}"].value for part in ("cosine", "sine")]
     assert second == pytest.approx([0.14, -0.06], abs=0.04)
-    assert found[WAVES].parameters["blocks"].value == pytest.approx(67.3, abs=0.5)
+    # A second optimum of nearly the same evidence has 70 blocks, as the best one of all five revolutions has.
+    blocks = found[WAVES].parameters["blocks"]
+    assert blocks.value == pytest.approx(67.3, abs=0.5)
+    assert 1.0 < blocks.std < 2.0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.effects.effect import LATERAL, GroupConditions, ModelledBlock, Parameter
+from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.inference import candidate_scan, set_search
 from gateway.closure.inference.candidate_scan import Scan
 from gateway.closure.inference.candidate_trial import Trial, refit, shapes_of, try_effect
@@ -26,6 +25,7 @@ from tests.closure.planted_campaign import (
     ONE_SPEED,
     TWO_SPEEDS,
     Sideways,
+    WavePacket,
     among,
     campaign_of,
     fitted,
@@ -50,34 +50,6 @@ def test_small_tilt_has_a_realistic_trial() -> None:
     after = refit(trial, data)
     assert trial.cost * fit.scale == pytest.approx(after.cost * after.scale, abs=5.0)
     assert trial.promise > 10.0
-
-
-class WavePacket(Sideways):
-    """A wave at a place near 1 rad, whose start value is a period off: a fit from there ends a period off."""
-
-    linear = False
-    start_values = ((3.0, 1.0 + math.tau / 9.0),)
-
-    def __init__(self) -> None:
-        super().__init__("wave packet")
-        self.parameters = (*self.parameters, Parameter("place_rad", "rad", 0.0, 3.0, 0.3, 1e-4, prior_mean=1.0))
-
-    def contribution(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        change = here.zeros()
-        change[LATERAL] = float(parameters[0]) * self.packet(here.theta_rad - float(parameters[1]))[0]
-        return change
-
-    def derivative(self, here: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        rows = np.zeros((2, *here.signal_mps2.shape))
-        packet, slope = self.packet(here.theta_rad - float(parameters[1]))
-        rows[:, LATERAL] = packet, -float(parameters[0]) * slope
-        return rows
-
-    @staticmethod
-    def packet(x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return a packet of order 9 two radians long, and its slope."""
-        hull, wave = np.exp(-0.5 * x**2), np.cos(9.0 * x)
-        return hull * wave, hull * (-x * wave - 9.0 * np.sin(9.0 * x))
 
 
 def test_a_shape_far_from_the_usual_one_is_fitted_anew_from_there() -> None:

@@ -267,7 +267,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("contact edge scatter", "mm", (0.05, 0.15, 2.5), _scatter, locked=Locked.EDGES),
     Cause("mounting resonance", "Hz", (2400.0, 1600.0, 800.0), _loose, lowest=0.45 * SAMPLE_RATE_HZ),
     Cause("rolling radius", "%", (0.01, 0.03, 2.0), _radius),
-    # With the sensor on the neutral layer only gravity shows it; a few millimetres below it, a hundredth of that is seen.
+    # With the sensor on the neutral layer only gravity shows it; some millimetres below, a hundredth of that is seen.
     Cause("circumferential gain", "%", (0.8, 2.4, 5.0), _circumferential_gain),
 )
 

@@ -92,6 +92,25 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
     return best
 
 
+def followed_trials(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> list[Trial]:
+    """Return a trial of an effect from each of its starts, followed for a few linear steps, by promise.
+
+    Args:
+        fit: of the model without the effect.
+        effect: to try.
+        shapes: of the fit's belt in the groups in which it is tried.
+    """
+    conditions = tuple(group.conditions for group in fit.model.campaign.groups)
+    model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
+    trials = _trials(fit, model, effect, shapes, effect.starts(conditions))
+    own = model.layout.effect(effect.name)
+    for _ in range(_FOLLOWED):
+        trials = _trials(
+            fit, model, effect, shapes, [np.clip(one.vector[own], *bounds(effect)).tolist() for one in trials]
+        )
+    return sorted(trials, key=_promise, reverse=True)
+
+
 def _nearest(
     fit: Fit,
     model: ClosureModel,

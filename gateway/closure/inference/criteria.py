@@ -89,6 +89,12 @@ SMALLER_DISCREPANCY: Final = 0.04
 """Share of the discrepancy's power under which candidates are proposed once more where much is unexplained: a true
 effect that the discrepancy stands for promises little under all of it."""
 
+OPTIMA_TRIED: Final = 4
+"""Starts of an effect far from its optimum from which a set is fitted once more: two or three lead to the same."""
+
+OPTIMUM_STEPS: Final = 15
+"""Most steps of such a fit: from a trial that was followed, some ten are enough."""
+
 BRANCHES: Final = 2
 """Chains of proposals: from the best and from the second-best first effect."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 
 import numpy as np
@@ -61,6 +61,7 @@ class PosteriorOver(Generic[SetT]):
         sets: possible sets whose effects are all supported (`criteria.SUPPORTED`), most probable first.
         weights: probability of each among these; they add up to 1.
         temperature: by which the evidence of the data was divided, since the best set leaves more than noise.
+        optima: other optima of the best set, by the effect whose shape is another.
     """
 
     every: Mapping[Names, SetT]
@@ -69,6 +70,7 @@ class PosteriorOver(Generic[SetT]):
     sets: tuple[SetT, ...]
     weights: tuple[float, ...]
     temperature: float = 1.0
+    optima: Mapping[str, tuple[SetT, ...]] = field(default_factory=dict)
 
     @property
     def best(self) -> SetT:
@@ -104,8 +106,20 @@ class PosteriorOver(Generic[SetT]):
 
     @property
     def considered(self) -> tuple[tuple[SetT, float], ...]:
-        """Sets that matter to the numbers, with weights that add up to 1."""
-        kept = [(one, weight) for one, weight in zip(self.sets, self.weights, strict=True) if weight > _NEGLIGIBLE]
+        """Sets that matter to the numbers, with weights that add up to 1; sets with other optima share theirs.
+
+        The odds of an effect's optima are those in the best set.
+        """
+        kept = list(zip(self.sets, self.weights, strict=True))
+        for name, others in self.optima.items():
+            odds = [
+                math.exp(_tempered(one, self.temperature) - _tempered(self.best, self.temperature)) for one in others
+            ]
+            total = sum(weight for one, weight in kept if name in one.names)
+            share = 1.0 / (1.0 + sum(odds))
+            kept = [(one, weight * share if name in one.names else weight) for one, weight in kept]
+            kept += [(one, total * share * each) for one, each in zip(others, odds, strict=True)]
+        kept = [(one, weight) for one, weight in kept if weight > _NEGLIGIBLE]
         total = sum(weight for _, weight in kept)
         return tuple((one, weight / total) for one, weight in kept)
 
@@ -162,7 +176,11 @@ def counted(one: Weighed) -> Names:
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
     found, temperature = doubted_sets(search.found, search.data)
-    return over(found, temperature)
+    posterior = over(found, temperature)
+    if posterior.best.names != search.best.names:
+        return posterior
+    possible = {name: tuple(one for one in each if not one.objections) for name, each in search.optima.items()}
+    return replace(posterior, optima=possible)
 
 
 def over(every: Mapping[Names, SetT], temperature: float = 1.0) -> PosteriorOver[SetT]:

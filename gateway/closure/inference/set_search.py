@@ -3,8 +3,8 @@
 Proposals come from chains without a discrepancy, which add the effect of the largest gain each time. All sets on the
 chains, and those near them, get their evidence with a discrepancy. From the best set, every effect is removed, added or
 exchanged in turn until no set is better; likewise from its rivals, which lack one of its effects. The discrepancy is
-then concentrated at orders, bands of orders or places while the evidence calls for it. Sets are visited in an order
-that depends on evidence and name alone.
+then concentrated at orders, bands of orders or places while the evidence calls for it, and the best set fitted from
+other shapes of its effects. Sets are visited in an order that depends on evidence and name alone.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.discrepancy_concentration import Evident, most_evident
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.other_optima import other_optima
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
@@ -47,6 +48,7 @@ class SetSearch:
         on_step: called with the number of effects of the set that is being worked on.
         helpers: processes that share the trials; the result does not depend on their number.
         found: sets with their evidence.
+        optima: other optima of the best set, by the effect whose shape is another.
         rejected: sets without an evidence, since a fit failed.
         complete: False when the search ended because its time was over.
         promises: for every set of a chain, the gain of log evidence that each effect promised without a discrepancy.
@@ -62,6 +64,7 @@ class SetSearch:
     on_step: Callable[[int], None] = lambda _: None
     helpers: Helpers = field(default_factory=lambda: Helpers(Workers()))
     found: dict[Names, Evaluated] = field(default_factory=dict)
+    optima: dict[str, tuple[Evaluated, ...]] = field(default_factory=dict)
     rejected: set[Names] = field(default_factory=set)
     complete: bool = True
     promises: dict[Names, dict[str, float]] = field(default_factory=dict)
@@ -93,7 +96,7 @@ class SetSearch:
         if expected is not None:
             self._chains(expected)
         self._climb()
-        while not self._stop() and self._concentrate():
+        while not self._stop() and (self._concentrate() or self._moved()):
             self._climb()
         return self.best
 
@@ -170,6 +173,18 @@ class SetSearch:
             self.found, self.discrepancy = before, smoother
             return False
         return True
+
+    def _moved(self) -> bool:
+        """Look for other optima of the best set; return whether one is better, which is then the set's own."""
+        best, self.optima = self.best, {}
+        for effect in sorted(best.fit.model.effects, key=lambda effect: effect.name):
+            bare = None if self._stop() else self._bare(best, effect)
+            found = [] if bare is None else other_optima(best, bare, effect, self._scanned)
+            if found and found[0].log_evidence > best.log_evidence:
+                self.found[best.names] = found[0]
+                return True
+            self.optima[effect.name] = tuple(found)
+        return False
 
     def called_for(self) -> tuple[Evaluated, Evident] | None:
         """Return the concentration that the evidence asks for, and the set that asks for it.

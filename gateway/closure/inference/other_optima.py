@@ -1,0 +1,61 @@
+"""Other optima of a set of effects: an effect of another shape, far from the best one, that fits nearly as well.
+
+Laplace's approximation knows one optimum. Where the data leave several, as with the number of blocks of a tread against
+the stiffness of its belt, each has the weight of its own evidence, and the distance between them is an error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gateway.closure.inference import criteria
+from gateway.closure.inference.candidate_trial import followed_trials, shapes_of, start_of
+from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
+from gateway.closure.inference.set_evidence import Evaluated, evaluate
+from gateway.closure.model.baseline import NoShapeError
+from gateway.closure.model.closure_model import AngleEffect
+from gateway.types import FloatArray
+
+
+def other_optima(one: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[int, ...]) -> list[Evaluated]:
+    """Return the other optima of a set of nearly its evidence, or of a higher one, best first.
+
+    Args:
+        one: the set, with a discrepancy.
+        bare: fit of the set without the effect, under the same discrepancy.
+        effect: whose shape is varied; one with a single start has none.
+        groups: indices of the groups in which it is tried.
+    """
+    applied = one.fit.applied
+    conditions = tuple(group.conditions for group in one.fit.model.campaign.groups)
+    if applied is None or len(effect.starts(conditions)) < 2:
+        return []
+    try:
+        trials = followed_trials(bare, effect, shapes_of(bare, groups))
+    except (NoShapeError, np.linalg.LinAlgError):
+        return []
+    where = one.fit.model.layout.effect(effect.name)
+    slack = criteria.SIGMAS_LISTED * np.sqrt(np.diagonal(one.fit.covariance)[where])
+
+    def is_new(parameters: FloatArray) -> bool:
+        return all(bool(np.any(np.abs(parameters - other.fit.vector[where]) > slack)) for other in known)
+
+    known, tried = [one], 0
+    least = max((trial.promise for trial in trials), default=0.0) - criteria.WORTH_WORK
+    for trial in trials:
+        if trial.promise < least or tried == criteria.OPTIMA_TRIED:
+            break
+        # The trial's model has its effects in another order.
+        start = trial.model.layout.moved(start_of(trial), one.fit.model.layout)
+        if not is_new(start[where]):
+            continue
+        tried += 1
+        enough = one.log_evidence - criteria.WORTH_WORK
+        try:
+            fit = fit_model(one.fit.model, one.fit.data, start, applied=applied, most_steps=criteria.OPTIMUM_STEPS)
+            found = evaluate(fit, one.fit.data, applied.discrepancy, applied, enough)
+        except (FitFailedError, np.linalg.LinAlgError):
+            continue
+        if found.log_evidence > one.log_evidence - criteria.WITHIN and is_new(found.fit.vector[where]):
+            known.append(found)
+    return sorted(known[1:], key=lambda other: -other.log_evidence)

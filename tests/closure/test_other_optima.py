@@ -1,0 +1,76 @@
+"""Other optima of a set: a packet of waves that fits nearly as well a period off."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gateway.closure.effects.effect import LATERAL, GroupConditions
+from gateway.closure.inference.findings import findings_of
+from gateway.closure.inference.other_optima import other_optima
+from gateway.closure.inference.set_evidence import Evaluated
+from gateway.types import FloatArray
+from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, Plant, WavePacket, campaign_of, searched
+
+PERIOD_RAD = math.tau / 9.0
+STARTS_RAD = (0.3, 1.0, 1.7)
+
+
+def packet(size_mps2: float, place_rad: float) -> Plant:
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[LATERAL] += size_mps2 * WavePacket.packet(theta - place_rad)[0]
+        return read
+
+    return plant
+
+
+def place_of(one: Evaluated) -> float:
+    return float(one.fit.vector[one.fit.model.layout.effect("wave packet")][1])
+
+
+@pytest.mark.parametrize("starts_rad", [STARTS_RAD, STARTS_RAD[::-1]])
+def test_a_weak_packet_may_be_a_period_off(starts_rad: tuple[float, ...]) -> None:
+    effect = WavePacket(*starts_rad)
+    campaign = campaign_of(ONE_SPEED, packet(1.3, 1.1), noise_mps2=1.0, axes=ALL_AXES)
+    found, search = searched(campaign, {effect.name: effect})
+    ((other,),) = search.optima.values()
+    best = found.best
+    assert abs(place_of(other) - place_of(best)) == pytest.approx(PERIOD_RAD, rel=0.02)
+    # Each optimum has the weight of its evidence, and the error of the place contains their distance.
+    weights = {place_of(one): weight for one, weight in found.considered if effect.name in one.names}
+    odds = math.exp((other.log_evidence - best.log_evidence) / found.temperature)
+    assert weights[place_of(other)] / weights[place_of(best)] == pytest.approx(odds, rel=1e-6)
+    assert sum(weight for _, weight in found.considered) == pytest.approx(1.0)
+    (finding,) = findings_of(found, {effect.name: effect}, {})
+    place = finding.parameters["place_rad"]
+    own = math.sqrt(best.fit.covariance[best.fit.model.layout.effect(effect.name)][-1, -1])
+    assert place.value == pytest.approx(place_of(best))
+    assert place.std == pytest.approx(math.hypot(own, PERIOD_RAD * math.sqrt(odds / (1.0 + odds))), rel=0.05)
+
+
+def test_a_strong_packet_has_one_place() -> None:
+    effect = WavePacket(*STARTS_RAD)
+    campaign = campaign_of(ONE_SPEED, packet(4.0, 1.1), noise_mps2=0.3, axes=ALL_AXES)
+    found, search = searched(campaign, {effect.name: effect})
+    assert search.optima == {effect.name: ()}
+    assert place_of(found.best) == pytest.approx(1.1, rel=0.02)
+
+
+def test_the_better_optimum_is_found_from_the_worse_one() -> None:
+    effect = WavePacket(*STARTS_RAD)
+    campaign = campaign_of(ONE_SPEED, packet(1.3, 1.1), noise_mps2=1.0, axes=ALL_AXES)
+    found, search = searched(campaign, {effect.name: effect})
+    ((worse,),) = search.optima.values()
+    bare = found.baseline.fit.under(worse.fit.applied)
+    first, *_ = other_optima(worse, bare, effect, (0,))
+    assert first.log_evidence == pytest.approx(found.best.log_evidence, abs=0.1)
+    assert place_of(first) == pytest.approx(place_of(found.best), abs=0.01)
+
+
+def test_an_effect_of_one_start_has_one_optimum() -> None:
+    effect = WavePacket(1.0)
+    campaign = campaign_of(ONE_SPEED, packet(1.3, 1.1), noise_mps2=1.0, axes=ALL_AXES)
+    found, _ = searched(campaign, {effect.name: effect})
+    assert not other_optima(found.best, found.baseline.fit, effect, (0,))
