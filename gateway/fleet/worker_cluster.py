@@ -64,6 +64,8 @@ def local_workers(count: int, memory_bytes: int) -> Iterator[Workers]:
         # The campaign itself tries a recording again, and counts.
         "distributed.scheduler.allowed-failures": 0,
         "distributed.worker.daemon": True,
+        # It keeps what every worker did for an hour, 0.15 MB a recording.
+        "distributed.worker.profile.enabled": False,
         "distributed.worker.preload": ["gateway.fleet.worker_signals"],
         "logging": {"distributed": logging.getLevelName(level).lower()},
         "distributed.comm.timeouts.connect": f"{_CONNECT_S:.0f}s",

@@ -276,6 +276,16 @@ def test_worker_out_of_memory_is_a_failure(campaign, recordings, tmp_path):
     assert is_whole(tmp_path)
 
 
+def test_a_worker_keeps_no_profile_of_its_work(workers):
+    (callbacks,) = workers.client.run(_callbacks).values()
+    assert "heartbeat" in callbacks
+    assert not [name for name in callbacks if "profile" in name]
+
+
+def _callbacks(dask_worker: Any) -> list[str]:
+    return list(dask_worker.periodic_callbacks)
+
+
 def test_memory_error_is_tried_once_more(campaign, recordings, tmp_path):
     shutil.move(recordings / "drive0.mcap", recordings / "memory_error.mcap")
     assert campaign(recordings / "memory_error.mcap", work=faulty_work).failed == 1
