@@ -178,6 +178,7 @@ class SetSearch:
         """Look for other optima of the best set; return whether one is better, which is then the set's own."""
         best, self.optima = self.best, {}
         for effect in sorted(best.fit.model.effects, key=lambda effect: effect.name):
+            self.on_step(len(best.names))
             bare = None if self._stop() else self._bare(best, effect)
             found = [] if bare is None else other_optima(best, bare, effect, self._scanned)
             if found and found[0].log_evidence > best.log_evidence:
