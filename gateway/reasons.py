@@ -513,6 +513,7 @@ class Code(StrEnum):
     EVIDENCE_TEMPERED = "evidence_tempered"
     ERROR_BY_POSSIBLE_EFFECT = "error_by_possible_effect"
     ERROR_BY_MISSING_EFFECT = "error_by_missing_effect"
+    OTHER_OPTIMUM = "other_optimum"
     NOT_ON_EXACT_RING = "not_on_exact_ring"
     LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
     SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"

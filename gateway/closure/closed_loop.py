@@ -215,6 +215,7 @@ def _diagnose(
             *_notes(campaign, with_mean=core.mean),
             *(_cut_short(search, posterior) or _tempered(posterior)),
             *_open(considered, after),
+            *other_optimum_notes(posterior),
             *time_locked.notes,
         ),
         folds_of=_folds_of(campaign),
@@ -399,6 +400,30 @@ def _open(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) 
     for one in open_effects(considered, after):
         code = Code.ERROR_BY_MISSING_EFFECT if one.probability > 0.5 else Code.ERROR_BY_POSSIBLE_EFFECT
         yield Reason(code, effect=one.name, probability=one.probability, numbers=one.numbers, ratio=one.ratio)
+
+
+def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
+    """Yield a note on each other optimum that makes up most of the error of a parameter."""
+    weights = {id(one): weight for one, weight in posterior.considered}
+    best = posterior.best.fit
+    for name, others in posterior.optima.items():
+        effect = next(effect for effect in best.model.effects if effect.name == name)
+        where = best.model.layout.effect(name)
+        for one in others:
+            apart = np.abs(one.fit.vector - best.vector)[where] / np.sqrt(np.diagonal(best.covariance)[where])
+            place, weight = int(np.argmax(apart)), weights.get(id(one), 0.0)
+            if math.hypot(1.0, math.sqrt(weight) * float(apart[place])) < criteria.OPEN_RATIO:
+                continue
+            parameter = effect.parameters[place]
+            yield Reason(
+                Code.OTHER_OPTIMUM,
+                effect=name,
+                parameter=parameter.name,
+                value=float(one.fit.vector[where][place]) * parameter.factor,
+                best=float(best.vector[where][place]) * parameter.factor,
+                unit=parameter.display_unit or parameter.unit,
+                probability=weight,
+            )
 
 
 def _ended(search: SetSearch) -> tuple[Reason, ...]:

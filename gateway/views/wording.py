@@ -921,6 +921,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "most of the error of {numbers} comes from the possible absence of {effect} (probability "
         "{probability:probability}, not identified); if it were certain the error would be {ratio:.2g} times smaller"
     ),
+    Code.OTHER_OPTIMUM: (
+        "{effect} fits nearly as well with {parameter} {value:.4g}{unit: } in place of {best:.4g}{unit: } (probability "
+        "{probability:probability}), which makes up most of its error"
+    ),
     Code.TIME_LIMIT_SPENT: (
         "limit {limit_s:.3g s}: reading took {reading_s:.2g s}, fit and search {search_s:.2g s}; hold-out and figures "
         "came after it, {after_s:.2g s}"

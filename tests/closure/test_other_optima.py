@@ -6,10 +6,12 @@ import math
 
 import pytest
 
+from gateway.closure.closed_loop import other_optimum_notes
 from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.inference.findings import findings_of
 from gateway.closure.inference.other_optima import other_optima
 from gateway.closure.inference.set_evidence import Evaluated
+from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, Plant, WavePacket, campaign_of, searched
 
@@ -47,6 +49,9 @@ def test_a_weak_packet_may_be_a_period_off(starts_rad: tuple[float, ...]) -> Non
     place = finding.parameters["place_rad"]
     own = math.sqrt(best.fit.covariance[best.fit.model.layout.effect(effect.name)][-1, -1])
     assert place.value == pytest.approx(place_of(best))
+    (note,) = other_optimum_notes(found)
+    assert (note.code, note["effect"], note["parameter"]) == (Code.OTHER_OPTIMUM, effect.name, "place_rad")
+    assert (note["best"], note["value"]) == (pytest.approx(place_of(best)), pytest.approx(place_of(other)))
     assert place.std == pytest.approx(math.hypot(own, PERIOD_RAD * math.sqrt(odds / (1.0 + odds))), rel=0.05)
 
 
@@ -55,6 +60,7 @@ def test_a_strong_packet_has_one_place() -> None:
     campaign = campaign_of(ONE_SPEED, packet(4.0, 1.1), noise_mps2=0.3, axes=ALL_AXES)
     found, search = searched(campaign, {effect.name: effect})
     assert search.optima == {effect.name: ()}
+    assert not list(other_optimum_notes(found))
     assert place_of(found.best) == pytest.approx(1.1, rel=0.02)
 
 

@@ -14,6 +14,10 @@ nothing about it."""
 SUPPORTED: Final = 0.05
 """Probability from which the sets with an effect widen the errors of numbers: below, the prior alone is as large."""
 
+OPEN_RATIO: Final = 2.0
+"""Ratio of an error to that without an effect whose presence is open, or without another optimum, from which a note
+holds it responsible for the error."""
+
 PRIOR_ODDS: Final = 0.05 / 0.95
 """Odds of an effect before the data: two of forty effects on average."""
 

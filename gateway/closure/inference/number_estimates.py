@@ -29,8 +29,6 @@ _TREAD: Final = "tread_stiffness_npm2"
 _GRID_SHARES: Final = {"Bs": 5e-5, "Cw": 8e-5, "Rs": 5e-5, "Ts": 2.5e-4, _TREAD: 3.5e-4, _HALF_ANGLE: 4e-4}
 # In proportion to the load that was stated.
 _OF_LOAD: Final = frozenset({*NUMBERS, _TREAD})
-# Ratio of the errors from which an open effect is held responsible for the error of a number.
-_OPEN_RATIO: Final = 2.0
 _UNITS: Final = {_TREAD: "N/m^2", _HALF_ANGLE: "rad"}
 
 
@@ -74,7 +72,7 @@ def open_effects(sets: Sequence[tuple[Fit, float]], estimates: Mapping[str, Fitt
         for number in NUMBERS:
             std = estimates[number].std
             without = math.sqrt(max(std**2 - errors[number] ** 2 + known[number] ** 2, 0.0))
-            if std > _OPEN_RATIO * without > 0.0:
+            if std > criteria.OPEN_RATIO * without > 0.0:
                 ratios[number] = std / without
         if ratios:
             found.append(OpenEffect(name, probability, tuple(ratios), max(ratios.values())))

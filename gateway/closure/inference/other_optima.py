@@ -34,13 +34,13 @@ def other_optima(one: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[i
         trials = followed_trials(bare, effect, shapes_of(bare, groups))
     except (NoShapeError, np.linalg.LinAlgError):
         return []
+    known, tried = [one], 0
     where = one.fit.model.layout.effect(effect.name)
     slack = criteria.SIGMAS_LISTED * np.sqrt(np.diagonal(one.fit.covariance)[where])
 
     def is_new(parameters: FloatArray) -> bool:
         return all(bool(np.any(np.abs(parameters - other.fit.vector[where]) > slack)) for other in known)
 
-    known, tried = [one], 0
     least = max((trial.promise for trial in trials), default=0.0) - criteria.WORTH_WORK
     for trial in trials:
         if trial.promise < least or tried == criteria.OPTIMA_TRIED:

@@ -47,6 +47,7 @@ _DECISIVE: Final = frozenset(
         Code.ERROR_BY_MISSING_EFFECT,
         Code.ERROR_BY_POSSIBLE_EFFECT,
         Code.LOADS_CONTRADICT,
+        Code.OTHER_OPTIMUM,
         Code.RECORDING_LEFT_OUT,
         Code.SENSOR_ALARM,
         Code.SENSOR_IN_DOUBT,
