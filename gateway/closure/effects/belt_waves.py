@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.belt_dispersion import BlockTread, belt_wave
+from gateway.closure.effects.belt_dispersion import BeltWave, BlockTread, belt_wave
 from gateway.closure.effects.belt_geometry import SLOPE_ORDERS, relative_offset
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
@@ -21,7 +22,7 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.wave_packets import free_belt, pulse, running, spectrum_of
+from gateway.closure.effects.wave_packets import Running, free_belt, pulse, pulse_by, spectrum_of
 from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 
@@ -101,8 +102,7 @@ class _Packet:
         curve: of unit amplitude.
         along: its part that changes along the belt as it does for the sensor.
         behind: places of the parameters behind them.
-        curve_by: derivatives of `curve` by these.
-        along_by: likewise.
+        slopes: returns the derivatives of both by these, which a contribution does not need.
     """
 
     place: int
@@ -110,8 +110,7 @@ class _Packet:
     curve: ComplexArray
     along: ComplexArray
     behind: range
-    curve_by: ComplexArray
-    along_by: ComplexArray
+    slopes: Callable[[], tuple[ComplexArray, ComplexArray]]
 
 
 class TravellingEdgeWaves(SignalEffect):
@@ -197,7 +196,7 @@ class TravellingEdgeWaves(SignalEffect):
         for one in packets:
             both = np.stack([one.curve, one.along])
             rows[one.place : one.place + 2] += spectrum_of(np.stack([both, -1j * both]))
-            by = spectrum_of(one.amplitude * np.stack([one.curve_by, one.along_by], axis=1))
+            by = spectrum_of(one.amplitude * np.stack(one.slopes(), axis=1))
             rows[one.behind.start : one.behind.stop] += by
         size, logarithm = self._size(block, parameters)
         result = _curvature_signal(block, rows[:, 0], rows[:, 1])
@@ -219,29 +218,27 @@ class TravellingEdgeWaves(SignalEffect):
         for place, side, harmonic in _WAVES:
             its_tread = replace(tread, blocks=harmonic * tread.blocks)
             wave = belt_wave(its_tread, side, conditions.omega_radps, conditions.radius_m)
-            curves, curves_by = running(block, side, wave.orders)
-            sizes_by, moved = wave.sizes_by, wave.sizes[:, None] * wave.orders_by
-            by = np.tensordot(sizes_by.T, curves, 1) + np.tensordot(moved.T, curves_by, 1)
-            along_by = np.tensordot((sizes_by * wave.shares[:, None]).T, curves, 1)
-            along_by += np.tensordot((wave.sizes[:, None] * wave.shares_by).T, curves, 1)
-            along_by += np.tensordot((moved * wave.shares[:, None]).T, curves_by, 1)
-            for rows in (by, along_by):
-                rows[0] *= harmonic
-            curve, along = (np.tensordot(weights, curves, 1) for weights in (wave.sizes, wave.sizes * wave.shares))
-            packets.append(_Packet(place, _amplitude_at(p, place), curve, along, _TREAD, by, along_by))
+            waves = Running.of(block, side, wave.orders)
+            curve, along = (np.tensordot(part, waves.curves, 1) for part in (wave.sizes, wave.sizes * wave.shares))
+            packets.append(
+                _Packet(place, _amplitude_at(p, place), curve, along, _TREAD, partial(_slopes, wave, waves, harmonic))
+            )
             if place == 0:
                 before = wave
         # On the same belt, so its share along the belt is that of the wave before.
-        curve, by = pulse(block, *p[_AHEAD.start : _AHEAD.stop])
-        share, share_by = before.shares[0], before.shares_by[0]
+        ahead = p[_AHEAD.start : _AHEAD.stop]
+        curve, share = pulse(block, *ahead), before.shares[0]
         behind = range(_TREAD.start, _AHEAD.stop)
-        curve_by = np.zeros((len(behind), *curve.shape), complex)
-        along_by = np.zeros_like(curve_by)
-        curve_by[-3:], along_by[-3:] = by, share * by
-        along_by[: len(share_by)] = share_by[:, None, None] * curve
-        packets.append(
-            _Packet(_AHEAD_AT, _amplitude_at(p, _AHEAD_AT), curve, share * curve, behind, curve_by, along_by)
-        )
+
+        def slopes() -> tuple[ComplexArray, ComplexArray]:
+            by, share_by = pulse_by(curve, ahead[0], ahead[-1]), before.shares_by[0]
+            curve_by = np.zeros((len(behind), *curve.shape), complex)
+            along_by = np.zeros_like(curve_by)
+            curve_by[-3:], along_by[-3:] = by, share * by
+            along_by[: len(share_by)] = share_by[:, None, None] * curve
+            return curve_by, along_by
+
+        packets.append(_Packet(_AHEAD_AT, _amplitude_at(p, _AHEAD_AT), curve, share * curve, behind, slopes))
         return packets
 
 
@@ -376,6 +373,25 @@ def _fades_within_a_wave(
         if present and order < 2.0 * np.pi * decay:
             return Reason(Code.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
     return None
+
+
+def _slopes(wave: BeltWave, waves: Running, harmonic: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return the derivatives of a wave and of its part along the belt by the fields of `BlockTread`.
+
+    Args:
+        wave: of `harmonic` times the tread's blocks.
+        waves: its parts on the free belt.
+        harmonic: multiple of the number of blocks.
+    """
+    curves, curves_by = waves.curves, waves.by_order()
+    sizes_by, moved = wave.sizes_by, wave.sizes[:, None] * wave.orders_by
+    by = np.tensordot(sizes_by.T, curves, 1) + np.tensordot(moved.T, curves_by, 1)
+    along_by = np.tensordot((sizes_by * wave.shares[:, None]).T, curves, 1)
+    along_by += np.tensordot((wave.sizes[:, None] * wave.shares_by).T, curves, 1)
+    along_by += np.tensordot((moved * wave.shares[:, None]).T, curves_by, 1)
+    for rows in (by, along_by):
+        rows[0] *= harmonic
+    return by, along_by
 
 
 def _amplitude_at(parameters: list[float], place: int) -> complex:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 
@@ -50,29 +50,39 @@ def free_belt(block: ModelledBlock) -> FreeBelt:
     return FreeBelt(distance, swell)
 
 
-def running(block: ModelledBlock, side: int, orders: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Return exp(i order d) over the free belt, d = angle from the leading (side 0) or the trailing edge (1).
+@dataclass(frozen=True, slots=True)
+class Running:
+    """exp(i order d) over the free belt, d = angle from the leading (side 0) or the trailing edge (1), of some orders.
 
-    Args:
-        block: the block.
-        side: edge.
-        orders: (n,) complex.
+    Fourier coefficients are integrals: samples of a curve that begins with a step would have the aliases of its high
+    orders.
 
-    Returns:
-        The Fourier coefficients of orders m and -m, (n, 2, FIELD_SIZE // 2 + 1), and their derivatives by the order.
-        They are integrals: samples of a curve that begins with a step would have the aliases of its high orders.
+    Attributes:
+        curves: Fourier coefficients of orders m and -m, (n, 2, FIELD_SIZE // 2 + 1).
     """
-    length = 2.0 * math.pi - (block.trailing_edge_rad - block.leading_edge_rad)
-    edge, way = (block.leading_edge_rad, 1.0) if side == 0 else (block.trailing_edge_rad, -1.0)
-    z = orders[:, None, None] + way * _BOTH
-    short = np.abs(z) * length < _SHORT
-    z = np.where(short, _SHORT / length, z)
-    end = np.exp(1j * length * z)
-    curve = (end - 1.0) / (1j * z)
-    by = (length * end - curve) / z
-    # From here on a coefficient is that of a constant but for a turn of its phase.
-    turn = np.exp(-1j * edge * _BOTH) / (2.0 * math.pi)
-    return turn * curve, turn * by
+
+    curves: ComplexArray
+    _beyond: ComplexArray
+    _end: ComplexArray
+    _length_rad: float
+
+    @classmethod
+    def of(cls, block: ModelledBlock, side: int, orders: ComplexArray) -> Self:
+        """Return the waves of complex orders (n,) from one edge of a block's contact."""
+        length = 2.0 * math.pi - (block.trailing_edge_rad - block.leading_edge_rad)
+        edge, way = (block.leading_edge_rad, 1.0) if side == 0 else (block.trailing_edge_rad, -1.0)
+        z = orders[:, None, None] + way * _BOTH
+        short = np.abs(z) * length < _SHORT
+        z = np.where(short, _SHORT / length, z)
+        # From here on a coefficient is that of a constant but for a turn of its phase.
+        turn = np.exp(-1j * edge * _BOTH) / (2.0 * math.pi)
+        end = np.exp(1j * length * z)
+        return cls(turn * ((end - 1.0) / (1j * z)), z, turn * end, length)
+
+    def by_order(self) -> ComplexArray:
+        """Return the derivatives of the coefficients by each order, of their shape."""
+        result: ComplexArray = (self._length_rad * self._end - self.curves) / self._beyond
+        return result
 
 
 def spectrum_of(coefficients: ComplexArray) -> ComplexArray:
@@ -85,15 +95,20 @@ def spectrum_of(coefficients: ComplexArray) -> ComplexArray:
     return result
 
 
-def pulse(block: ModelledBlock, order: float, place_rad: float, width_rad: float) -> tuple[ComplexArray, ComplexArray]:
+def pulse(block: ModelledBlock, order: float, place_rad: float, width_rad: float) -> ComplexArray:
     """Return exp(i order x - x^2 / (2 width^2)), x = angle ahead of the leading edge less the place.
 
     Returns:
-        The Fourier coefficients of orders m and -m, (2, FIELD_SIZE // 2 + 1), and their derivatives by order, place and
-        width, (3, 2, FIELD_SIZE // 2 + 1).
+        The Fourier coefficients of orders m and -m, (2, FIELD_SIZE // 2 + 1).
     """
-    off = order + _BOTH
     turn = np.exp(-1j * (block.leading_edge_rad - place_rad) * _BOTH)
-    curve: ComplexArray = turn * (width_rad / math.sqrt(2.0 * math.pi)) * np.exp(-0.5 * np.square(width_rad * off))
+    size = width_rad / math.sqrt(2.0 * math.pi) * np.exp(-0.5 * np.square(width_rad * (order + _BOTH)))
+    result: ComplexArray = turn * size
+    return result
+
+
+def pulse_by(curve: ComplexArray, order: float, width_rad: float) -> ComplexArray:
+    """Return the derivatives of a pulse by order, place and width, (3, 2, FIELD_SIZE // 2 + 1)."""
+    off = order + _BOTH
     by = [-(width_rad**2) * off, 1j * _BOTH, 1.0 / width_rad - width_rad * np.square(off)]
-    return curve, np.stack([factor * curve for factor in by])
+    return np.stack([factor * curve for factor in by])
