@@ -403,7 +403,7 @@ def _open(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) 
 
 
 def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
-    """Yield a note on each other optimum that makes up most of the error of a parameter."""
+    """Yield a note on each other optimum that makes up most of the error of a parameter, the first one of these."""
     weights = {id(one): weight for one, weight in posterior.considered}
     best = posterior.best.fit
     for name, others in posterior.optima.items():
@@ -411,9 +411,11 @@ def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
         where = best.model.layout.effect(name)
         for one in others:
             apart = np.abs(one.fit.vector - best.vector)[where] / np.sqrt(np.diagonal(best.covariance)[where])
-            place, weight = int(np.argmax(apart)), weights.get(id(one), 0.0)
-            if math.hypot(1.0, math.sqrt(weight) * float(apart[place])) < criteria.OPEN_RATIO:
+            weight = weights.get(id(one), 0.0)
+            widened_to = np.hypot(1.0, math.sqrt(weight) * apart)
+            if widened_to.max() < criteria.OPEN_RATIO:
                 continue
+            place = int(np.argmax(widened_to >= criteria.OPEN_RATIO))
             parameter = effect.parameters[place]
             yield Reason(
                 Code.OTHER_OPTIMUM,

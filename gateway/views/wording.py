@@ -922,7 +922,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{probability:probability}, not identified); if it were certain the error would be {ratio:.2g} times smaller"
     ),
     Code.OTHER_OPTIMUM: (
-        "{effect} fits nearly as well with {parameter} {value:.4g}{unit: } in place of {best:.4g}{unit: } (probability "
+        "{effect}: nearly as good with {parameter} {value:.4g}{unit: } in place of {best:.4g}{unit: } (probability "
         "{probability:probability}), which makes up most of its error"
     ),
     Code.TIME_LIMIT_SPENT: (
