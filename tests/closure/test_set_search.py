@@ -95,6 +95,19 @@ def test_two_effects_are_found_together() -> None:
     assert search.complete
 
 
+def test_few_sets_hold_the_inverse_of_their_covariance() -> None:
+    """It takes megabytes a set."""
+    effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
+    _, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
+    applied = [one.fit.applied for one in search.found.values() if one.fit.applied is not None]
+    assert len(applied) >= 8
+    assert sum("inverses" in vars(one) for one in applied) <= 4
+    # It is worked out again where it is needed.
+    first = next(one for one in applied if "inverses" not in vars(one))
+    again = first.discrepancy.applied(first.amplitudes)
+    assert sum(inverse.log_determinant for inverse in first.inverses) == again.log_determinant
+
+
 def test_known_set_is_fitted_again_from_a_better_optimum() -> None:
     """A set stuck far from its optimum would give its credit to an effect that merely leads out of it."""
 

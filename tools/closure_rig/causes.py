@@ -234,7 +234,7 @@ CAUSES: Final[tuple[Cause, ...]] = (
     Cause("yaw tilt", "deg", (0.4, 1.2, 5.0), _yaw),
     Cause("gain", "%", (0.01, 0.03, 2.0), _gain),
     Cause("gain-temperature drift", "%/K", (0.0005, 0.0015, 0.03), _gain_temperature),
-    Cause("sensor nonlinearity", "% at 2000 m/s^2", (0.02, 0.06, 1.0), _nothing, bend=_bend),
+    Cause("sensor nonlinearity", "% at 2000 m/s^2", (0.02, 0.06, 1.0), _nothing, bend=_bend, highest=2.99),
     Cause("zero-g offset", "g", (0.006, 0.02, 1.0), _zero_g),
     # Any corner loses the mean, which is a hundred times the detection limit.
     Cause("AC coupling", "Hz", (0.05, 0.2, 1.0), _ac, lowest=0.05),

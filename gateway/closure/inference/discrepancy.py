@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -92,9 +93,15 @@ class Discrepancy:
         return amplitudes
 
     def applied(self, amplitudes: FloatArray) -> Applied:
-        """Return the discrepancy with its amplitudes."""
-        inverses = tuple(inverse_of(place, amplitudes[at]) for at, (*_, place) in self.enumerate())
-        return Applied(self, amplitudes, inverses)
+        """Return the discrepancy with its amplitudes.
+
+        Raises:
+            LinAlgError: the covariance cannot be inverted.
+        """
+        applied = Applied(self, amplitudes)
+        # What has no inverse fails here.
+        _ = applied.log_determinant
+        return applied
 
     def thinned(self, share: float) -> Discrepancy:
         """Return the same discrepancy for data with a share of the revolutions."""
@@ -127,21 +134,28 @@ class Discrepancy:
         return list(enumerate(self._places))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Applied:
     """A discrepancy with its amplitudes.
 
     Attributes:
         discrepancy: places and kernels.
         amplitudes: (places, parts, kernels).
-        inverses: of each place's covariance.
     """
 
     discrepancy: Discrepancy
     amplitudes: FloatArray
-    inverses: tuple[Inverse, ...]
 
-    @property
+    @cached_property
+    def inverses(self) -> tuple[Inverse, ...]:
+        """Of each place's covariance, up to ten megabytes each."""
+        return tuple(inverse_of(place, self.amplitudes[at]) for at, (*_, place) in self.discrepancy.enumerate())
+
+    def release(self) -> None:
+        """Release the memory of the inverses; they are worked out again where they are needed."""
+        self.__dict__.pop("inverses", None)
+
+    @cached_property
     def log_determinant(self) -> float:
         """Logarithm of the determinant of the data's covariance over that of the scatter."""
         return sum(inverse.log_determinant for inverse in self.inverses)

@@ -233,12 +233,17 @@ class SetSearch:
             return None
         if names not in self.found:
             self.on_step(len(names))
+            before = self.best if self.found else None
             try:
-                enough = self.best.log_evidence - criteria.WORTH_WORK if self.found else -math.inf
+                enough = -math.inf if before is None else before.log_evidence - criteria.WORTH_WORK
                 self.found[names] = evaluate(fit, self.data, self.discrepancy, near, enough)
             except (FitFailedError, np.linalg.LinAlgError):
                 self.rejected.add(names)
                 return None
+            # Others are seldom needed, and a hundred sets would take gigabytes.
+            for one in (before, self.found[names]):
+                if one is not None and one is not self.best and one.fit.applied is not None:
+                    one.fit.applied.release()
         return self.found[names]
 
     def _evaluate_anew(self, fit: Fit, near: Applied | None) -> None:
