@@ -164,7 +164,8 @@ def _of_the_belt(name: str, case: Case, tire: Mapping[str, Any], vibration: Mapp
         return {"damping_time_s": ring.tread_damping_nspm2 / ring.tread_stiffness_npm2}
     if name == "bending damping":
         return {"damping_time_s": ring.bending_damping_nm2s / ring.bending_stiffness_nm2}
-    if name == "contact asymmetry" and forward:
+    # A driving torque is stated with the losses in it; they are the traction's only where there are none.
+    if name == "contact asymmetry" and forward and not any("damping" in other for other in case.label["truth"]):
         return {"traction": tire["axle_torque_nm"] / (1e-3 * case.bench.radius_mm)}
     if name == "belt extension":
         return {"compliance_pn": 1.0 / ring.extension_stiffness_n - 1.0 / _STIFF_N}
