@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, nullco
 from importlib import import_module
 from multiprocessing import get_context, resource_tracker
 from types import TracebackType
-from typing import Final, ParamSpec, Self, TypeVar
+from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from gateway.errors import TreadlinkError
 
@@ -79,7 +79,19 @@ class Worker(ProcessPoolExecutor):
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
         """Call `fn` in the process."""
         with interrupt_held_back():  # what starts here inherits that
-            return super().submit(fn, *args, **kwargs)
+            future = super().submit(fn, *args, **kwargs)
+        future.add_done_callback(self._stop_feeding)
+        return future
+
+    def _stop_feeding(self, done: Future[Any]) -> None:
+        """Close the queue of a process that has ended.
+
+        Python 3.11 before 3.11.5 waits without end where more than a pipe holds is on its way (python/cpython#94777).
+        """
+        if not done.cancelled() and isinstance(done.exception(), BrokenProcessPool):
+            queue: Any = getattr(self, "_call_queue", None)
+            if queue is not None:
+                queue._reader.close()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

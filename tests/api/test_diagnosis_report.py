@@ -74,7 +74,9 @@ def test_lost_process_names_the_guard_of_the_script(recorded, tmp_path):
     script = tmp_path / "script.py"
     script.write_text(f"import gateway\ngateway.diagnose({str(recorded)!r}, wheel='FL', jobs=2)\n")
     command = [sys.executable, script]
-    ended = subprocess.run(command, capture_output=True, text=True, cwd=Path(gateway.__file__).parents[1], check=False)
+    ended = subprocess.run(
+        command, capture_output=True, text=True, cwd=Path(gateway.__file__).parents[1], check=False, timeout=120
+    )
     assert ended.returncode == 1
     assert "ended early" in ended.stderr
     assert 'needs `if __name__ == "__main__":`' in ended.stderr

@@ -16,8 +16,11 @@ import gateway
 URI = "sim:lab?speed=max&duration=4&seed=3"
 
 
+@pytest.fixture
 def sessions():
-    return [thread.name for thread in threading.enumerate() if thread is not threading.main_thread()]
+    """Return what lists the threads that a test has begun: others may have left some of theirs."""
+    earlier = set(threading.enumerate())
+    return lambda: [thread.name for thread in threading.enumerate() if thread not in earlier]
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +61,14 @@ def test_notices_and_alarms_are_words():
         assert session.wheels == ("W1",)
 
 
-def test_leaving_the_loop_closes_the_source():
+def test_leaving_the_loop_closes_the_source(sessions):
     for revolution in gateway.live("sim:lab", estimators="kinematic"):
         assert revolution.wheel == "W1"
         break
     assert sessions() == []
 
 
-def test_error_in_the_loop_closes_the_source(tmp_path):
+def test_error_in_the_loop_closes_the_source(tmp_path, sessions):
     path = tmp_path / "part.mcap"
 
     def fails():
@@ -99,7 +102,7 @@ def test_ctrl_c_finishes_the_recording(tmp_path):
     assert gateway.open(path).info.finished
 
 
-def test_source_that_cannot_be_opened_leaves_no_file(tmp_path):
+def test_source_that_cannot_be_opened_leaves_no_file(tmp_path, sessions):
     path = tmp_path / "never.mcap"
     with pytest.raises(gateway.SourceError, match="no port"):
         list(gateway.live("serial:///dev/treadlink-none", record=path))
@@ -116,7 +119,7 @@ def test_source_that_cannot_be_opened_leaves_no_file(tmp_path):
         ((URI,), {"estimators": "magic"}, "unknown estimator"),
     ],
 )
-def test_wrong_options_are_errors_at_the_call(arguments, options, message):
+def test_wrong_options_are_errors_at_the_call(arguments, options, message, sessions):
     with pytest.raises(gateway.Error, match=message):
         gateway.live(*arguments, **options)
     assert sessions() == []
