@@ -182,7 +182,8 @@ class SetSearch:
             bare = None if self._stop() else self._bare(best, effect)
             found = [] if bare is None else other_optima(best, bare, effect, self._scanned)
             if found and found[0].log_evidence > best.log_evidence:
-                self.found[best.names] = found[0]
+                # Those found so far are of the worse one.
+                self.found[best.names], self.optima = found[0], {}
                 return True
             self.optima[effect.name] = tuple(found)
         return False
