@@ -180,7 +180,7 @@ def ending(session: RunningSession, stop: StopRequest, *, needs_revolutions: boo
     Raises:
         TreadlinkError: a source, the recording or the session failed.
         StopSignal: the terminal is closed, so that the summary cannot be printed.
-        SystemExit: the session has no result.
+        SystemExit: the session has no result, or a live output was down at the end.
     """
     try:
         try:
@@ -192,7 +192,8 @@ def ending(session: RunningSession, stop: StopRequest, *, needs_revolutions: boo
         raise
     if session.live.core.recording_fault is not None:
         raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
-    if no_frames or (needs_revolutions and no_revolutions):
+    is_receiver_left = session.publisher is not None and session.publisher.is_receiver_left
+    if no_frames or (needs_revolutions and no_revolutions) or is_receiver_left:
         raise SystemExit(exit_status.NO_RESULT)
 
 

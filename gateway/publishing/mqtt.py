@@ -9,9 +9,8 @@ from __future__ import annotations
 import os
 import ssl
 import threading
-from collections import deque
 from collections.abc import Mapping
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 from urllib.parse import quote, unquote, urlsplit
 
 import paho.mqtt.client as paho
@@ -47,13 +46,6 @@ _WAIT_S: Final = 0.05
 _KEEPALIVE_S: Final = 10
 _ONLINE: Final = b"online"
 _OFFLINE: Final = b"offline"
-
-
-class _Sent(NamedTuple):
-    """A message that the broker has not confirmed yet."""
-
-    info: paho.MQTTMessageInfo
-    counted: bool
 
 
 def open_mqtt(address: SinkAddress, setting: SinkSetting) -> MqttSink:
@@ -143,7 +135,8 @@ class MqttSink:
         self._keepalive_s = keepalive_s
         self._discovery = discovery
         self._announced: set[str] = set()
-        self._window: deque[_Sent] = deque()
+        # Messages that the broker has not confirmed yet, by their number: whether each is counted.
+        self._window: dict[int, bool] = {}
         self._refusal = ""
         self._has_connected = False
         self._has_ended = False
@@ -159,6 +152,7 @@ class MqttSink:
             self._client.username_pw_set(environment[USERNAME], environment.get(PASSWORD))
         self._client.on_connect = self._connected
         self._client.on_message = self._heard
+        self._client.on_publish = self._confirmed
 
     def open(self, stop: threading.Event) -> None:
         """Connect and wait for the broker's answer."""
@@ -211,9 +205,7 @@ class MqttSink:
             self._publish(f"{self._prefix}/status", _OFFLINE, stop, retain=True)
         while self._window and not stop.is_set():
             self._loop(_WAIT_S)
-        if self._client.is_connected():
-            self._confirm()
-        return sum(sent.counted for sent in self._window)
+        return sum(self._window.values())
 
     def close(self) -> None:
         """Disconnect; what is not confirmed is sent again after `open`."""
@@ -247,27 +239,33 @@ class MqttSink:
             if stop.is_set():
                 raise SinkDownError("the session has ended")
             self._loop(_WAIT_S)
+        self._hand_over(topic, payload, retain=retain, counted=counted)
+
+    def _hand_over(self, topic: str, payload: bytes, *, retain: bool, counted: bool) -> None:
+        """Give a message to the client, which sends it, and sends it again after a reconnection."""
         info = self._client.publish(topic, payload, _QOS, retain)
-        self._window.append(_Sent(info, counted))
+        if info.rc is paho.MQTT_ERR_QUEUE_SIZE:
+            raise SinkDownError("the client takes no message")
+        # With any other result the client keeps the message, also where the link broke in that very call. The result
+        # says nothing about it later: only the broker's confirmation does.
+        self._window[info.mid] = counted
 
     def _loop(self, timeout_s: float) -> None:
         result = self._client.loop(timeout_s)
-        self._confirm()
         if result is not paho.MQTT_ERR_SUCCESS or not self._client.is_connected():
             raise SinkDownError(self._refusal or "the connection to the broker is lost")
         if self._is_called_offline and len(self._window) < WINDOW:
             self._is_called_offline = False
-            info = self._client.publish(f"{self._prefix}/status", _ONLINE, _QOS, retain=True)
-            self._window.append(_Sent(info, counted=False))
-
-    def _confirm(self) -> None:
-        while self._window and self._window[0].info.is_published():
-            self._window.popleft()
+            self._hand_over(f"{self._prefix}/status", _ONLINE, retain=True, counted=False)
 
     def _connected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
         del client, data, flags, properties
         if reason.is_failure:
             self._refusal = str(reason).lower()
+
+    def _confirmed(self, client: paho.Client, data: Any, number: int, reason: ReasonCode, properties: Any) -> None:
+        del client, data, reason, properties
+        self._window.pop(number, None)
 
     def _heard(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
         del client, data

@@ -78,6 +78,11 @@ class Publisher:
         """Whether the reader of standard output has left."""
         return any(worker.name == STANDARD_OUTPUT and worker.has_ended for worker in self._workers)
 
+    @property
+    def is_receiver_left(self) -> bool:
+        """After `close`: whether a receiver was away or took nothing at the end."""
+        return any(worker.is_left for worker in self._workers)
+
     def close(self) -> tuple[SinkSnapshot, ...]:
         """Send what waits and end the outputs; return their last state.
 

@@ -120,6 +120,11 @@ class SinkWorker:
         """Whether the receiver has left for good."""
         return self._phase is SinkState.ENDED
 
+    @property
+    def is_left(self) -> bool:
+        """Whether the output ended while its receiver was away or took nothing."""
+        return self._note.code not in (Code.SINK_CLOSED, Code.SINK_ENDED)
+
     # Life cycle
 
     def finish(self) -> None:
