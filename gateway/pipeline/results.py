@@ -169,6 +169,11 @@ class WheelSnapshot:
         """The silence of pressure and temperature, None while they are current."""
         return next((silence for silence in self.silences if silence.part is SilentPart.ENVIRONMENT), None)
 
+    @property
+    def has_current_environment(self) -> bool:
+        """Whether pressure and temperature are those of now: the one rule for every view and output."""
+        return self.silence is None and self.old_environment is None
+
 
 @dataclass(frozen=True, slots=True)
 class LinkSnapshot:

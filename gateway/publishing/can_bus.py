@@ -201,9 +201,8 @@ class CanSink:
         yield self._encoder.wheel(
             wheel.position, MOTION, {"Revolution": revolution, "State": STATE_NUMBERS[wheel.state]}
         )
-        is_old = wheel.old_environment is not None or wheel.silence is not None
         known = {"Load": wheel.load_n if wheel.silence is None else None}
-        if not is_old:
+        if wheel.has_current_environment:
             known |= {"Pressure": wheel.pressure_pa, "Temperature": wheel.temperature_degc}
         yield self._encoder.wheel(wheel.position, CONDITIONS, _known(known))
 

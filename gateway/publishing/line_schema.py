@@ -102,7 +102,7 @@ def _wheel() -> dict[str, Any]:
     counts = ("revolutions", "revolutions_rejected", "samples", "samples_lost", "samples_saturated")
     numbers = (
         "rate_hz", "speed_mps", "rotation_rpm", "distance_m", "pressure_pa", "temperature_degc", "load_n", "wear_mm",
-        "silent_s",
+        "silent_s", "environment_silent_s",
     )  # fmt: skip
     return _object(
         "wheel",

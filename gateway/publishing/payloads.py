@@ -56,21 +56,22 @@ def alarm(item: PublishedAlarm) -> JsonObject:
 
 
 def wheel(item: PublishedState, one: WheelSnapshot) -> JsonObject:
-    """Return the state of a wheel."""
-    silence = one.silence
+    """Return the state of a wheel: what is silent has an age in place of its numbers."""
+    silence, old = one.silence, one.old_environment
     counters = one.counters
-    wear = one.wear_mm
-    is_old = one.old_environment is not None
+    wear = one.wear_mm if silence is None else None
+    is_current = one.has_current_environment
     numbers = {
-        "rate_hz": one.rate_hz or None,
+        "rate_hz": (one.rate_hz or None) if silence is None else None,
         "speed_mps": _last_estimate(one, "speed_mps"),
         "rotation_rpm": _last_estimate(one, "rotation_rpm"),
         "distance_m": _last_estimate(one, "distance_m"),
-        "pressure_pa": None if is_old else one.pressure_pa,
-        "temperature_degc": None if is_old else one.temperature_degc,
+        "pressure_pa": one.pressure_pa if is_current else None,
+        "temperature_degc": one.temperature_degc if is_current else None,
         "load_n": one.load_n if silence is None else None,
         "wear_mm": wear.value if wear is not None else None,
         "silent_s": silence.age_s if silence is not None else None,
+        "environment_silent_s": old.age_s if old is not None else None,
     }
     return {
         "type": "wheel",
@@ -89,14 +90,14 @@ def wheel(item: PublishedState, one: WheelSnapshot) -> JsonObject:
 
 
 def link(item: PublishedState, one: LinkSnapshot) -> JsonObject:
-    """Return the health of a link."""
-    numbers = {
+    """Return the health of a link: one that is silent or down has none of the numbers that its hub sends."""
+    heard = {
         "latency_s": one.latency_s,
         "battery_percent": one.battery_percent,
         "rssi_dbm": one.rssi_dbm,
         "supply_w": one.supply_w,
-        "silent_s": one.silent_s,
     }
+    numbers = {**(heard if one.connected and one.silent_s is None else {}), "silent_s": one.silent_s}
     return {
         "type": "link",
         "time_s": _seconds(item.host_ns),

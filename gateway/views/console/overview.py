@@ -71,9 +71,9 @@ def _values(
     trail = fixed(reading.trailing.value, 2) if reading is not None else MISSING
     load = f" {fixed(wheel.load_n, 0):>7}" if wide else ""
     # The columns have no room for the age of old values; the details of the wheel show it.
-    is_old = wheel.old_environment is not None
-    pressure = MISSING if is_old else kpa(wheel.pressure_pa)
-    temperature = MISSING if is_old else fixed(wheel.temperature_degc, 1)
+    is_current = wheel.has_current_environment
+    pressure = kpa(wheel.pressure_pa) if is_current else MISSING
+    temperature = fixed(wheel.temperature_degc, 1) if is_current else MISSING
     row: list[Run] = [
         (f" {state} ", Role.GOOD if rolling else Role.WARNING),
         (f"{speed:>6} ", Role.VALUE),
