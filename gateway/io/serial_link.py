@@ -218,7 +218,8 @@ def explain_open_error(port: str, error: Exception, present: list[str]) -> Sourc
     if number in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
         return SourceError(
             f"{port} is in use by another program",
-            f"Close it (`fuser {port}` names it), or share the port with ?exclusive=no.",
+            # Not ?exclusive=no: two readers take bytes from each other, which ruins a recording of the other program.
+            f"Wait for its end, or quit it (`fuser {port}` names it).",
             cause=errno.EBUSY,
         )
     if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or not _is_device(port):

@@ -106,13 +106,14 @@ def test_no_port_suggests_the_simulator() -> None:
     assert "sim:demo" in error.remedy
 
 
-def test_busy_port_names_the_option(pty_port: PtyPort, read: Read) -> None:
+def test_busy_port_is_not_to_be_shared(pty_port: PtyPort, read: Read) -> None:
     with serial.Serial(str(pty_port.path), exclusive=True):
         reader = read(open_source(f"serial:{pty_port.path}", ManualClock()))
         assert reader.next() is None
         assert "in use by another program" in str(reader.error)
         assert isinstance(reader.error, SourceError)
-        assert "exclusive=no" in reader.error.remedy
+        assert "fuser" in reader.error.remedy
+        assert "exclusive" not in reader.error.remedy, "half of a running recording would be lost"
         shared = read(open_source(f"serial:{pty_port.path}?exclusive=no", ManualClock()))
         shared.event(LinkEventKind.CONNECTED)
 
