@@ -244,10 +244,11 @@ def _waiting(clock: Clock, stop: StopRequest, root: Path) -> Callable[[str], boo
 @contextmanager
 def _shown_progress(clock: Clock) -> Iterator[Callable[[CampaignProgress], None]]:
     """Yield what shows the progress: a bar on a terminal, else a line every half minute."""
-    if not sys.stderr.isatty():
+    from gateway.views.progress import can_move_cursor, progress_bar
+
+    if not (sys.stderr.isatty() and can_move_cursor(os.environ)):
         yield _lines(clock)
         return
-    from gateway.views.progress import progress_bar
 
     with progress_bar("starting workers") as bar:
 

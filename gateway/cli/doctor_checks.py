@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import open_source, parse_source_uri
+from gateway.views.progress import can_move_cursor
 from gateway.views.wording import notice_text
 from gateway.views.wording import text as wording
 
@@ -209,8 +210,8 @@ def check_terminal(
     term = environment.get("TERM", "")
     text = f"{term or 'TERM not set'}, {size.columns} x {size.lines}, {encoding}"
     problems = []
-    if os.name == "posix" and term in ("", "dumb"):
-        problems.append("set TERM, for example to xterm-256color, or use --plain")
+    if not can_move_cursor(environment):
+        problems.append("set TERM, for example to xterm-256color; until then `treadlink live` prints plain lines")
     if size.columns < TERMINAL_MIN_COLUMNS or size.lines < TERMINAL_MIN_LINES:
         problems.append(f"enlarge it to at least {TERMINAL_MIN_COLUMNS} x {TERMINAL_MIN_LINES}")
     if "utf" not in encoding.lower():

@@ -69,5 +69,7 @@ publish_option = click.option(
     "of JSON), mqtt://HOST/PREFIX or mqtts://, foxglove://127.0.0.1:8765, can:INTERFACE:CHANNEL.",
 )
 plain_option = click.option(
-    "--plain", is_flag=True, help="Print one line per revolution instead of the screen; the default without a terminal."
+    "--plain",
+    is_flag=True,
+    help="Print one line per revolution instead of the screen; the default without a terminal or with TERM=dumb.",
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -23,6 +24,7 @@ from gateway.session.live import LiveSession
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.session_opening import OpenedSession, open_session
 from gateway.views.plain import PlainView
+from gateway.views.progress import can_move_cursor
 from gateway.views.session_summary import summary_lines
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
@@ -236,5 +238,5 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
 
 
 def is_terminal() -> bool:
-    """Return whether the screen can be shown."""
-    return sys.stdin.isatty() and sys.stdout.isatty()
+    """Return whether the screen can be shown: on a terminal that can move its cursor."""
+    return sys.stdin.isatty() and sys.stdout.isatty() and can_move_cursor(os.environ)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Final
 
@@ -128,9 +128,16 @@ class ProgressView:
         return Constrain(Group(*shown), self._console.width - _ECHO_CELLS)
 
 
+def can_move_cursor(environment: Mapping[str, str]) -> bool:
+    """Return whether the terminal draws more than line after line; those of editors and scripts do not."""
+    if environment.get("TERM", "") in ("dumb", "unknown"):
+        return False
+    return os.name != "posix" or bool(environment.get("TERM"))
+
+
 def progress_view() -> ProgressView:
     """Return a view of progress; used as a context manager, it is drawn in its block."""
-    if not sys.stderr.isatty() or os.environ.get("TERM") in ("dumb", "unknown"):
+    if not (sys.stderr.isatty() and can_move_cursor(os.environ)):
         return ProgressView(None)
     from rich.console import Console
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
+from gateway.cli.session_setup import is_terminal
 from gateway.errors import SourceError
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
@@ -44,6 +47,19 @@ def test_source_that_does_not_open_leaves_no_file(line: str, tmp_path: Path) -> 
     assert isinstance(result.exception, SourceError)
     assert "recording:" not in result.output
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("term", "has_screen"), [("dumb", False), ("unknown", False), ("", False), ("xterm-256color", True)]
+)
+def test_terminal_that_cannot_move_its_cursor_gets_plain_lines(
+    term: str, has_screen: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", term)
+    for stream in (sys.stdin, sys.stdout):
+        monkeypatch.setattr(stream, "isatty", lambda: True)
+    if os.name == "posix" or term:
+        assert is_terminal() is has_screen
 
 
 @pytest.fixture
