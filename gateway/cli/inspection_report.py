@@ -11,7 +11,7 @@ from gateway.io.source import LinkEventKind
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection
 from gateway.recording.writer import utc_text
-from gateway.views.numbers import duration, file_size, percent
+from gateway.views.numbers import duration, file_size, fixed, percent
 from gateway.views.recording_topics import log_level
 from gateway.views.text import escaped
 from gateway.views.wording import as_json, notice_text, text
@@ -50,7 +50,7 @@ def inspection_lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[s
             at = (event.host_ns - begin) * 1e-9
             words = text(event.reason)
             what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
-            yield f"    {at:9.2f} s  {what}"
+            yield f"    {fixed(at, 2):>9} s  {what}"
         if len(found.events) > _EVENTS_SHOWN:
             printed = f"the first {len(found.events)}" if found.events_omitted else "all"
             more = len(found.events) + found.events_omitted - _EVENTS_SHOWN
@@ -69,7 +69,7 @@ def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:
         yield f"  log of the hubs of {name}"
     for line in link.log[:_EVENTS_SHOWN]:
         at = (line.host_ns - begin) * 1e-9
-        yield f"    {at:9.2f} s  hub {line.hub}: {log_level(line.message)}: {escaped(line.message.text)}"
+        yield f"    {fixed(at, 2):>9} s  hub {line.hub}: {log_level(line.message)}: {escaped(line.message.text)}"
     if link.log_lines > _EVENTS_SHOWN:
         yield f"    ... and {link.log_lines - _EVENTS_SHOWN} more (--json prints up to {len(link.log)})"
 

@@ -221,8 +221,8 @@ def summary_lines(
 
 def _alarm_line(alarm: AlarmRecord) -> str:
     """Return what was wrong, when and for how long."""
-    end = "the end" if alarm.is_standing else f"{alarm.last_s:.1f} s"
-    times = f"from {alarm.first_s:.1f} s to {end}"
+    end = "the end" if alarm.is_standing else f"{fixed(alarm.last_s, 1)} s"
+    times = f"from {fixed(alarm.first_s, 1)} s to {end}"
     if alarm.count > 1:
         times = f"{alarm.count} times {times}, {age(alarm.total_s)} in all"
     return f"  {alarm.position} {alarm.name}: {times}: {text(alarm.reason)}"

@@ -85,6 +85,18 @@ def test_text_and_json_agree_and_are_clean(recording):
     assert data["finished"]
 
 
+def test_event_just_before_the_first_chunk_is_at_zero(tmp_path):
+    path = tmp_path / "live.mcap"
+    writer = RecordingWriter(path, start_ns=START_NS, sources=["serial:hub"])
+    (frame, *_) = frames(1, 1)
+    writer.write(Chunk("serial:hub", START_NS, encode_frame(frame)))
+    writer.write(LinkEvent("serial:hub", START_NS - 3_000_000, LinkEventKind.CONNECTED))
+    writer.close()
+    output = CliRunner().invoke(inspect, [str(path)]).output
+    assert " 0.00 s  serial:hub" in output
+    assert "-0.00" not in output
+
+
 def test_truncated_recording_is_shown_to_its_end(recording, tmp_path):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])

@@ -170,6 +170,12 @@ def test_alarms_are_listed_with_time_and_value() -> None:
     ]
 
 
+def test_alarm_just_before_the_first_chunk_is_from_zero() -> None:
+    low = Reason(Code.PRESSURE_BELOW_LIMIT, pressure_pa=210e3, limit_pa=230e3)
+    alarm = AlarmRecord("FL", "pressure", low, 1, 0.0, -0.004, -0.001, is_standing=False)
+    assert "from 0.0 s to 0.0 s" in summary_lines([], (), [alarm])[-1]
+
+
 def test_session_without_revolutions() -> None:
     assert summary_lines(ResultSummary().wheels()) == ["no revolution was completed"]
 
