@@ -5,15 +5,21 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import logging
+import opcode
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
+from typing import Final
 
 from gateway.errors import PluginError
 from gateway.reasons import Code, Reason
 
 _logger = logging.getLogger(__name__)
+
+# Reasons are stored with every revolution.
+_LONGEST_TEXT: Final = 300
+_RAISE: Final = opcode.opmap["RAISE_VARARGS"]
 
 
 class PluginGroup(StrEnum):
@@ -133,6 +139,38 @@ def missing_factory(factory: str) -> Reason | None:
     return Reason(Code.PLUGIN_LACKS_MEMBERS, members=factory)
 
 
+def short_text(text: str) -> str:
+    """Return a text of a plug-in, cut where it is too long to be stored again and again."""
+    return text[:_LONGEST_TEXT] if len(text) <= _LONGEST_TEXT else f"{text[: _LONGEST_TEXT - 3]}..."
+
+
+def error_text(error: BaseException) -> str:
+    """Return kind and message of an error that a plug-in raised, cut to a bounded length."""
+    try:
+        message = str(error)
+    except BaseException as inner:  # its class is the plug-in's too
+        if is_from_user(inner):
+            raise
+        message = "its message cannot be read"
+    return short_text(f"{type(error).__name__}: {message}" if message else type(error).__name__)
+
+
+def is_from_user(error: BaseException) -> bool:
+    """Return whether Ctrl-C or another signal caused an error that came out of a plug-in's code.
+
+    A signal interrupts that code at any instruction, or raises in a handler of this package. A plug-in that raises
+    KeyboardInterrupt itself does so in a `raise` statement of its own.
+    """
+    if not isinstance(error, KeyboardInterrupt):
+        return False
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None or str(trace.tb_frame.f_globals.get("__name__")).startswith("gateway."):
+        return True
+    return trace.tb_frame.f_code.co_code[trace.tb_lasti] != _RAISE
+
+
 def _name_refusal(plugin: Plugin, taken: Collection[str]) -> Reason | None:
     if plugin.name in taken:
         return Reason(Code.PLUGIN_NAME_TAKEN, by="treadlink")
@@ -145,9 +183,11 @@ def _loaded(plugin: Plugin) -> tuple[object, Reason | None]:
     entry = importlib.metadata.EntryPoint(plugin.name, plugin.target, plugin.group)
     try:
         return entry.load(), None
-    except Exception as error:  # code of others may raise anything, and must not end the program
+    except BaseException as error:  # code of others may raise anything, also SystemExit, and must not end the program
+        if is_from_user(error):
+            raise
         _logger.debug("plug-in %s of %s cannot be imported", plugin.name, plugin.package, exc_info=True)
-        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=f"{type(error).__name__}: {error}")
+        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=error_text(error))
 
 
 def _examined(plugin: Plugin, check: Check) -> tuple[object, Reason | None]:
@@ -156,5 +196,7 @@ def _examined(plugin: Plugin, check: Check) -> tuple[object, Reason | None]:
         return None, refusal
     try:
         return loaded, check(plugin, loaded)
-    except Exception as error:  # likewise
-        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=f"{type(error).__name__}: {error}")
+    except BaseException as error:  # likewise
+        if is_from_user(error):
+            raise
+        return None, Reason(Code.PLUGIN_NOT_IMPORTED, error=error_text(error))

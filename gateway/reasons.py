@@ -58,6 +58,8 @@ class Code(StrEnum):
     # Plug-ins
     PLUGIN_EFFECT_TAKEN = "plugin_effect_taken"
     PLUGIN_FAILED = "plugin_failed"
+    PLUGIN_FIELD_REFUSED = "plugin_field_refused"
+    PLUGIN_GAVE_NO_REASON = "plugin_gave_no_reason"
     PLUGIN_LACKS_MEMBERS = "plugin_lacks_members"
     PLUGIN_NAME_TAKEN = "plugin_name_taken"
     PLUGIN_NAME_DIFFERS = "plugin_name_differs"

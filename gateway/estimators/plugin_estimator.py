@@ -3,12 +3,32 @@
 from __future__ import annotations
 
 import logging
+import math
+import numbers
+import re
 from collections.abc import Callable
+from itertools import islice
+from typing import Final
 
-from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, TireConditions
-from gateway.reasons import Code, Reason
+from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
+from gateway.plugins import error_text, is_from_user, short_text
+from gateway.reasons import Code, Reason, Value
 
 _logger = logging.getLogger(__name__)
+
+_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}")
+# Each name is a column of every table; the estimators of this package have at most some thirty.
+_MAX_NAMES: Final = 100
+_MAX_REASONS: Final = 20
+_MAX_DEPTH: Final = 4
+
+
+class _RefusedFieldError(Exception):
+    """A field of an estimate has a value that it cannot have."""
+
+    def __init__(self, field: str, given: object) -> None:
+        super().__init__(field)
+        self.reason = Reason(Code.PLUGIN_FIELD_REFUSED, field=field, given=short_text(repr(given)))
 
 
 class PluginEstimator:
@@ -17,22 +37,113 @@ class PluginEstimator:
     def __init__(self, name: str, make: Callable[[], Estimator]) -> None:
         """Make the estimator `name` of a plug-in."""
         self.name = name
-        self._estimator = make()
+        self._make = make
+        self._estimator: Estimator | None = None
         self._names: tuple[str, ...] = (name,)
+        self._columns: set[str] = set()
+        self.reset()
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the plug-in's estimates; those that it gave last, without values, when it fails."""
+        if self._estimator is None:
+            return self._failed(self._failure)
         try:
-            found = tuple(self._estimator.update(revolution, average, conditions))
-            if not all(isinstance(estimate, Estimate) for estimate in found):
-                raise TypeError("update returns other things than estimates")
-        except Exception as error:  # code of others may raise anything, and must not end the session
+            estimates = self._checked(self._estimator.update(revolution, average, conditions))
+        except BaseException as error:  # code of others may raise anything, and must not end the session
+            if is_from_user(error):
+                raise
             _logger.warning("estimator %s failed", self.name, exc_info=True)
-            failed = Reason(Code.PLUGIN_FAILED, error=f"{type(error).__name__}: {error}")
-            return tuple(Estimate.invalid(name, failed) for name in self._names)
-        self._names = tuple(estimate.name for estimate in found) or self._names
-        return found
+            return self._failed(Reason(Code.PLUGIN_FAILED, error=error_text(error)))
+        self._names = tuple(estimate.name for estimate in estimates) or self._names
+        return estimates
 
     def reset(self) -> None:
-        """Forget everything."""
-        self._estimator.reset()
+        """Forget everything; an estimator that cannot is replaced by a new one."""
+        try:
+            if self._estimator is not None:
+                self._estimator.reset()
+                return
+        except BaseException as error:  # likewise
+            if is_from_user(error):
+                raise
+            _logger.warning("estimator %s cannot be reset", self.name, exc_info=True)
+            self._estimator = None
+        try:
+            self._estimator = self._make()
+        except BaseException as error:  # likewise
+            if is_from_user(error):
+                raise
+            _logger.warning("estimator %s cannot be made", self.name, exc_info=True)
+            self._failure = Reason(Code.PLUGIN_FAILED, error=error_text(error))
+
+    def _failed(self, reason: Reason) -> tuple[Estimate, ...]:
+        return tuple(Estimate.invalid(name, reason) for name in self._names)
+
+    def _checked(self, returned: object) -> tuple[Estimate, ...]:
+        """Return what the plug-in returned as estimates that every reader can rely on.
+
+        Raises:
+            TypeError: these are no estimates, or their names cannot be used.
+        """
+        items = tuple(islice(returned, _MAX_NAMES + 1))  # type: ignore[call-overload]  # raises TypeError itself
+        if not all(isinstance(item, Estimate) for item in items):
+            raise TypeError("update returns other things than estimates")
+        names = [item.name for item in items]
+        for name in names:
+            if type(name) is not str or not _NAME.fullmatch(name):
+                raise TypeError(f"name of an estimate: {short_text(repr(name))}")
+        if len(set(names)) < len(names):
+            raise TypeError("two estimates have the same name")
+        if len(self._columns.union(names)) > _MAX_NAMES:
+            raise TypeError(f"estimates have more than {_MAX_NAMES} names")
+        self._columns.update(names)
+        return tuple(_checked_estimate(item) for item in items)
+
+
+def _checked_estimate(estimate: Estimate) -> Estimate:
+    """Return an estimate with plain, finite numbers, or an invalid one that says which field is not."""
+    try:
+        if not isinstance(estimate.status, Status):
+            raise _RefusedFieldError("status", estimate.status)
+        reasons = _reasons(estimate.reasons)
+        if estimate.status is Status.INVALID:
+            return Estimate.invalid(estimate.name, *(reasons or (Reason(Code.PLUGIN_GAVE_NO_REASON),)))
+        value, std = _number("value", estimate.value), _number("std", estimate.std)
+        if not math.isfinite(value):
+            raise _RefusedFieldError("value", estimate.value)
+        if std < 0.0 or math.isinf(std):
+            raise _RefusedFieldError("std", estimate.std)
+        return Estimate(estimate.name, value, std, estimate.status, reasons)
+    except _RefusedFieldError as refused:
+        return Estimate.invalid(estimate.name, refused.reason)
+
+
+def _number(field: str, given: object) -> float:
+    if isinstance(given, bool) or not isinstance(given, numbers.Real):
+        raise _RefusedFieldError(field, given)
+    try:
+        return float(given)
+    except (OverflowError, ValueError) as error:
+        raise _RefusedFieldError(field, given) from error
+
+
+def _reasons(given: object) -> tuple[Reason, ...]:
+    if not isinstance(given, tuple) or len(given) > _MAX_REASONS:
+        raise _RefusedFieldError("reasons", given)
+    return tuple(_reason(item, _MAX_DEPTH) for item in given)
+
+
+def _reason(given: object, depth: int) -> Reason:
+    if not isinstance(given, Reason) or not isinstance(given.code, Code):
+        raise _RefusedFieldError("reasons", given)
+    return Reason(given.code, **{name: _value(value, depth) for name, value in given.values})
+
+
+def _value(given: object, depth: int) -> Value:
+    if isinstance(given, str):
+        return short_text(given)
+    if depth > 0 and isinstance(given, Reason):
+        return _reason(given, depth - 1)
+    if depth > 0 and isinstance(given, tuple) and len(given) <= _MAX_REASONS:
+        return tuple(_value(item, depth - 1) for item in given)
+    return _number("reasons", given)

@@ -113,6 +113,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # Plug-ins
     Code.PLUGIN_EFFECT_TAKEN: "its name or its rank is that of {effect} of {by}, rank {rank}",
     Code.PLUGIN_FAILED: "the plug-in failed: {error}",
+    Code.PLUGIN_FIELD_REFUSED: "the plug-in gave an estimate whose {field} cannot be used: {given}",
+    Code.PLUGIN_GAVE_NO_REASON: "the plug-in gives no reason",
     Code.PLUGIN_LACKS_MEMBERS: "it lacks {members}",
     Code.PLUGIN_NAME_TAKEN: "its name is taken by {by}",
     Code.PLUGIN_NAME_DIFFERS: "it calls itself {name}",
@@ -1095,7 +1097,10 @@ _FORMATTER: Final = _Template()
 @lru_cache(maxsize=1024)
 def text(reason: Reason) -> str:
     """Return a reason as a phrase without a full stop."""
-    return _FORMATTER.vformat(TEMPLATES[reason.code], (), dict(reason.values))
+    try:
+        return _FORMATTER.vformat(TEMPLATES[reason.code], (), dict(reason.values))
+    except (LookupError, TypeError, ValueError):  # a plug-in may give a code with values that are not the code's
+        return str(reason.code)
 
 
 def joined(reasons: Iterable[Reason]) -> str:

@@ -21,10 +21,11 @@ from firmware_protocol import wire
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "examples" / "plugin"
 BAD = {
-    "treadlink.sources": {"sim": "bad_plugin:KIND", "late": "bad_plugin:missing"},
+    "treadlink.sources": {"sim": "bad_plugin:KIND", "late": "bad_plugin:missing", "gone": "bad_plugin.leaving:KIND"},
     "treadlink.estimators": {
         "shape": "bad_plugin:Shape",
         "torn": "bad_plugin.torn:Anything",
+        "leaving": "bad_plugin.leaving:Anything",
         "raising": "bad_plugin:Raising",
         "other": "bad_plugin:Raising",
     },
@@ -77,6 +78,7 @@ def bad(tmp_path_factory: pytest.TempPathFactory) -> Path:
     info.mkdir()
     (package / "__init__.py").write_text(BAD_MODULE)
     (package / "torn.py").write_text("import a_package_that_is_not_installed\n")
+    (package / "leaving.py").write_text("raise SystemExit(0)\n")
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bad-plugin\nVersion: 9\n")
     lines = []
     for group, names in BAD.items():
@@ -126,6 +128,7 @@ def test_doctor_refuses_what_does_not_fit(bad: Path) -> None:
     reasons = {name.removeprefix("plug-in "): text.partition("refused: ")[2] for name, (_, text) in found.items()}
     assert reasons.pop("late").startswith("it cannot be imported: AttributeError")
     assert reasons.pop("torn").startswith("it cannot be imported: ModuleNotFoundError")
+    assert reasons.pop("leaving") == reasons.pop("gone") == "it cannot be imported: SystemExit: 0"
     assert reasons == {
         "sim": "its name is taken by treadlink",
         "shape": "it lacks update, reset",
@@ -175,6 +178,15 @@ def test_refused_plugin_that_is_asked_for_is_an_error(bad: Path, tmp_path: Path)
     assert done.returncode == 1
     assert "plug-in 'late' of package 'bad-plugin' cannot be used" in done.stderr
     assert "doctor" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "options"), [("gone", ("gone:x",)), ("leaving", ("sim:lab", "--estimator", "leaving"))]
+)
+def test_plugin_that_ends_the_program_on_import_is_an_error(bad: Path, name: str, options: tuple[str, ...]) -> None:
+    done = treadlink("live", *options, "--plain", folders=(bad,), check=False)
+    assert done.returncode == 1
+    assert f"plug-in '{name}' of package 'bad-plugin' cannot be used" in done.stderr
 
 
 def test_effect_of_a_plugin_is_in_the_catalogue(example: Path, bad: Path) -> None:
