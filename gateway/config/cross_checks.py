@@ -42,7 +42,7 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
     positions = [wheel["position"] for _, wheel in wheels if isinstance(wheel.get("position"), str)]
-    seen: dict[tuple[object, object], int] = {}
+    seen: dict[tuple[str, str], int] = {}
     for index, signal in _tables(_table(data.get("vehicle_signals")).get("signal")):
         key = f"vehicle_signals.signal[#{index + 1}]"
         quantity, wheel = signal.get("quantity"), signal.get("wheel")
@@ -50,7 +50,7 @@ def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, A
             yield Fault(f"{key}.wheel", None, "required for wheel_speed")
         if isinstance(wheel, str) and wheel not in positions:
             yield Fault(f"{key}.wheel", show(wheel), f"no wheel has this position; known: {', '.join(positions)}")
-        first = seen.setdefault((str(quantity), wheel), index)
+        first = seen.setdefault((str(quantity), str(wheel)), index)
         if first != index:
             yield Fault(f"{key}.quantity", show(quantity), f"vehicle_signals.signal[#{first + 1}] is the same quantity")
 
