@@ -16,6 +16,7 @@ import annotated_types
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic.fields import FieldInfo
 
+from gateway.bounded_input import NotRegularFileError, read_bounded
 from gateway.config.toml_reader import MAX_TOML_BYTES, parse_toml
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
@@ -76,12 +77,14 @@ def read_text(path: Path, what: str, *, max_bytes: int = MAX_TOML_BYTES) -> str:
         ConfigError: there is no such file, it cannot be read, is too large, or is not UTF-8.
     """
     try:
-        with path.open("rb") as file:
-            data = file.read(max_bytes + 1)
+        data = read_bounded(path, max_bytes)
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: {what} cannot be read: no such file", "Check the path.") from error
     except IsADirectoryError as error:
         raise ConfigError(f"{path}: {what} cannot be read: this is a folder", "Give a file in it.") from error
+    except NotRegularFileError as error:
+        reason = error.strerror or str(error)
+        raise ConfigError(f"{path}: {what} cannot be read: {reason}", "Give a regular file.") from error
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigError(f"{path}: {what} cannot be read: {reason}", "Check the permissions.") from error

@@ -10,6 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from gateway.bounded_input import MAX_DBC_BYTES, read_bounded
 from gateway.clock import Clock, wait_until
 from gateway.errors import SourceError
 from gateway.io.bus_frames import BusFrame, pack
@@ -71,9 +72,12 @@ def _dbc_of(address: SourceAddress) -> str | None:
     if path is None:
         return None
     try:
-        return Path(path).read_text("utf-8", errors="replace")
+        data = read_bounded(Path(path), MAX_DBC_BYTES)
     except OSError as error:
         raise SourceError(f"cannot read the DBC file '{path}': {error.strerror}", "Check the path.") from error
+    if len(data) > MAX_DBC_BYTES:
+        raise SourceError(f"the DBC file '{path}' is larger than {MAX_DBC_BYTES >> 20} MiB", "Check the path.")
+    return data.decode("utf-8", errors="replace").replace("\r\n", "\n")
 
 
 def _option(text: str) -> str | int | bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from gateway.bounded_input import MAX_DBC_BYTES, read_bounded
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import ConfigError
 from gateway.io.bus_frames import unpack
@@ -145,12 +146,18 @@ def open_decoder(
         path = config_path.parent / mapping.dbc
         origin = str(path)
         try:
-            text = path.read_text("utf-8", errors="replace")
+            data = read_bounded(path, MAX_DBC_BYTES)
         except OSError as error:
             raise ConfigError(
                 f"cannot read the DBC file '{path}': {error.strerror}",
                 "Correct vehicle_signals.dbc in the vehicle file.",
             ) from error
+        if len(data) > MAX_DBC_BYTES:
+            raise ConfigError(
+                f"the DBC file '{path}' is larger than {MAX_DBC_BYTES >> 20} MiB",
+                "Correct vehicle_signals.dbc in the vehicle file.",
+            )
+        text = data.decode("utf-8", errors="replace").replace("\r\n", "\n")
     if text is None:
         text, origin = next((text for text in recorded if text), None), "the DBC file in the recording"
     if text is None:

@@ -1,0 +1,81 @@
+"""Files that the user or a configuration names: only regular ones of bounded size are read."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gateway.bounded_input import MAX_DBC_BYTES
+from gateway.clock import SystemClock
+from gateway.config.validation import read_text
+from gateway.config.vehicle import load_vehicle, parse_vehicle
+from gateway.errors import TreadlinkError
+from gateway.io.source import open_source
+from gateway.session.signal_decoding import open_decoder
+
+VEHICLE = """
+[tire]
+radius_mm = 320
+[[wheel]]
+position = "FL"
+hub = 0
+wheel = 0
+[vehicle_signals]
+dbc = "the file"
+[[vehicle_signals.signal]]
+quantity = "vehicle_speed"
+message = "M"
+signal = "S"
+"""
+
+
+def read_vehicle_dbc(path: Path) -> object:
+    vehicle = parse_vehicle(VEHICLE.replace("the file", str(path)), "car.toml")
+    return open_decoder(vehicle, path.parent / "car.toml", [], [])
+
+
+def read_source_dbc(path: Path) -> object:
+    pytest.importorskip("can")
+    return open_source(f"can:virtual:0?dbc={path}", SystemClock())
+
+
+READERS: dict[str, Callable[[Path], object]] = {
+    "vehicle": load_vehicle,
+    "document": lambda path: read_text(path, "the document"),
+    "dbc of the vehicle": read_vehicle_dbc,
+    "dbc of a source": read_source_dbc,
+}
+
+
+def fifo(folder: Path) -> Path:
+    os.mkfifo(folder / "fifo")
+    return folder / "fifo"
+
+
+def loop(folder: Path) -> Path:
+    (folder / "loop").symlink_to(folder / "loop")
+    return folder / "loop"
+
+
+def too_large(folder: Path) -> Path:
+    with (folder / "large").open("wb") as file:
+        file.truncate(MAX_DBC_BYTES + 1)
+    return folder / "large"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs FIFOs")
+@pytest.mark.parametrize("reader", READERS)
+@pytest.mark.parametrize(
+    "make",
+    [fifo, loop, too_large, lambda _: Path("/dev/zero"), lambda folder: folder, lambda folder: folder / ("n" * 260)],
+    ids=["fifo", "loop", "too large", "device", "folder", "long name"],
+)
+def test_file_that_cannot_be_read_whole_is_refused(reader: str, make: Callable[[Path], Path], tmp_path: Path) -> None:
+    path = make(tmp_path)
+    with pytest.raises(TreadlinkError) as refused:
+        READERS[reader](path)
+    assert path.name in str(refused.value)
+    assert refused.value.remedy
