@@ -106,7 +106,8 @@ class VehicleJoin:
         rate_std, radius_std = conditions.claims.rate_std, conditions.radius_std_m / conditions.radius_m
         rate_holds = False
         linear: list[tuple[VehicleSignal, _Ratio]] = []
-        for signal in self.history.of_wheel(result.position):
+        witnesses = [signal for signal in self.history.of_wheel(result.position) if _is_witness(signal)]
+        for signal in witnesses:
             ratio = _mean_ratio(wheel.ratios.get(signal.key), signal)
             if ratio is None:
                 continue
@@ -117,7 +118,7 @@ class VehicleJoin:
             rate_holds = abs(ratio.value - 1.0) <= _CONTRADICTION * error
             if not rate_holds:
                 yield _rotation(ratio, error, result.revolution.rate_hz)
-        if any(signal.suffix != "mps" for signal in self.history.of_wheel(result.position)) and not rate_holds:
+        if any(signal.suffix != "mps" for signal in witnesses) and not rate_holds:
             return  # without the rate, the speed says nothing of the radius
         for _, ratio in linear:
             error = math.hypot(ratio.std * ratio.value, rate_std, radius_std)

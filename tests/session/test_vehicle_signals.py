@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
 import math
 import threading
@@ -19,7 +20,7 @@ from gateway.errors import ConfigError, SourceError
 from gateway.io.bus_frames import BusFrame, pack, unpack
 from gateway.io.source import BusFrames, LinkEventKind, is_live, open_source
 from gateway.pipeline.vehicle_signals import Quantity, SignalHistory, SignalSetup, VehicleSignal
-from gateway.reasons import Code
+from gateway.reasons import Code, codes_of
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session.batch_estimation import estimate_items
@@ -49,12 +50,12 @@ def wheel():
     return items, source.vehicle_toml, vehicle.wheel[0].position, vehicle.tire_of(vehicle.wheel[0]).radius_m
 
 
-def drive(wheel, **false):
-    """Return the items of wheel and bus, and the configuration."""
+def drive(wheel, quantities=None, **false):
+    """Return the items of wheel and bus, and the configuration, which maps all signals or some."""
     items, toml, position, radius_m = wheel
     omega = SPEED_MPS / radius_m
     found = frames(items[0].host_ns, items[-1].host_ns, omega, SPEED_MPS, **false)
-    return merged(items, blocks(found)), with_signals(toml, position)
+    return merged(items, blocks(found)), with_signals(toml, position, quantities)
 
 
 def decoder(vehicle) -> SignalDecoder:
@@ -133,6 +134,17 @@ def test_wrong_radius_is_contradicted_by_the_vehicle_speed(wheel) -> None:
     assert ("vehicle speed", Code.VEHICLE_SPEED_CONTRADICTED) in {
         (alarm.name, alarm.reason.code) for alarm in core.snapshot(3.0).alarms
     }
+
+
+OTHERS = ("steering_angle", "brake_pressure", "acceleration_x", "acceleration_z")
+
+
+@pytest.mark.parametrize("others", [(), *itertools.combinations(OTHERS, 1), *itertools.combinations(OTHERS, 2), OTHERS])
+def test_signals_that_are_no_speed_do_not_end_the_check_of_the_speed(wheel, others) -> None:
+    items, vehicle = drive(wheel, ("vehicle_speed", *others), speed=1.08)
+    speed = values(estimated(items, vehicle)[-1])["speed_mps"]
+    assert speed.status == "provisional"
+    assert Code.MAY_CHANGE_BY in codes_of(speed.reasons)
 
 
 def test_car_that_agrees_contradicts_nothing(wheel) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -59,9 +59,11 @@ def database() -> Any:
     return cantools.database.load_file(DBC)
 
 
-def with_signals(toml: str, wheel: str) -> VehicleConfig:
-    """Return a simulated vehicle whose file maps the signals of the bus."""
-    return parse_vehicle(toml + MAPPING.format(wheel=wheel), "car")
+def with_signals(toml: str, wheel: str, quantities: Collection[str] | None = None) -> VehicleConfig:
+    """Return a simulated vehicle whose file maps the signals of the bus: of some quantities, or all."""
+    head, *signals = MAPPING.format(wheel=wheel).split("\n[[")
+    mapped = [text for text in signals if quantities is None or text.split('"', 2)[1] in quantities]
+    return parse_vehicle(toml + "\n[[".join((head, *mapped)), "car")
 
 
 def angle_rad(at_s: float) -> float:
