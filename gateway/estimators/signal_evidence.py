@@ -482,7 +482,9 @@ def _steady_contradiction(
     reasons = tuple(cause.reason for cause in possible) or (Reason(Code.NO_SINGLE_CAUSE),)
     ratios = {cause.cause: cause.ratio for cause in reversed(possible)}
     if not ratios:
-        ratios = {Cause.RADIUS: max(ratio.value, 0.1), Cause.GAIN: max(ratio.value, 0.1)}
+        # Several statements are wrong, any of these three among them.
+        value = max(ratio.value, 0.1)
+        ratios = {Cause.RADIUS: value, Cause.RATE: math.sqrt(value), Cause.GAIN: value}
     reason = Reason(Code.STEADY_VALUE_CONTRADICTED, ratio=ratio.value, std=by_gain, causes=reasons)
     return Contradiction(Subject.STEADY, reason, ratios)
 

@@ -234,6 +234,16 @@ def test_contradicted_gain_widens_the_measured_depth() -> None:
     assert evidence.sensor_offset_std_m == pytest.approx(0.01 * (1.0 - 1.0 / 1.1), rel=0.05)
 
 
+@pytest.mark.parametrize("ratio", [4.117, 7.0])
+def test_without_a_single_cause_rate_radius_and_gain_are_all_doubted(ratio: float) -> None:
+    """Half the rate, and a radius 3 % too small: the ratio of the steady values is no square of a usual factor."""
+    evidence = assess(measured(ratio, gain=1.3), CONDITIONS, 1000.0, ac_coupled=False)
+    (contradiction,) = evidence.contradictions
+    assert contradiction.reason["causes"] == (Reason(Code.NO_SINGLE_CAUSE),)
+    for name in ("speed_mps", "angular_speed_radps", "rotation_rpm", "distance_m", "Bs"):
+        assert evidence.qualified(Estimate(name, 12.6, 0.0014, Status.VALID)).status is Status.INVALID, name
+
+
 @pytest.mark.parametrize("name", ["Bs", "load_by_width_n"])
 def test_error_of_a_number_does_not_cover_a_wrong_radius(name: str) -> None:
     """A zero-g offset, which the errors cover, is another possible cause."""
