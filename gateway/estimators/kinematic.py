@@ -56,8 +56,8 @@ class KinematicEstimator:
         The standard errors of speed and contact length have two parts. The error of the belt radius, which is constant,
         scales both alike: relative differences between revolutions are more accurate than the stated error. The other
         part is the timing of the two contacts for the speed, and the contact edges for the length. Angular
-        speed and revolutions per minute have the error of the timing alone. Each edge has the error of the contact's
-        centre too, which does not change the length.
+        speed and revolutions per minute have the errors of the timing and of the sampling rate, which is constant.
+        Each edge has the error of the contact's centre too, which does not change the length.
         """
         return _estimates(revolution, conditions)
 
@@ -73,7 +73,7 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     status, reasons = _condition(revolution)
     radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
     speed = radius * revolution.omega_radps
-    timing_error = revolution.period_std_s / revolution.period_s
+    timing_error = math.hypot(revolution.period_std_s / revolution.period_s, conditions.claims.rate_std)
     speed_std = speed * math.hypot(timing_error, radius_error)
     omega_std = revolution.omega_radps * timing_error
     rpm, rpm_std = revolution.omega_radps * _RPM_PER_RADPS, omega_std * _RPM_PER_RADPS

@@ -34,10 +34,11 @@ def test_speed_edges_and_length() -> None:
     assert {e.status for e in estimates.values()} == {Status.VALID}
     speed = estimates["speed_mps"]
     assert speed.value == pytest.approx(65.0 / 3.6)
-    assert speed.std == pytest.approx(speed.value * 2e-5 / revolution.period_s)
+    relative_std = math.hypot(2e-5 / revolution.period_s, CONDITIONS.claims.rate_std)
+    assert speed.std == pytest.approx(speed.value * relative_std)
     rotation = estimates["rotation_rpm"]
     assert rotation.value == pytest.approx(60.0 / revolution.period_s)
-    assert rotation.std == pytest.approx(rotation.value * 2e-5 / revolution.period_s)
+    assert rotation.std == pytest.approx(rotation.value * relative_std)
     assert estimates["angular_speed_radps"].value == pytest.approx(revolution.omega_radps)
     truth = solution()
     length = estimates["contact_length_m"]
