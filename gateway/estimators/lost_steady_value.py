@@ -12,11 +12,8 @@ import math
 from collections import deque
 from typing import Final, NamedTuple
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.revolution_block import RevolutionBlock
-
-LARGEST_ZERO_MPS2: Final = 6.0 * STANDARD_GRAVITY_MPS2
-"""A larger zero-g offset is not likely."""
+from gateway.quantity_catalogue import LARGEST_ZERO_MPS2
 
 # Half of the angle at the middle of the contact whose level is taken: a quarter of a car's contact.
 _MIDDLE_RAD: Final = 0.05

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, NamedTuple
 
-from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.lost_steady_value import LARGEST_ZERO_MPS2, LostSteadyValue
+from gateway.estimators.lost_steady_value import LostSteadyValue
 from gateway.estimators.self_calibration import (
     GREATEST_MEAN_SQUARE,
     Equations,
@@ -33,6 +33,7 @@ from gateway.estimators.self_calibration import (
     steady_value_lost,
 )
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
+from gateway.quantity_catalogue import LARGEST_ZERO_MPS2, Basis, quantity_of
 from gateway.reasons import Code, Reason
 
 # Relative change of an estimate from which it is invalid.
@@ -68,65 +69,8 @@ _RADIUS_UNKNOWN: Final = 2.0
 _ZERO_MEASURED: Final = 0.3
 
 
-class Cause(StrEnum):
-    """Statement that may be wrong."""
-
-    AXES = "axes"
-    COUPLING = "coupling"
-    GAIN = "gain"
-    OFFSET = "offset"
-    RADIUS = "radius"
-    RATE = "rate"
-    ZERO = "zero"
-
-
-# Exponents of an estimate in the ratios (true over stated) of belt radius, sampling rate and gain.
-_EXPONENTS: Final[dict[str, dict[Cause, float]]] = {
-    "speed_mps": {Cause.RADIUS: 1.0, Cause.RATE: 1.0},
-    "angular_speed_radps": {Cause.RATE: 1.0},
-    "rotation_rpm": {Cause.RATE: 1.0},
-    "distance_m": {Cause.RADIUS: 1.0},
-    "contact_length_m": {Cause.RADIUS: 1.0},
-    "pressure_number": {Cause.RADIUS: -2.0},
-    "asynchronous_rms_mps2": {Cause.GAIN: -1.0},
-    "asynchronous_line_rms_mps2": {Cause.GAIN: -1.0},
-    "asynchronous_line_hz": {Cause.RATE: 1.0},
-    "cavity_hz": {Cause.RATE: 1.0},
-    "cavity_gas_ratio": {Cause.RATE: 2.0},
-    "road_roughness_m3": {Cause.RADIUS: 2.0},
-    "sensor_offset_m": {Cause.GAIN: -1.0, Cause.RATE: -2.0},
-    # Both are what a steady value of R Omega^2 leaves.
-    "gain": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},
-    "zero_g_offset_mps2": {Cause.RADIUS: 1.0, Cause.RATE: 2.0},
-    **{name: {Cause.RADIUS: -2.0} for name in RING_NUMBERS},
-    # By the width: Q0 Cw_new / Cw.
-    "load_n": {Cause.RADIUS: 2.0},
-    "load_by_width_n": {Cause.RADIUS: 2.0},
-}
-_SLOPE: Final[dict[Cause, float]] = {Cause.RADIUS: -1.0, Cause.RATE: -2.0, Cause.GAIN: -1.0, Cause.AXES: 1.0}
-_SLOPES: Final = ("ply_steer_", "slip_", "conicity_")
 # Share of the true signal in an axis that is not the one it is taken for.
 _OF_ANOTHER_AXIS: Final = 0.0
-# Estimates that are the stated radius times something measured much better.
-_OF_RADIUS: Final = frozenset({"speed_mps", "distance_m", "contact_length_m"})
-# Estimates that a high-pass leaves: times, contact edges, and what is not locked to the wheel's angle.
-_OF_COUPLED: Final = frozenset(
-    {
-        "speed_mps",
-        "angular_speed_radps",
-        "rotation_rpm",
-        "distance_m",
-        "leading_edge_rad",
-        "trailing_edge_rad",
-        "contact_length_m",
-        "asynchronous_rms_mps2",
-        "asynchronous_line_rms_mps2",
-        "asynchronous_line_hz",
-        "cavity_hz",
-    }
-)
-# Estimates that rest on the shape of the belt, which offset and zero of the sensor change.
-_OF_SHAPE: Final = frozenset({*RING_NUMBERS, *RING_RATIOS, "half_angle_rad"})
 
 
 class Subject(StrEnum):
@@ -154,19 +98,19 @@ class Contradiction:
 
     subject: Subject
     reason: Reason
-    ratios: dict[Cause, float]
+    ratios: dict[Basis, float]
 
     def effect_on(self, estimate: Estimate) -> float:
         """Return the largest relative change of an estimate by one of the causes.
 
         It is NaN where the error of the estimate contains it, infinite where it rests on what the signal lacks.
         """
-        name = estimate.name
-        if Cause.COUPLING in self.ratios:
-            return 0.0 if name in _OF_COUPLED else math.inf
-        exponents = _SLOPE if name.startswith(_SLOPES) else _EXPONENTS.get(name, {})
-        changes = [abs(self.ratios[cause] ** power - 1.0) for cause, power in exponents.items() if cause in self.ratios]
-        if not changes and name in _OF_SHAPE and self.ratios.keys() & {Cause.OFFSET, Cause.ZERO}:
+        quantity = quantity_of(estimate.name)
+        if Basis.COUPLING in self.ratios:
+            return math.inf if Basis.COUPLING in quantity.rests_on else 0.0
+        powers = quantity.powers
+        changes = [abs(self.ratios[cause] ** power - 1.0) for cause, power in powers.items() if cause in self.ratios]
+        if not changes and self.ratios.keys() & {Basis.OFFSET, Basis.ZERO} & quantity.rests_on:
             return math.nan
         return max(changes, default=0.0)
 
@@ -244,7 +188,9 @@ class Evidence(NamedTuple):
             elif effect > _UNBOUNDED:
                 reasons.append(Reason(Code.NOTHING_FOLLOWS, why=contradiction.reason))
                 worst = effect
-            elif effect * abs(estimate.value) > _NEGLIGIBLE * estimate.std or (effect and math.isnan(estimate.std)):
+            elif effect * abs(estimate.value - quantity_of(estimate.name).origin) > _NEGLIGIBLE * estimate.std or (
+                effect and math.isnan(estimate.std)
+            ):
                 reasons.append(Reason(Code.MAY_CHANGE_BY, effect=effect, why=contradiction.reason))
                 worst = max(worst, effect)
         if worst > _INVALID_FROM:
@@ -253,9 +199,9 @@ class Evidence(NamedTuple):
             return estimate
         if reasons:
             return estimate._replace(status=Status.PROVISIONAL, reasons=(*reasons, *estimate.reasons))
-        if self.disagreement is not None and estimate.name in _OF_RADIUS:
+        if self.disagreement is not None and quantity_of(estimate.name).is_radius_times_angle:
             return estimate._replace(reasons=(*estimate.reasons, self.disagreement))
-        if not self.offset_is_known and estimate.name in _OF_SHAPE:
+        if not self.offset_is_known and Basis.OFFSET in quantity_of(estimate.name).rests_on:
             unknown = Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m)
             return estimate._replace(reasons=(*estimate.reasons, unknown))
         return estimate
@@ -290,7 +236,7 @@ def assess(
     if lost is not None:
         # What was measured rests on the steady value.
         measured = None
-        contradictions.append(Contradiction(Subject.COUPLING, steady_value_lost(lost), {Cause.COUPLING: math.nan}))
+        contradictions.append(Contradiction(Subject.COUPLING, steady_value_lost(lost), {Basis.COUPLING: math.nan}))
     zero_std, gain_std = claims.zero_g_std_mps2, claims.gain_std
     # Relative error of the measured offset that a contradicted gain or rate makes.
     offset_error = 0.0
@@ -321,22 +267,22 @@ def assess(
             if unsure > radius_std:
                 disagreement = Reason(Code.STEADY_VALUE_DISAGREES, ratio=ratio.value, std=tolerance, error=unsure)
         for contradiction in contradictions:
-            changed = contradiction.ratios.get(Cause.GAIN, 1.0)
+            changed = contradiction.ratios.get(Basis.GAIN, 1.0)
             gain_std = max(gain_std, abs(changed - 1.0))
-            by_rate = contradiction.ratios.get(Cause.RATE, 1.0) ** -2.0
+            by_rate = contradiction.ratios.get(Basis.RATE, 1.0) ** -2.0
             offset_error = max(offset_error, abs(1.0 / changed - 1.0), abs(by_rate - 1.0))
     zero = None if measured is None else _zero(measured, zero_std)
     zero_is_measured = zero is not None and zero.std < _ZERO_MEASURED * zero_std
     if zero is not None and zero_is_measured:
         if abs(zero.value) > CONTRADICTION * math.hypot(zero.std, zero_std):
             reason = Reason(Code.ZERO_CONTRADICTED, zero_mps2=zero.value, std_mps2=zero.std, stated_std_mps2=zero_std)
-            contradictions.append(Contradiction(Subject.ZERO, reason, {Cause.ZERO: math.nan}))
+            contradictions.append(Contradiction(Subject.ZERO, reason, {Basis.ZERO: math.nan}))
             zero_std = abs(zero.value)
         else:
             zero_std = math.hypot(zero.value, zero.std)
     gravity = None if measured is None else measured.along_gravity
     if gravity is not None and gravity.is_absent:
-        contradictions.append(Contradiction(Subject.AXES, gravity_absent(gravity), {Cause.AXES: _OF_ANOTHER_AXIS}))
+        contradictions.append(Contradiction(Subject.AXES, gravity_absent(gravity), {Basis.AXES: _OF_ANOTHER_AXIS}))
     offset_m, offset_std_m, known = _offset(measured, conditions, offset_error, contradictions)
     if ac_coupled:
         # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.
@@ -391,7 +337,7 @@ def _offset(
         offset_m=found.value,
         std_m=found.std,
     )
-    contradictions.append(Contradiction(Subject.OFFSET, reason, {Cause.OFFSET: math.nan}))
+    contradictions.append(Contradiction(Subject.OFFSET, reason, {Basis.OFFSET: math.nan}))
     return stated.value, difference, True
 
 
@@ -470,7 +416,7 @@ def _gravity_contradiction(measured: Measured, gain_std: float, depth: float) ->
     reason = Reason(Code.GRAVITY_CONTRADICTED, gain=gain.value, std=gain.std)
     ratio = max(gain.value, 0.1)
     # The steady value has the right size, so radius or rate make up for the gain.
-    ratios = {Cause.GAIN: ratio, Cause.RADIUS: 1.0 / ratio, Cause.RATE: ratio**-0.5}
+    ratios = {Basis.GAIN: ratio, Basis.RADIUS: 1.0 / ratio, Basis.RATE: ratio**-0.5}
     return Contradiction(Subject.GRAVITY, reason, ratios)
 
 
@@ -484,7 +430,7 @@ def _steady_contradiction(
     if not ratios:
         # Several statements are wrong, any of these three among them.
         value = max(ratio.value, 0.1)
-        ratios = {Cause.RADIUS: value, Cause.RATE: math.sqrt(value), Cause.GAIN: value}
+        ratios = {Basis.RADIUS: value, Basis.RATE: math.sqrt(value), Basis.GAIN: value}
     reason = Reason(Code.STEADY_VALUE_CONTRADICTED, ratio=ratio.value, std=by_gain, causes=reasons)
     return Contradiction(Subject.STEADY, reason, ratios)
 
@@ -493,7 +439,7 @@ class _Possible(NamedTuple):
     """A possible cause, its implausibility in standard errors, and the ratio of true to stated value it needs."""
 
     errors: float
-    cause: Cause
+    cause: Basis
     ratio: float
     reason: Reason
 
@@ -517,10 +463,10 @@ def _causes(
             (1.0 / STANDARD_GRAVITY_MPS2, Code.UNIT_IS_G),
         ):
             if abs(value - factor) <= tolerance:
-                yield _Possible(_UNIT_ERRORS, Cause.GAIN, factor, Reason(code))
+                yield _Possible(_UNIT_ERRORS, Basis.GAIN, factor, Reason(code))
         if value > 0.0 and abs(value - 1.0) <= _LIKELY_GAIN:
             errors = abs(math.log(value)) / max(claims.gain_std, 1e-6)
-            yield _Possible(errors, Cause.GAIN, value, Reason(Code.GAIN_WOULD_FIT, gain=value))
+            yield _Possible(errors, Basis.GAIN, value, Reason(Code.GAIN_WOULD_FIT, gain=value))
     if not gravity_allows(1.0):
         return
     if value > 0.0:
@@ -531,18 +477,18 @@ def _causes(
         stated_hz = measured.rate_hz
         yield _Possible(
             _RATIO_ERRORS if is_near else _OTHER_RATE_ERRORS,
-            Cause.RATE,
+            Basis.RATE,
             rate,
             Reason(Code.RATE_WOULD_FIT, rate_hz=rate * stated_hz, stated_hz=stated_hz),
         )
         if is_near and near in _MISSED_CONTACTS:
             missed = Reason(Code.CONTACTS_MISSED, every=near)
-            yield _Possible(_MISSED_ERRORS, Cause.RATE, rate, missed)
+            yield _Possible(_MISSED_ERRORS, Basis.RATE, rate, missed)
         if abs(value - 1.0) <= _LIKELY_RADIUS:
             errors = abs(value - 1.0) / max(conditions.radius_std_m / conditions.radius_m, 1e-6)
             fits = Reason(Code.RADIUS_WOULD_FIT, radius_m=conditions.radius_m * value, stated_m=conditions.radius_m)
-            yield _Possible(errors, Cause.RADIUS, value, fits)
+            yield _Possible(errors, Basis.RADIUS, value, fits)
     zero_mps2 = (value - 1.0) * measured.steady_mps2
     if not measured.ac_coupled and abs(zero_mps2) <= LARGEST_ZERO_MPS2:
         errors = abs(zero_mps2) / max(claims.zero_g_std_mps2, 1e-6)
-        yield _Possible(errors, Cause.ZERO, math.nan, Reason(Code.ZERO_WOULD_FIT, zero_mps2=zero_mps2))
+        yield _Possible(errors, Basis.ZERO, math.nan, Reason(Code.ZERO_WOULD_FIT, zero_mps2=zero_mps2))

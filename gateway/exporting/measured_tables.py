@@ -17,7 +17,8 @@ from gateway.exporting.export_registry import CONTENTS, SAMPLES
 from gateway.exporting.export_table import DTYPES, Block, Column, Kind, WheelTable
 from gateway.exporting.result_columns import estimate_columns, result_column, unit_of
 from gateway.pipeline.results import RevolutionResult
-from gateway.recording.revolution_fields import QUANTITIES
+from gateway.quantity_catalogue import CATALOGUE
+from gateway.recording.revolution_fields import field_names
 from gateway.session.recorded_signals import SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
 from gateway.signal.mean_revolution import MeanOfRevolutions
@@ -319,9 +320,9 @@ _LEFT_OUT: Final = frozenset({"position", "host_utc"})
 
 def _estimate_columns(first: Iterable[RevolutionResult], estimators: Sequence[str]) -> tuple[Column, ...]:
     names: dict[str, None] = {}
-    for estimator in (name for name in QUANTITIES if name in estimators):
+    for estimator in (name for name in CATALOGUE if name in estimators):
         # A name that an earlier estimator uses gets the prefix of the later one.
-        names |= dict.fromkeys(f"{estimator}:{name}" if name in names else name for name in list(QUANTITIES[estimator]))
+        names |= dict.fromkeys(f"{estimator}:{name}" if name in names else name for name in field_names(estimator))
     for result in first:
         names |= dict.fromkeys(_plain(name) for name in row_of(result)[1])
     fixed = [result_column(name) for name in HEAD if name not in _LEFT_OUT]

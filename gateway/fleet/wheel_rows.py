@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Final
 
-from gateway.constants import RING_NUMBERS, RING_RATIOS
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
 from gateway.views.numbers import distinct_name
 from gateway.views.tables.campaign_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
@@ -19,13 +19,6 @@ from gateway.views.tables.table_sinks import Cell
 from gateway.views.wording import as_json, joined
 
 _TAKEN: Final = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
-# Estimates of the tire and the sensor that driving does not change.
-_STEADY: Final = frozenset(
-    {
-        *RING_NUMBERS, *RING_RATIOS, "wear_mm", "wear_number", "gain", "zero_g_offset_mps2", "roll_tilt_rad",
-        "pitch_tilt_rad", "sensor_offset_m",
-    }
-)  # fmt: skip
 # Share of the revolutions that are valid where a row is, and scatter over the standard error that errors explain.
 _LEAST_VALID_SHARE: Final = 0.5
 _UNEXPLAINED: Final = 3.0
@@ -173,7 +166,7 @@ class WheelRow:
             name = distinct_name(estimate.name, _TAKEN)
             known = self._estimates.get(name)
             if known is None:
-                known = self._estimates[name] = _Quantity(is_steady=name in _STEADY)
+                known = self._estimates[name] = _Quantity(is_steady=quantity_of(name).is_steady)
             known.add(estimate)
 
     def cells(self, wheel: WheelSnapshot | None, estimates: Sequence[str]) -> dict[str, Cell]:

@@ -8,8 +8,8 @@ from statistics import median
 from typing import Final
 
 from firmware_protocol.messages import Environment
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Estimate, Status
+from gateway.quantity_catalogue import Basis, quantity_of
 from gateway.reasons import Code, Reason
 
 ENVIRONMENT_INTERVALS: Final = 5.0
@@ -17,8 +17,6 @@ ENVIRONMENT_INTERVALS: Final = 5.0
 
 ENVIRONMENT_LEAST_S: Final = 5.0
 """and after this time: pressure and temperature change within minutes, so that some lost readings do not matter."""
-
-_RESTING: Final = frozenset({*RING_NUMBERS, "load_n", "wear_mm", "wear_number"})
 
 Reading = tuple[int, Environment, float]
 """Hub time in us, reading, and the error that sensor health gives its pressure, Pa."""
@@ -47,7 +45,10 @@ def old_pressure_s(readings: Sequence[Reading], at_us: float) -> float | None:
 def rest_on_old_pressure(estimates: Iterable[Estimate], age_s: float) -> tuple[Estimate, ...]:
     """Return estimates of which those that rest on the pressure are provisional at best, with its age."""
     old = Reason(Code.PRESSURE_OLD, age_s=age_s)
-    return tuple(_doubted(one, old) if one.name.rpartition(":")[2] in _RESTING else one for one in estimates)
+    return tuple(
+        _doubted(estimate, old) if Basis.PRESSURE in quantity_of(estimate.name).rests_on else estimate
+        for estimate in estimates
+    )
 
 
 def _doubted(estimate: Estimate, old: Reason) -> Estimate:

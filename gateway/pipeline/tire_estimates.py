@@ -19,6 +19,7 @@ from gateway.estimators.signal_evidence import Evidence, assess
 from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.quantity_catalogue import Basis, quantity_of, rests_on_times_alone
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import AverageSteps, RunningAverage
 from gateway.types import ComplexArray, FloatArray
@@ -27,12 +28,6 @@ from gateway.types import ComplexArray, FloatArray
 _ENVIRONMENT_DEPTH: Final = 64
 # Revolutions worked on together, which bounds the memory.
 _LONGEST_BLOCK: Final = 64
-# Estimators that known effects, which are locked to the wheel's angle, do not change.
-_UNAFFECTED: Final = frozenset({"kinematic", "distance", "asynchronous", "cavity", "road", "water-wedge"})
-# Estimators whose memory is of times, not of waveforms: one for all revolutions.
-_COMMON: Final = frozenset({"distance"})
-# Estimates that rest on the times of contacts alone.
-_OF_TIMES: Final = frozenset({"speed_mps", "angular_speed_radps", "rotation_rpm", "distance_m"})
 
 
 class Given(Mapping[str, "Named"]):
@@ -160,7 +155,7 @@ class _Series:
         # Always on, because what it measures decides how far the other estimates hold.
         self.calibration = SelfCalibrationEstimator()
         own = {self.calibration.name: self.calibration}
-        common = {made.name: made for made in (other.estimators if other else ()) if made.name in _COMMON}
+        common = {made.name: made for made in (other.estimators if other else ()) if rests_on_times_alone(made.name)}
         known: dict[str, Estimator] = {**own, **common}
         self.estimators: list[Estimator] = [known.get(name) or make_estimator(name) for name in in_order(estimators)]
         # Asked once: the test of a protocol takes as long as an estimator's update.
@@ -285,12 +280,14 @@ class TireEstimates:
                     for index, revolution in enumerate(revolutions)
                 ]
             name = estimator.name
-            is_affected = uncorrected and name not in _UNAFFECTED
             for index, found in enumerate(made):
-                if is_affected:
+                if uncorrected:
                     why = revolutions[index].uncorrected
                     assert why is not None
-                    found = tuple(_doubted(estimate, why) for estimate in found)
+                    found = tuple(
+                        _doubted(estimate, why) if Basis.WAVEFORM in quantity_of(estimate.name).rests_on else estimate
+                        for estimate in found
+                    )
                 if is_doubtful:
                     found = _qualified(found, evidences[index], doubts[index])
                 given[index].add(name, found)
@@ -410,7 +407,8 @@ def _qualified(estimates: tuple[Estimate, ...], evidence: Evidence, doubt: Reaso
         estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
     if doubt is not None:
         estimates = tuple(
-            estimate if estimate.name in _OF_TIMES else _provisional(estimate, doubt) for estimate in estimates
+            _provisional(estimate, doubt) if Basis.SAMPLES in quantity_of(estimate.name).rests_on else estimate
+            for estimate in estimates
         )
     return estimates
 

@@ -13,7 +13,7 @@ import statistics
 from collections import deque
 from typing import Final
 
-from gateway.estimators.lost_steady_value import LARGEST_ZERO_MPS2
+from gateway.quantity_catalogue import LARGEST_ZERO_MPS2
 
 # Revolutions whose median is the reference, and the least number of them.
 _MEMORY: Final = 9

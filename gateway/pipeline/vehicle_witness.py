@@ -16,9 +16,10 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.signal_evidence import Cause, Contradiction, Evidence, Subject
+from gateway.estimators.signal_evidence import Contradiction, Evidence, Subject
 from gateway.pipeline.results import Alarm, RevolutionResult
 from gateway.pipeline.vehicle_signals import Quantity, SignalHistory, VehicleSignal
+from gateway.quantity_catalogue import Basis
 from gateway.reasons import Code, Reason
 
 # Standard errors of both together from which car and wheel contradict each other.
@@ -156,17 +157,17 @@ def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:
     if missed is not None:
         causes.append(Reason(Code.CONTACTS_MISSED, every=missed))
     reason = Reason(Code.WHEEL_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
-    return Contradiction(Subject.WHEEL_SPEED, reason, {Cause.RATE: ratio.value})
+    return Contradiction(Subject.WHEEL_SPEED, reason, {Basis.RATE: ratio.value})
 
 
 def _speed(ratio: _Ratio, error: float, result: RevolutionResult, *, rate_holds: bool) -> Contradiction:
     """Return the contradiction of the car's speed to that of the wheel, the likeliest cause first."""
     stated_m, rate_hz = result.conditions.radius_m, result.revolution.rate_hz
     causes = [Reason(Code.RADIUS_WOULD_FIT, radius_m=stated_m * ratio.value, stated_m=stated_m)]
-    ratios: Mapping[Cause, float] = {Cause.RADIUS: ratio.value}
+    ratios: Mapping[Basis, float] = {Basis.RADIUS: ratio.value}
     if not rate_holds:
         causes.append(Reason(Code.RATE_WOULD_FIT, rate_hz=ratio.value * rate_hz, stated_hz=rate_hz))
-        ratios = {Cause.RADIUS: ratio.value, Cause.RATE: ratio.value}
+        ratios = {Basis.RADIUS: ratio.value, Basis.RATE: ratio.value}
     reason = Reason(Code.VEHICLE_SPEED_CONTRADICTED, ratio=ratio.value, std=error, causes=tuple(causes))
     return Contradiction(Subject.VEHICLE_SPEED, reason, dict(ratios))
 

@@ -13,11 +13,12 @@ from gateway.estimators import ply_steer, self_calibration, weak_form
 from gateway.estimators.estimator import Estimate, Revolution, Status
 from gateway.estimators.pace import LONGEST, differ, is_due
 from gateway.estimators.revolution_block import RevolutionArrays
-from gateway.estimators.signal_evidence import Cause, Contradiction, Evidence, Subject
+from gateway.estimators.signal_evidence import Contradiction, Evidence, Subject
 from gateway.pipeline import tire_estimates
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.quantity_catalogue import Basis
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import simulated
 
@@ -139,7 +140,7 @@ def test_contradiction_applies_in_its_own_revolution(
 ) -> None:
     at, seen = 110, iter(range(len(revolutions)))
     assess = tire_estimates.assess
-    against = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Cause.RADIUS: 1.3})
+    against = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 1.3})
 
     def contradicted(*args: object, **options: object) -> Evidence:
         evidence = assess(*args, **options)  # type: ignore[arg-type]

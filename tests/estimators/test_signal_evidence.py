@@ -11,8 +11,9 @@ from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.self_calibration import Equations, Measured
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
-from gateway.estimators.signal_evidence import Cause, Contradiction, Subject, assess
+from gateway.estimators.signal_evidence import Contradiction, Subject, assess
 from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
+from gateway.quantity_catalogue import Basis
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, restated, simulated
 
@@ -247,7 +248,7 @@ def test_without_a_single_cause_rate_radius_and_gain_are_all_doubted(ratio: floa
 @pytest.mark.parametrize("name", ["Bs", "load_by_width_n"])
 def test_error_of_a_number_does_not_cover_a_wrong_radius(name: str) -> None:
     """A zero-g offset, which the errors cover, is another possible cause."""
-    ratios = {Cause.RADIUS: 0.93, Cause.ZERO: math.nan}
+    ratios = {Basis.RADIUS: 0.93, Basis.ZERO: math.nan}
     contradiction = Contradiction(Subject.STEADY, Reason(Code.NO_STEADY_VALUE), ratios)
     estimate = Estimate(name, 1.0, 0.004, Status.VALID)
     change = 0.93**-2.0 - 1.0 if name == "Bs" else 1.0 - 0.93**2.0
@@ -281,7 +282,7 @@ def test_error_by_the_shape_is_bounded() -> None:
 
 def test_change_without_bound_has_no_size() -> None:
     """A gain of a tenth would need a tenfold radius."""
-    contradiction = Contradiction(Subject.GRAVITY, Reason(Code.NO_SINGLE_CAUSE), {Cause.RADIUS: 10.0})
+    contradiction = Contradiction(Subject.GRAVITY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 10.0})
     evidence = assess(None, CONDITIONS, 1000.0, ac_coupled=False)._replace(contradictions=(contradiction,))
     found = evidence.qualified(SPEED)
     assert found.status is Status.INVALID
