@@ -410,6 +410,20 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
 _BY_NAME: Final = {quantity.name: quantity for quantities in CATALOGUE.values() for quantity in quantities}
 
 
+# Suffix of a name -> unit. Longer suffixes first: `_mps2` must not be read as `_mps`.
+_UNITS: Final = {
+    "_per_degc": "1/K", "_radps2": "rad/s^2", "_radps": "rad/s", "_mps2": "m/s^2", "_mps": "m/s", "_rpm": "1/min",
+    "_degc": "degC", "_rad": "rad", "_npm": "N/m", "_nm": "N m", "_bytes": "B", "_pa": "Pa", "_mm": "mm", "_m3": "m^3",
+    "_hz": "Hz", "_ns": "ns", "_n": "N", "_m": "m", "_s": "s", "_v": "V",
+}  # fmt: skip
+
+
+@lru_cache(maxsize=1024)
+def unit_of(name: str) -> str:
+    """Return the unit in the name of a quantity as ASCII text, `m/s^2`; empty for a pure number."""
+    return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix) and len(name) > len(suffix)), "")
+
+
 @lru_cache(maxsize=1024)
 def quantity_of(name: str) -> Quantity:
     """Return what is declared of an estimate by its name, with or without the prefix of its estimator.

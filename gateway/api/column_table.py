@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import OutputError
+from gateway.quantity_catalogue import unit_of as quantity_unit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,25 +26,6 @@ METADATA_KEY: Final = b"treadlink"
 COLUMN: Final = "column"
 """Key of the metadata of a field that is a column: its description."""
 
-# Suffix of a name -> SI unit, longer suffixes first.
-_UNITS: Final = {
-    "_radps2": "rad/s^2",
-    "_radps": "rad/s",
-    "_mps2": "m/s^2",
-    "_mps": "m/s",
-    "_per_degc": "1/K",
-    "_degc": "degC",
-    "_rad": "rad",
-    "_hz": "Hz",
-    "_npm": "N/m",
-    "_pa": "Pa",
-    "_mm": "mm",
-    "_n": "N",
-    "_m": "m",
-    "_s": "s",
-    "_v": "V",
-    "_utc": "UTC",
-}
 _SHOWN_DIGITS: Final = 6
 
 
@@ -53,8 +35,8 @@ def column(description: str) -> dict[str, str]:
 
 
 def unit_of(name: str) -> str:
-    """Return the unit in a name as ASCII text, `m/s^2`; empty for a number without one."""
-    return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix) and len(name) > len(suffix)), "")
+    """Return the unit of a column: that in its name as ASCII text, `m/s^2`, or `UTC` of a time; empty without one."""
+    return "UTC" if name.endswith("_utc") else quantity_unit(name)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

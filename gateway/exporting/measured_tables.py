@@ -15,9 +15,9 @@ from firmware_protocol.messages import Axis
 from gateway.constants import AXIS_NAMES
 from gateway.exporting.export_registry import CONTENTS, SAMPLES
 from gateway.exporting.export_table import DTYPES, Block, Column, Kind, WheelTable
-from gateway.exporting.result_columns import estimate_columns, result_column, unit_of
+from gateway.exporting.result_columns import estimate_columns, result_column
 from gateway.pipeline.results import RevolutionResult
-from gateway.quantity_catalogue import CATALOGUE
+from gateway.quantity_catalogue import CATALOGUE, unit_of
 from gateway.recording.revolution_fields import field_names
 from gateway.session.recorded_signals import SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles

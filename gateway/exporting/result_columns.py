@@ -5,26 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from gateway.exporting.export_table import Column, Kind
+from gateway.quantity_catalogue import unit_of
 from gateway.recording.revolution_fields import estimate_descriptions
 from gateway.views.tables.result_table import HEAD, OTHER, PARTS, TAIL
 
-# Suffix of a name -> symbol. Longer suffixes first: `_mps2` must not be read as `_mps`.
-_SYMBOLS: Final = {
-    "_per_degc": "1/K",
-    "_radps2": "rad/s^2",
-    "_radps": "rad/s",
-    "_mps2": "m/s^2",
-    "_mps": "m/s",
-    "_rad": "rad",
-    "_degc": "degC",
-    "_pa": "Pa",
-    "_mm": "mm",
-    "_hz": "Hz",
-    "_ns": "ns",
-    "_n": "N",
-    "_m": "m",
-    "_s": "s",
-}
 _PARTS: Final = {
     "": "{}",
     "_std": "one standard error of {}",
@@ -60,12 +44,6 @@ _DESCRIPTIONS: Final = {
 _KINDS: Final = {str: Kind.TEXT, int: Kind.INTEGER, float: Kind.REAL, bool: Kind.FLAG}
 
 
-def unit_of(name: str) -> str:
-    """Return the symbol of the unit in a name, also of its standard error; empty without one."""
-    plain = name.removesuffix("_std")
-    return next((symbol for suffix, symbol in _SYMBOLS.items() if plain.endswith(suffix)), "")
-
-
 def result_column(name: str) -> Column:
     """Return a fixed column of the results of a revolution.
 
@@ -73,7 +51,7 @@ def result_column(name: str) -> Column:
         KeyError: there is none of this name.
     """
     kind = {**HEAD, **TAIL, OTHER: str}[name]
-    return Column(name, unit_of(name.replace("_std_", "_")), _DESCRIPTIONS[name], _KINDS[kind])
+    return Column(name, unit_of(name.replace("_std_", "_").removesuffix("_std")), _DESCRIPTIONS[name], _KINDS[kind])
 
 
 def estimate_columns(name: str) -> list[Column]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Final, NamedTuple
 
+from gateway.quantity_catalogue import unit_of as quantity_unit
 from gateway.views.tables.result_table import HEAD, OTHER, PARTS, TAIL
 
 
@@ -23,12 +24,8 @@ class Column(NamedTuple):
     is_short: bool = False
 
 
-# Suffix of a column's name -> unit. Longer suffixes first.
-_UNITS: Final = {
-    "_radps2": "rad/s²", "_radps": "rad/s", "_mps2": "m/s²", "_mps": "m/s", "_rad": "rad", "_per_degc": "1/K",
-    "_degc": "°C", "_pa": "Pa", "_mm": "mm", "_hz": "Hz", "_npm": "N/m", "_n": "N", "_m": "m", "_ns": "ns", "_s": "s",
-    "_bytes": "B",
-}  # fmt: skip
+# As on a page.
+_TYPESET: Final = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "m^3": "m³", "degC": "°C"}
 
 RECORDING_PARTS: Final[dict[str, Column]] = {
     "": Column(float, "mean over the valid revolutions, weighted by their standard errors"),
@@ -179,7 +176,8 @@ def unit_of(name: str, estimates: Iterable[str] = ()) -> str:
                 return ""
             name = estimate
             break
-    return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix) and name != suffix), "")
+    unit = quantity_unit(name)
+    return _TYPESET.get(unit, unit)
 
 
 def recording_columns(estimates: Sequence[str]) -> dict[str, Column]:
