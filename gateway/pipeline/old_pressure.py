@@ -1,16 +1,13 @@
-"""Estimates that rest on a pressure that is no longer current."""
+"""Age of a measured pressure that is no longer current."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from statistics import median
 from typing import Final
 
 from firmware_protocol.messages import Environment
-from gateway.estimators.estimator import Estimate, Status
-from gateway.quantity_catalogue import Basis, quantity_of
-from gateway.reasons import Code, Reason
 
 ENVIRONMENT_INTERVALS: Final = 5.0
 """Readings of pressure and temperature are old after this many of their own intervals,"""
@@ -40,18 +37,3 @@ def old_pressure_s(readings: Sequence[Reading], at_us: float) -> float | None:
     interval_s = median(after - before for before, after in pairwise(taken)) * 1e-6 if len(taken) > 1 else 0.0
     age_s = (at_us - taken[-1]) * 1e-6
     return age_s if age_s > max(ENVIRONMENT_LEAST_S, ENVIRONMENT_INTERVALS * interval_s) else None
-
-
-def rest_on_old_pressure(estimates: Iterable[Estimate], age_s: float) -> tuple[Estimate, ...]:
-    """Return estimates of which those that rest on the pressure are provisional at best, with its age."""
-    old = Reason(Code.PRESSURE_OLD, age_s=age_s)
-    return tuple(
-        _doubted(estimate, old) if Basis.PRESSURE in quantity_of(estimate.name).rests_on else estimate
-        for estimate in estimates
-    )
-
-
-def _doubted(estimate: Estimate, old: Reason) -> Estimate:
-    if estimate.status is Status.INVALID:
-        return estimate
-    return estimate._replace(status=Status.PROVISIONAL, reasons=(*estimate.reasons, old))

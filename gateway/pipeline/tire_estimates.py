@@ -16,10 +16,11 @@ from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
-from gateway.pipeline.old_pressure import old_pressure_s, rest_on_old_pressure
+from gateway.pipeline.old_pressure import old_pressure_s
+from gateway.pipeline.qualification import provisional_where, qualified
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.quantity_catalogue import Basis, quantity_of, rests_on_times_alone
+from gateway.quantity_catalogue import Basis, rests_on_times_alone
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import AverageSteps, RunningAverage
 from gateway.types import ComplexArray, FloatArray
@@ -268,7 +269,6 @@ class TireEstimates:
         block = RevolutionBlock(revolutions, arrays, averages, conditions)
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
-        is_doubtful = any(evidence.says_anything for evidence in evidences) or any(doubts)
         for estimator in series.estimators:
             if estimator is series.calibration:
                 made = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
@@ -280,18 +280,10 @@ class TireEstimates:
                     for index, revolution in enumerate(revolutions)
                 ]
             name = estimator.name
-            for index, found in enumerate(made):
-                if uncorrected:
-                    why = revolutions[index].uncorrected
-                    assert why is not None
-                    found = tuple(
-                        _doubted(estimate, why) if Basis.WAVEFORM in quantity_of(estimate.name).rests_on else estimate
-                        for estimate in found
-                    )
-                if is_doubtful:
-                    found = _qualified(found, evidences[index], doubts[index])
-                given[index].add(name, found)
-                estimates[index] += found
+            for index, raw in enumerate(made):
+                final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
+                given[index].add(name, final)
+                estimates[index] += final
         results = []
         for index, revolution in enumerate(revolutions):
             final = self._finished(estimates[index], given[index], ends_us[index])
@@ -315,7 +307,9 @@ class TireEstimates:
                 taken.update(named)
         final = tuple(estimates)
         old_s = old_pressure_s(self._environment, end_us)
-        return final if old_s is None else rest_on_old_pressure(final, old_s)
+        if old_s is None:
+            return final
+        return provisional_where(final, Basis.PRESSURE, Reason(Code.PRESSURE_OLD, age_s=old_s))
 
     def _take_in(self, arrays: RevolutionArrays) -> AverageSteps:
         """Update the running average with the revolutions that have no faults; return it after each revolution."""
@@ -399,28 +393,3 @@ class TireEstimates:
         """Return the latest estimate of a name, None where it is invalid or no estimator gives it."""
         estimates = self.last.estimates if self.last is not None else ()
         return next((e for e in estimates if e.name == name and e.status is not Status.INVALID), None)
-
-
-def _qualified(estimates: tuple[Estimate, ...], evidence: Evidence, doubt: Reason | None) -> tuple[Estimate, ...]:
-    """Return estimates with what the evidence and a doubt about the sensor say against them."""
-    if evidence.says_anything:
-        estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
-    if doubt is not None:
-        estimates = tuple(
-            _provisional(estimate, doubt) if Basis.SAMPLES in quantity_of(estimate.name).rests_on else estimate
-            for estimate in estimates
-        )
-    return estimates
-
-
-def _doubted(estimate: Estimate, why: Reason) -> Estimate:
-    """Return an estimate of a waveform that still contains the known effects."""
-    return _provisional(estimate, Reason(Code.EFFECTS_NOT_SUBTRACTED, why=why))
-
-
-def _provisional(estimate: Estimate, doubt: Reason) -> Estimate:
-    """Return an estimate that is provisional at best, with the reason."""
-    status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
-    if any(doubt in reason for reason in estimate.reasons):
-        return estimate._replace(status=status)  # inherited from the estimate that this one is made of
-    return estimate._replace(status=status, reasons=(*estimate.reasons, doubt))

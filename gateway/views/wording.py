@@ -158,6 +158,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.GRAVITY_CONTRADICTED: "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one",
     Code.MAY_CHANGE_BY: "may be wrong by {effect:.1%}: {why}",
+    Code.NOT_POSSIBLE: "{errors:.1f} standard errors beyond what is possible",
     Code.NO_SINGLE_CAUSE: "no single cause fits",
     Code.NOTHING_FOLLOWS: "not determined: {why}",
     Code.OFFSET_CONTRADICTED: (
@@ -246,6 +247,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{high_rad:.1f deg}"
     ),
     Code.LOAD_CONTRADICTED: "contradicts the stated load, {stated_n:.0f N} ± {stated_std_n:.0f N}",
+    Code.LOADS_DISAGREE: (
+        "loads by contact angle, {angle_n:.0f N}, and by belt width, {width_n:.0f N}, disagree: the error includes it"
+    ),
     Code.NEEDS_ESTIMATOR: "needs the estimator {estimator}, which made the reference numbers",
     Code.NEEDS_LOAD_CALIBRATION: "needs tire.load_calibration in the vehicle file (treadlink calibrate)",
     Code.NEEDS_REFERENCE_NUMBER: (

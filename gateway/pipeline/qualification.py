@@ -1,0 +1,70 @@
+"""What is known against estimates lowers their status: the only place that applies it, by what each rests on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Final
+
+from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.signal_evidence import Evidence
+from gateway.quantity_catalogue import CATALOGUE, Basis, quantity_of
+from gateway.reasons import Code, Reason
+
+# Standard errors beyond what is possible from which a value is not one of its quantity: one in 160 by chance.
+_BEYOND: Final = 2.5
+_LIMITS: Final = {
+    quantity.name: quantity.possible
+    for quantities in CATALOGUE.values()
+    for quantity in quantities
+    if any(map(math.isfinite, quantity.possible))
+}
+
+
+def qualified(
+    estimates: tuple[Estimate, ...], evidence: Evidence, sensor_doubt: Reason | None, uncorrected: Reason | None
+) -> tuple[Estimate, ...]:
+    """Return the estimates of an estimator, of the status that all that is known leaves them.
+
+    Args:
+        estimates: of one revolution.
+        evidence: of the signal on what is stated.
+        sensor_doubt: about the sensor; None for none.
+        uncorrected: why known effects were not subtracted; None where they were, or where none is known.
+    """
+    if uncorrected is not None:
+        why = Reason(Code.EFFECTS_NOT_SUBTRACTED, why=uncorrected)
+        estimates = provisional_where(estimates, Basis.WAVEFORM, why)
+    if evidence.says_anything:
+        estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
+    if sensor_doubt is not None:
+        estimates = provisional_where(estimates, Basis.SAMPLES, sensor_doubt)
+    return tuple(map(_possible, estimates))
+
+
+def provisional_where(estimates: Iterable[Estimate], basis: Basis, why: Reason) -> tuple[Estimate, ...]:
+    """Return estimates of which those that rest on something are provisional at best, with the reason."""
+    return tuple(
+        _provisional(estimate, why) if basis in quantity_of(estimate.name).rests_on else estimate
+        for estimate in estimates
+    )
+
+
+def _possible(estimate: Estimate) -> Estimate:
+    """Return an estimate, provisional at best where no tire, sensor or road can have its value."""
+    limits = _LIMITS.get(estimate.name)
+    if limits is None or estimate.status is Status.INVALID:
+        return estimate
+    beyond = max(limits[0] - estimate.value, estimate.value - limits[1])
+    if not beyond > 0.0 or beyond <= _BEYOND * estimate.std:
+        return estimate
+    errors = beyond / estimate.std if estimate.std > 0.0 else math.inf
+    return _provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=errors))
+
+
+def _provisional(estimate: Estimate, why: Reason) -> Estimate:
+    """Return an estimate that is provisional at best, with the reason."""
+    status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
+    if any(why in reason for reason in estimate.reasons):
+        return estimate._replace(status=status)  # inherited from the estimate that this one is made of
+    return estimate._replace(status=status, reasons=(*estimate.reasons, why))
