@@ -84,6 +84,7 @@ class LoadEstimator:
         )
         by_angle = _compared(_by_angle(revolution, conditions, half, half_std, pressure), conditions)
         by_width = _compared(self._by_width(block, index), conditions)
+        by_angle, by_width = _widened(by_angle, by_width)
         load = _better(by_angle, by_width)
         doubts = _contradictions((by_angle, by_width), conditions)
         return load, by_angle, by_width, _pressure_number(load, conditions, doubts, half, half_std, pressure)
@@ -142,6 +143,25 @@ def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
         return estimate._replace(std=math.hypot(estimate.std, added)) if added else estimate
     against = Reason(Code.LOAD_CONTRADICTED, stated_n=stated_n, stated_std_n=stated_std_n)
     return estimate._replace(status=Status.PROVISIONAL, reasons=(against, *estimate.reasons))
+
+
+def _widened(by_angle: Estimate, by_width: Estimate) -> tuple[Estimate, Estimate]:
+    """Return both loads with their difference in the errors: one of them is wrong by it, and nothing says which.
+
+    Their errors are the calibration's, the reference's and the signal's, which are large beside the difference of two
+    right loads: 0.3 standard errors at most on random tires. Beyond a contradiction that is noted.
+    """
+    if Status.INVALID in (by_angle.status, by_width.status):
+        return by_angle, by_width
+    difference_n = by_angle.value - by_width.value
+    notes: tuple[Reason, ...] = ()
+    if abs(difference_n) > CONTRADICTION * math.hypot(by_angle.std, by_width.std):
+        notes = (Reason(Code.LOADS_DISAGREE, angle_n=by_angle.value, width_n=by_width.value),)
+    first, second = (
+        load._replace(std=math.hypot(load.std, difference_n), reasons=(*load.reasons, *notes))
+        for load in (by_angle, by_width)
+    )
+    return first, second
 
 
 def _by_angle(

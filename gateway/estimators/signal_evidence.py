@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final, NamedTuple
 
@@ -65,6 +65,9 @@ _CLOSURE_BY_DEPTH: Final = 0.2
 _STRETCH_STD: Final = 3e-4
 # A stated radius is replaced by the measured one when its standard error is larger by this factor.
 _RADIUS_UNKNOWN: Final = 2.0
+# Root mean square share of an error of the steady value that the sampling rate has: radius, gain or rate are wrong,
+# each as likely as the others, and the steady value is of the rate squared.
+_SHARE_OF_RATE: Final = 0.5 * math.sqrt(1.0 / 3.0)
 # Share of its stated error below which the zero-g offset counts as measured.
 _ZERO_MEASURED: Final = 0.3
 
@@ -146,6 +149,9 @@ class Evidence(NamedTuple):
         self, conditions: TireConditions, given: Mapping[str, Mapping[str, Estimate]] | None = None
     ) -> TireConditions:
         """Return the conditions with the values in use, and with the estimates `given` by earlier estimators."""
+        claims = conditions.claims
+        if self.unsure:
+            claims = replace(claims, rate_std=math.hypot(claims.rate_std, _SHARE_OF_RATE * self.unsure))
         return TireConditions(
             self.radius_m,
             conditions.load_n,
@@ -158,7 +164,7 @@ class Evidence(NamedTuple):
             self.sensor_offset_std_m,
             self.steady_std_mps2,
             self.gain_std,
-            conditions.claims,
+            claims,
             conditions.tire,
             conditions.given if given is None else given,
         )

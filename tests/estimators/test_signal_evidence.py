@@ -188,6 +188,10 @@ def test_ratio_near_a_contradiction_widens_the_errors(ratio: float) -> None:
     assert speed.status is Status.VALID
     assert codes_of(speed.reasons) == (Code.STEADY_VALUE_DISAGREES,)
     assert evidence.qualified(SPEED._replace(name="leading_edge_rad")).reasons == ()
+    # The rate may be the wrong statement: it would be off by half as much.
+    in_use = evidence.applied_to(CONDITIONS).claims
+    assert 4.0 * in_use.rate_std > 0.02
+    assert replace(in_use, rate_std=CONDITIONS.claims.rate_std) == CONDITIONS.claims
 
 
 def test_gravity_decides_between_gain_and_radius() -> None:

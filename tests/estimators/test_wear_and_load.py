@@ -259,3 +259,21 @@ def test_calibration_outside_its_range_is_provisional() -> None:
         Code.WEAR_UNKNOWN,
         Code.TEMPERATURE_NOT_COMPENSATED,
     )
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.3])
+def test_loads_that_disagree_include_their_difference(factor: float) -> None:
+    """A calibration of another tread gives 1.3 times the load, and nothing says which of both loads is right."""
+    plain, _ = simulated("", 14.0, wheel(None, replace(CALIBRATED, wear_m=0.0)), ESTIMATORS)
+    calibration = replace(CALIBRATION, load_n=CALIBRATION.load_n * factor)
+    results, _ = simulated(
+        "", 14.0, wheel(None, replace(CALIBRATED, wear_m=0.0, load_calibration=calibration)), ESTIMATORS
+    )
+    before, after = last(plain), last(results)
+    loads = [after[name] for name in ("load_by_angle_n", "load_by_width_n", "load_n")]
+    assert {load.status for load in loads} == {Status.VALID}
+    for load in loads:
+        assert abs(load.value - 5000.0) < 3.0 * load.std
+        assert (Code.LOADS_DISAGREE in codes_of(load.reasons)) == (factor > 1.0)
+    # Two right loads agree: their errors hardly grow.
+    assert factor > 1.0 or after["load_n"].std == before["load_n"].std < 0.04 * 5000.0
