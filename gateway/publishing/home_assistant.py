@@ -5,14 +5,20 @@ Source: Home Assistant, "MQTT", section "MQTT discovery"; the abbreviations of k
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
 from gateway import __version__
 
-# A state that is not renewed for this long is shown as unavailable; states come once a second.
-_EXPIRE_S: Final = 30
+EXPIRE_S: Final = 30
+"""A state that is not renewed for this long is no longer the present one; states come once a second."""
+
+
+_MANUFACTURER: Final = "treadlink"
+COMPONENTS: Final = ("sensor", "binary_sensor")
+"""Kinds of entities of wheels and links."""
 
 
 class Discovery(NamedTuple):
@@ -60,6 +66,19 @@ def link_discovery(discovery_prefix: str, prefix: str, link: str) -> Iterator[Di
     return _discovery(_LINK, discovery_prefix, prefix, f"link/{quote(link, safe='')}", f"Link {link}")
 
 
+def announced_topic(payload: bytes, status_topic: str) -> str | None:
+    """Return the state topic of an entity that a gateway with this status topic has announced, None for any other."""
+    try:
+        entity = json.loads(payload)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(entity, dict) or entity.get("availability_topic") != status_topic:
+        return None
+    device, topic = entity.get("device"), entity.get("state_topic")
+    is_of_gateway = isinstance(device, dict) and device.get("manufacturer") == _MANUFACTURER
+    return topic if is_of_gateway and isinstance(topic, str) else None
+
+
 def _discovery(
     entities: tuple[_Entity, ...], discovery_prefix: str, prefix: str, path: str, device: str
 ) -> Iterator[Discovery]:
@@ -71,11 +90,11 @@ def _discovery(
             "state_topic": f"{prefix}/{path}/state",
             "value_template": entity.template or f"{{{{ value_json.{entity.field} | default(none) }}}}",
             "availability_topic": f"{prefix}/status",
-            "expire_after": _EXPIRE_S,
+            "expire_after": EXPIRE_S,
             "device": {
                 "identifiers": [node],
                 "name": device,
-                "manufacturer": "treadlink",
+                "manufacturer": _MANUFACTURER,
                 "model": "intelligent tire gateway",
                 "sw_version": __version__,
             },

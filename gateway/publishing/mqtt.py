@@ -9,20 +9,31 @@ from __future__ import annotations
 import os
 import ssl
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 from urllib.parse import quote, unquote, urlsplit
 
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
+from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from gateway.publishing.home_assistant import Discovery, link_discovery, wheel_discovery
-from gateway.publishing.payloads import JsonObject, encoded, messages
+from gateway.publishing.home_assistant import (
+    COMPONENTS,
+    EXPIRE_S,
+    Discovery,
+    announced_topic,
+    link_discovery,
+    wheel_discovery,
+)
+from gateway.publishing.payloads import JsonObject, at_end, encoded, messages
 from gateway.publishing.sink import (
     Item,
     PublishedAlarm,
     PublishedRevolution,
+    PublishedState,
     SinkAddress,
     SinkDownError,
     SinkError,
@@ -44,6 +55,10 @@ _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 _CONNECT_S: Final = 5.0
 _WAIT_S: Final = 0.05
 _KEEPALIVE_S: Final = 10
+# Wheels without a configuration and links have been heard by then.
+_SETTLED_S: Final = 30.0
+# Retained messages of earlier sessions that are removed at a time.
+_MOST_EARLIER: Final = 10_000
 _ONLINE: Final = b"online"
 _OFFLINE: Final = b"offline"
 
@@ -54,7 +69,6 @@ def open_mqtt(address: SinkAddress, setting: SinkSetting) -> MqttSink:
     Raises:
         SinkError: address, option, certificate or key cannot be used.
     """
-    del setting
     is_tls = address.scheme == "mqtts"
     address.check_options(_OPTIONS | (_TLS_OPTIONS if is_tls else frozenset()))
     host, port = host_and_port(address, _PORTS[address.scheme])
@@ -72,6 +86,7 @@ def open_mqtt(address: SinkAddress, setting: SinkSetting) -> MqttSink:
         keepalive_s=int(text),
         discovery=None if discovery in ("", "off", "no") else discovery,
         tls=_tls_context(address) if is_tls else None,
+        positions=setting.positions,
         environment=os.environ,
     )
 
@@ -106,6 +121,10 @@ class MqttSink:
     | PREFIX/alarm | no | each alarm that is raised or over |
     | PREFIX/session | yes | the session with all present alarms, once a second |
 
+    A broker drops a retained state that is not renewed for EXPIRE_S: a client has a single last will, so that the
+    states of a gateway that dies would stay. At the end, states without numbers replace them for good. States and
+    discovery messages of wheels and links that only an earlier session had are removed.
+
     POSITION and LINK are percent-encoded. The client is driven by the worker's thread, not by one of its own.
     """
 
@@ -118,6 +137,7 @@ class MqttSink:
         keepalive_s: int,
         discovery: str | None,
         tls: ssl.SSLContext | None,
+        positions: Sequence[str],
         environment: Mapping[str, str],
     ) -> None:
         """Prepare the client.
@@ -129,12 +149,18 @@ class MqttSink:
             keepalive_s: a broker that is silent for up to twice this time is given up.
             discovery: prefix of Home Assistant's discovery topics, None to send none.
             tls: for an encrypted connection.
+            positions: configured wheels, empty without a vehicle.
             environment: holds the credentials.
         """
         self._host, self._port, self._prefix = host, port, prefix
         self._keepalive_s = keepalive_s
         self._discovery = discovery
         self._announced: set[str] = set()
+        # The last state of each topic.
+        self._states: dict[str, JsonObject] = {}
+        self._wheels = frozenset(self._topic_of("wheel", position) for position in positions)
+        # Retained messages of earlier sessions: the topic of the state that each belongs to.
+        self._earlier: dict[str, str] = {}
         # Messages that the broker has not confirmed yet, by their number: whether each is counted.
         self._window: dict[int, bool] = {}
         self._refusal = ""
@@ -179,6 +205,8 @@ class MqttSink:
             raise SinkDownError("the broker does not answer")
         # The last will of an earlier connection may come late, after this one has said that it is online.
         self._client.subscribe(f"{self._prefix}/status", _QOS)
+        for topics in self._earlier_topics():
+            self._client.subscribe(topics, options=SubscribeOptions(_QOS, noLocal=True))
         self._publish(f"{self._prefix}/status", _ONLINE, stop, retain=True)
 
     def send(self, item: Item, stop: threading.Event) -> None:
@@ -192,16 +220,24 @@ class MqttSink:
         else:
             for payload in messages(item):
                 self._announce(payload, stop)
-                self._publish(self._state_topic(payload), encoded(payload), stop, retain=True)
+                topic = self._state_topic(payload)
+                self._states[topic] = payload
+                self._publish(topic, encoded(payload), stop, retain=True, expires=True)
+            self._remove_earlier(item, stop)
 
     def poll(self) -> None:
         """Read confirmations and send keep-alive messages."""
         self._loop(0.0)
 
     def flush(self, stop: threading.Event) -> int:
-        """Wait for the confirmations, with `offline` as the last message; return how many are missing."""
+        """Wait for the confirmations, with `offline` as the last message; return how many are missing.
+
+        Before it, states without numbers replace the last ones.
+        """
         if not stop.is_set():
             self._has_ended = True
+            for topic, payload in self._states.items():
+                self._publish(topic, encoded(at_end(payload)), stop, retain=True)
             self._publish(f"{self._prefix}/status", _OFFLINE, stop, retain=True)
         while self._window and not stop.is_set():
             self._loop(_WAIT_S)
@@ -215,9 +251,35 @@ class MqttSink:
 
     def _state_topic(self, payload: JsonObject) -> str:
         kind = payload["type"]
-        if kind == "session":
-            return f"{self._prefix}/session"
-        return f"{self._prefix}/{kind}/{quote(payload[kind], safe='')}/state"
+        return f"{self._prefix}/session" if kind == "session" else self._topic_of(kind, payload[kind])
+
+    def _topic_of(self, kind: str, name: str) -> str:
+        return f"{self._prefix}/{kind}/{quote(name, safe='')}/state"
+
+    def _earlier_topics(self) -> Iterator[str]:
+        """Yield the filters of topics that may hold states and announcements of earlier sessions."""
+        for kind in ("wheel", "link"):
+            yield f"{self._prefix}/{kind}/+/state"
+        if self._discovery is not None:
+            for component in COMPONENTS:
+                yield f"{self._discovery}/{component}/+/+/config"
+
+    def _remove_earlier(self, item: PublishedState, stop: threading.Event) -> None:
+        """Remove what an earlier session has left of wheels and links that this one does not have.
+
+        Home Assistant forgets what a user has set for an entity that is removed. So an entity stays until it is certain
+        that its wheel or link is not of this session: configured wheels are certain at once, others may come late.
+        """
+        snapshot = item.snapshot
+        is_settled = snapshot.elapsed_s >= _SETTLED_S or (snapshot.ended and bool(snapshot.wheels))
+        for topic, state_topic in tuple(self._earlier.items()):
+            if state_topic in self._states or state_topic in self._wheels:
+                del self._earlier[topic]
+                continue
+            is_other_wheel = bool(self._wheels) and state_topic.startswith(f"{self._prefix}/wheel/")
+            if topic == state_topic or is_other_wheel or is_settled:
+                self._publish(topic, b"", stop, retain=True)
+                self._earlier.pop(topic, None)
 
     def _announce(self, payload: JsonObject, stop: threading.Event) -> None:
         """Announce a wheel or link to Home Assistant, once per connection."""
@@ -232,18 +294,31 @@ class MqttSink:
         self._announced.add(topic)
 
     def _publish(
-        self, topic: str, payload: bytes, stop: threading.Event, *, retain: bool = False, counted: bool = False
+        self,
+        topic: str,
+        payload: bytes,
+        stop: threading.Event,
+        *,
+        retain: bool = False,
+        counted: bool = False,
+        expires: bool = False,
     ) -> None:
         self._loop(0.0)
         while len(self._window) >= WINDOW:
             if stop.is_set():
                 raise SinkDownError("the session has ended")
             self._loop(_WAIT_S)
-        self._hand_over(topic, payload, retain=retain, counted=counted)
+        self._hand_over(topic, payload, retain=retain, counted=counted, expires=expires)
 
-    def _hand_over(self, topic: str, payload: bytes, *, retain: bool, counted: bool) -> None:
+    def _hand_over(
+        self, topic: str, payload: bytes, *, retain: bool, counted: bool = False, expires: bool = False
+    ) -> None:
         """Give a message to the client, which sends it, and sends it again after a reconnection."""
-        info = self._client.publish(topic, payload, _QOS, retain)
+        properties = None
+        if expires:
+            properties = Properties(PacketTypes.PUBLISH)  # type: ignore[no-untyped-call]
+            properties.MessageExpiryInterval = EXPIRE_S
+        info = self._client.publish(topic, payload, _QOS, retain, properties)
         if info.rc is paho.MQTT_ERR_QUEUE_SIZE:
             raise SinkDownError("the client takes no message")
         # With any other result the client keeps the message, also where the link broke in that very call. The result
@@ -256,7 +331,7 @@ class MqttSink:
             raise SinkDownError(self._refusal or "the connection to the broker is lost")
         if self._is_called_offline and len(self._window) < WINDOW:
             self._is_called_offline = False
-            self._hand_over(f"{self._prefix}/status", _ONLINE, retain=True, counted=False)
+            self._hand_over(f"{self._prefix}/status", _ONLINE, retain=True)
 
     def _connected(self, client: paho.Client, data: Any, flags: Any, reason: ReasonCode, properties: Any) -> None:
         del client, data, flags, properties
@@ -269,7 +344,13 @@ class MqttSink:
 
     def _heard(self, client: paho.Client, data: Any, message: paho.MQTTMessage) -> None:
         del client, data
-        self._is_called_offline = message.payload == _OFFLINE and not self._has_ended
+        if message.topic == f"{self._prefix}/status":
+            self._is_called_offline = message.payload == _OFFLINE and not self._has_ended
+        elif message.retain and message.payload and len(self._earlier) < _MOST_EARLIER:
+            is_state = message.topic.startswith(f"{self._prefix}/")
+            topic = message.topic if is_state else announced_topic(bytes(message.payload), f"{self._prefix}/status")
+            if topic is not None:
+                self._earlier[message.topic] = topic
 
 
 def _encoded(item: PublishedRevolution | PublishedAlarm) -> tuple[bytes]:

@@ -5,14 +5,25 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
-from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot
+from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
+from gateway.reasons import Code, Reason
 from gateway.views.recording_topics import revolution_payload
 from gateway.views.wording import as_json, text
 
 JsonObject = dict[str, Any]
+# Fields of states that say how it is now; the others identify and count.
+_PRESENT: Final = frozenset({
+    "rate_hz", "speed_mps", "rotation_rpm", "distance_m", "pressure_pa", "temperature_degc", "load_n", "wear_mm",
+    "silent_s", "environment_silent_s", "latency_s", "battery_percent", "rssi_dbm", "supply_w",
+})  # fmt: skip
+_AT_END: Final[Mapping[str, JsonObject]] = {
+    "wheel": {"state": str(WheelState.NO_DATA), "alarms": []},
+    "link": {"connected": False, "alarms": []},
+    "session": {"ended": True, "alarms": []},
+}
 
 
 def messages(item: Item) -> Iterator[JsonObject]:
@@ -129,6 +140,14 @@ def session(item: PublishedState) -> JsonObject:
         "alarms": [_alarm(found) for found in snapshot.alarms],
         "outputs": [_output(snapshot, index) for index in range(len(snapshot.sinks))],
     }
+
+
+def at_end(payload: JsonObject) -> JsonObject:
+    """Return a state as it is to be kept after the session: nothing in it is of the present."""
+    lasting = {name: value for name, value in payload.items() if name not in _PRESENT}
+    # A link that was open to the end has not sent that it ended.
+    note = {"note": text(Reason(Code.LINK_ENDED))} if payload.get("connected") else {}
+    return {**lasting, **note, **_AT_END[payload["type"]]}
 
 
 def finite(numbers: Mapping[str, float | int | None]) -> JsonObject:

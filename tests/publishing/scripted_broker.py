@@ -17,11 +17,12 @@ _SHUTTING_DOWN: Final = bytes.fromhex("e0028b00")
 
 
 class Received(NamedTuple):
-    """A message that was published."""
+    """A message that was published; its properties are encoded."""
 
     topic: str
     payload: bytes
     is_retained: bool
+    properties: bytes
 
 
 class ScriptedBroker:
@@ -95,8 +96,9 @@ class ScriptedBroker:
 
     def _take(self, head: int, body: bytes) -> bytes:
         (size,) = struct.unpack(">H", body[:2])
-        # No message of treadlink has properties: their length is one zero byte.
-        self.messages.append(Received(body[2 : 2 + size].decode(), body[5 + size :], bool(head & 1)))
+        begin = 5 + size + body[4 + size]
+        topic, properties = body[2 : 2 + size].decode(), body[5 + size : begin]
+        self.messages.append(Received(topic, body[begin:], bool(head & 1), properties))
         return body[2 + size : 4 + size]
 
 

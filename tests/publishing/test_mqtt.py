@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import jsonschema
@@ -18,7 +19,7 @@ import pytest
 from gateway.clock import SystemClock
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.mqtt import PASSWORD, USERNAME
-from gateway.publishing.sink import SinkSetting, open_sink
+from gateway.publishing.sink import PublishedState, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from tests.publishing.receivers import TIMEOUT_S, until
 from tools.mqtt_broker import PROGRAM, Broker, Listener
@@ -42,8 +43,8 @@ def listener(broker):
     listener.close()
 
 
-def begin(uri: str) -> SinkWorker:
-    name, sink = open_sink(uri, SinkSetting())
+def begin(uri: str, positions: tuple[str, ...] = ()) -> SinkWorker:
+    name, sink = open_sink(uri, SinkSetting(positions))
     worker = SinkWorker(name, sink, SystemClock())
     worker.start()
     return worker
@@ -67,9 +68,9 @@ def test_topics_payloads_and_retained_states(items, broker, listener) -> None:
     assert len(revolutions) == len(items) - 3
     assert [found["raised"] for found in listener.of("car/1/alarm")] == [True, False]
     assert listener.of("car/1/status") == ["online", "offline"]
-    (state,) = listener.of("car/1/wheel/FL/state")
-    (link,) = listener.of("car/1/link/sim%3Ademo/state")
-    (session,) = listener.of("car/1/session")
+    state, _ = listener.of("car/1/wheel/FL/state")
+    link, _ = listener.of("car/1/link/sim%3Ademo/state")
+    session, _ = listener.of("car/1/session")
     for payload in (*revolutions, *listener.of("car/1/alarm"), state, link, session):
         VALIDATOR.validate(payload)
     late = Listener(broker.port)
@@ -92,7 +93,7 @@ def test_home_assistant_finds_numbers_that_are_published(items, broker, listener
     for topic, entity in found.items():
         assert re.fullmatch(r"homeassistant/(sensor|binary_sensor)/[a-zA-Z0-9_-]+/[a-zA-Z0-9_-]+/config", topic)
         assert entity["availability_topic"] == "car/status"
-        (state,) = listener.of(entity["state_topic"])
+        state, _ = listener.of(entity["state_topic"])
         (field,) = re.findall(r"value_json\.(\w+)", entity["value_template"])
         schema = line_schema()["$defs"][state["type"]]
         assert field in schema["properties"]
@@ -104,6 +105,63 @@ def test_home_assistant_finds_numbers_that_are_published(items, broker, listener
         "measurement",
     )
     assert speed["expire_after"] == 30
+
+
+def retained(broker: Broker) -> set[str]:
+    late = Listener(broker.port)
+    late.publish("last", b"retained")
+    until(lambda: late.of("last"))
+    late.close()
+    return {topic for topic, is_retained, payload in late.messages if is_retained and payload}
+
+
+def of_next_vehicle(state: PublishedState, elapsed_s: float) -> PublishedState:
+    """A state of a motorcycle on another link."""
+    wheels = [
+        replace(wheel, position=name) for wheel, name in zip(state.snapshot.wheels, ("front", "rear"), strict=False)
+    ]
+    links = [replace(state.snapshot.links[0], link="sim:next")]
+    snapshot = replace(state.snapshot, wheels=tuple(wheels), links=tuple(links), elapsed_s=elapsed_s)
+    return PublishedState(state.host_ns, snapshot)
+
+
+@pytest.mark.parametrize(("elapsed_s", "forgotten_links"), [(2.5, 0), (31.0, 4)])
+def test_next_session_removes_wheels_and_links_that_are_gone(items, broker, elapsed_s, forgotten_links) -> None:
+    others = Listener(broker.port)
+    others.publish("homeassistant/sensor/lamp/power/config", b'{"availability_topic":"car/status"}')
+    others.publish("homeassistant/sensor/lamp/text/config", b"[" * 5000)
+    uri = f"mqtt://127.0.0.1:{broker.port}/car"
+    worker = begin(uri)
+    worker.offer(items[-1])
+    finish(worker)
+    before = retained(broker)
+    assert "car/wheel/FL/state" in before
+    of_links = {topic for topic in before if "/car_link_sim_3Ademo/" in topic}
+    assert len(of_links) == 4
+
+    watch = Listener(broker.port)
+
+    def are_removed() -> bool:
+        worker.offer(of_next_vehicle(items[-1], elapsed_s))
+        removed = {topic for topic, _, payload in tuple(watch.messages) if not payload}
+        return len(removed) >= 4 + 1 + 4 * 7 + forgotten_links
+
+    worker = begin(uri, ("front", "rear"))
+    until(are_removed)
+    finish(worker)
+    after = retained(broker)
+    others.close()
+    watch.close()
+    wheels = {"car/wheel/front/state", "car/wheel/rear/state"}
+    assert {topic for topic in after if topic.startswith("car/")} == wheels | {
+        "car/link/sim%3Anext/state",
+        "car/session",
+        "car/status",
+    }
+    assert not [topic for topic in after if "/car_wheel_F" in topic or "/car_wheel_R" in topic]
+    assert len(of_links & after) == 4 - forgotten_links
+    assert {"homeassistant/sensor/lamp/power/config", "homeassistant/sensor/lamp/text/config"} <= after
+    assert len([topic for topic in after if topic.startswith("homeassistant/")]) == 2 + 2 * 7 + 8 - forgotten_links
 
 
 def test_discovery_can_be_switched_off(items, broker, listener) -> None:
