@@ -56,6 +56,11 @@ def pack(frames: Iterable[BusFrame], first_ns: int) -> bytes:
     return b"".join(parts)
 
 
+def has_frames(data: bytes) -> bool:
+    """Return whether a block has a frame: errors of the bus say that nothing is heard on it."""
+    return any(not frame.is_error for frame in unpack(data, 0))
+
+
 def unpack(data: bytes, first_ns: int) -> Iterator[BusFrame]:
     """Yield the frames in bytes; what is cut off or damaged at the end is left out."""
     at = 0

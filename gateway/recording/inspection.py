@@ -17,11 +17,11 @@ from firmware_protocol.messages import Hello, LogText, Message, MessageType
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
-from gateway.io.bus_frames import unpack
-from gateway.io.source import BusFrames, LinkEvent
+from gateway.io.bus_frames import has_frames, unpack
+from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import LinkBlocks
-from gateway.recording.mcap_layout import BUS_ENCODING, RAW_ENCODING, link_items
+from gateway.recording.mcap_layout import BUS_ENCODING, MAX_TIME_NS, RAW_ENCODING, link_items
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000
@@ -116,7 +116,8 @@ class LinkInspection:
         bytes_received: number of link bytes.
         first_ns: arrival of the first chunk.
         last_ns: arrival of the last chunk.
-        longest_silence_s: longest time between two chunks.
+        longest_silence_s: longest time between two chunks, or from the last one to the end of the recording. Chunks
+            with errors of a vehicle bus only do not count.
         counters: counts of the decoder.
         wheels: inspection by (hub, wheel).
         limit: admission of wheels; others are counted only.
@@ -203,7 +204,9 @@ def inspect_recording(
     blocks: dict[str, LinkBlocks] = {}
     events: list[LinkEvent] = []
     topics: Counter[str] = Counter()
-    omitted = 0
+    omitted = end_ns = 0
+    last_heard_ns: dict[str, int] = {}
+    ended: set[str] = set()
 
     def count(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
         for batch, arrivals_ns in batches:
@@ -216,8 +219,14 @@ def inspect_recording(
             on_position(reader.position)
         if message.channel.encoding not in (RAW_ENCODING, BUS_ENCODING):
             topics[message.channel.topic] += 1
+        # Topics and events go on while nothing arrives.
+        end_ns = max(end_ns, min(message.log_time_ns, MAX_TIME_NS))
         for item in link_items(message):
             if isinstance(item, LinkEvent):
+                if item.kind is LinkEventKind.ENDED:
+                    ended.add(item.link)
+                elif item.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
+                    ended.discard(item.link)
                 if len(events) < MAX_EVENTS:
                     events.append(item)
                 else:
@@ -226,12 +235,18 @@ def inspect_recording(
             link = links.setdefault(item.link, LinkInspection(first_ns=item.host_ns, last_ns=item.host_ns))
             link.chunks += 1
             link.bytes_received += len(item.data)
-            link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - link.last_ns) * 1e-9)
             link.last_ns = max(link.last_ns, item.host_ns)
+            if isinstance(item, Chunk) or has_frames(item.data):
+                heard_ns = last_heard_ns.get(item.link, item.host_ns)
+                link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - heard_ns) * 1e-9)
+                last_heard_ns[item.link] = max(heard_ns, item.host_ns)
             if isinstance(item, BusFrames):
                 link.bus_frames += sum(1 for _ in unpack(item.data, item.host_ns))
                 continue
             count(item.link, blocks.setdefault(item.link, LinkBlocks(item.link)).add(item))
+    for name in last_heard_ns.keys() - ended:
+        silence_s = (end_ns - last_heard_ns[name]) * 1e-9
+        links[name].longest_silence_s = max(links[name].longest_silence_s, silence_s)
     for name, rest in blocks.items():
         count(name, rest.finish())
         links[name].counters = rest.counters

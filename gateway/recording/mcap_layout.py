@@ -37,7 +37,7 @@ JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
 
 _MAX_CHANNEL_DIGITS: Final = 5
-_MAX_TIME_NS: Final = (1 << 63) - 1
+MAX_TIME_NS: Final = (1 << 63) - 1
 MAX_CHANNELS: Final = 8192
 """Largest number of channels of a recording; no session has as many."""
 MAX_CHANNEL_CHARS: Final = 1024
@@ -157,7 +157,7 @@ def link_items(message: RecordedMessage) -> Iterator[LinkItem]:
     """Yield the link items of a message: none for decoded topics and unreadable events, several for very many bytes."""
     channel = message.channel
     # Times in MCAP are unsigned; those from the year 2262 on exceed a signed 64-bit integer.
-    host_ns = min(message.log_time_ns, _MAX_TIME_NS)
+    host_ns = min(message.log_time_ns, MAX_TIME_NS)
     if channel.encoding == RAW_ENCODING:
         for begin in range(0, len(message.data), _MAX_ITEM_BYTES):
             yield Chunk(channel.link, host_ns, message.data[begin : begin + _MAX_ITEM_BYTES])

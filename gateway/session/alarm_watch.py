@@ -75,7 +75,12 @@ class AlarmWatch:
         return self.log.update(
             present,
             self.silence.elapsed_s(),
-            hidden=superseded(wheels, self.silence.silent_hubs(of_down_links=True), several_links=len(links) > 1),
+            hidden=superseded(
+                wheels,
+                self.silence.silent_hubs(of_down_links=True),
+                self.silence.silent_buses(of_down_links=True),
+                several_links=len(links) > 1,
+            ),
             values=lambda: present_values(wheels, links, self.thresholds),
         )
 
@@ -87,6 +92,7 @@ class AlarmWatch:
             self.thresholds,
             self._sensor_ids,
             silent_hubs=self.silence.silent_hubs(),
+            silent_buses=self.silence.silent_buses(),
             standing=self.log.standing(),
         )
         return (*found, *self.witnesses(), *sink_alarms(self.sinks))

@@ -67,6 +67,7 @@ def alarms(
     sensor_ids: Mapping[str, str] | None = None,
     *,
     silent_hubs: Iterable[SilentHub] = (),
+    silent_buses: Iterable[tuple[str, float]] = (),
     standing: Mapping[AlarmKey, Code] = NONE_STANDING,
 ) -> tuple[Alarm, ...]:
     """Return the present alarms: silence first, then those of wheels and links.
@@ -77,12 +78,13 @@ def alarms(
         thresholds: of the configuration.
         sensor_ids: configured sensors, hex text by position.
         silent_hubs: hubs that send no frame.
+        silent_buses: links of vehicle buses without a frame, with the age of the last one.
         standing: alarms that stood before, with the codes of their reasons.
     """
     found = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds, standing)]
     misplaced = _misplaced_sensors(wheels, sensor_ids or {})
     of_links = [alarm for link in links for alarm in _link_alarms(link, thresholds, standing)]
-    silent = [*hub_alarms(silent_hubs, len(links) > 1), *silence_alarms(wheels)]
+    silent = [*hub_alarms(silent_hubs, len(links) > 1), *silence_alarms(wheels), *bus_alarms(silent_buses)]
     return (*silent, *found, *misplaced, *of_links)
 
 
@@ -92,6 +94,12 @@ def hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterato
         name = hub_name(silent.hub) + (f" on {silent.link}" if several_links else "")
         reason = Reason(Code.HUB_SILENT, silence_s=silent.age_s, wheels=silent.positions)
         yield Alarm(name, AlarmName.SILENT, reason)
+
+
+def bus_alarms(silent_buses: Iterable[tuple[str, float]]) -> Iterator[Alarm]:
+    """Yield the alarm of each silent vehicle bus, from its link and the age of its last frame."""
+    for link, age_s in silent_buses:
+        yield Alarm(link, AlarmName.SILENT, Reason(Code.BUS_SILENT, silence_s=age_s))
 
 
 def silence_alarms(wheels: Iterable[WheelSnapshot]) -> Iterator[Alarm]:
@@ -116,10 +124,15 @@ def sink_alarms(sinks: Iterable[SinkSnapshot]) -> Iterator[Alarm]:
 
 
 def superseded(
-    wheels: Iterable[WheelSnapshot], hubs_of_down_links: Iterable[SilentHub] = (), *, several_links: bool = False
+    wheels: Iterable[WheelSnapshot],
+    hubs_of_down_links: Iterable[SilentHub] = (),
+    buses_of_down_links: Iterable[tuple[str, float]] = (),
+    *,
+    several_links: bool = False,
 ) -> frozenset[AlarmKey]:
     """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
-    hidden = {(alarm.position, alarm.name) for alarm in hub_alarms(hubs_of_down_links, several_links)}
+    of_down_links = (*hub_alarms(hubs_of_down_links, several_links), *bus_alarms(buses_of_down_links))
+    hidden = {(alarm.position, alarm.name) for alarm in of_down_links}
     for wheel in wheels:
         silence = wheel.silence
         if silence is None:

@@ -22,6 +22,7 @@ from gateway.session.alarms import (
     SILENCES,
     THRESHOLDS,
     AlarmName,
+    bus_alarms,
     has_wheel_limits,
     hub_alarms,
     present_values,
@@ -31,6 +32,7 @@ from gateway.session.alarms import (
 )
 from gateway.session.silence import SilenceWatch
 
+_BUS_SLOT_NS = 50_000_000
 _OF_STREAMS = frozenset({*SILENCES, AlarmName.LINK})
 
 
@@ -48,6 +50,8 @@ class BatchAlarms:
         self._has_limits = has_wheel_limits(self._thresholds)
         self._configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
         self._events: dict[str, deque[LinkEvent]] = {}
+        # Arrivals of frames of vehicle buses that are later than the frames of hubs taken so far.
+        self._arrivals_ns: dict[str, deque[int]] = {}
         self._log = AlarmLog(logs=logs)
         self._review_due_ns = 0
 
@@ -61,9 +65,19 @@ class BatchAlarms:
         if event.kind is not LinkEventKind.MARK:
             self._events.setdefault(event.link, deque()).append(event)
 
+    def bus(self, link: str, host_ns: int) -> None:
+        """Take the arrival of frames of a vehicle bus; it takes effect before the first frame of a hub after it."""
+        arrivals_ns = self._arrivals_ns.setdefault(link, deque())
+        # Arrivals within a slot count as one, and many wait for the frames of a hub's block.
+        if len(arrivals_ns) > 1 and 0 <= host_ns - arrivals_ns[-2] < _BUS_SLOT_NS:
+            arrivals_ns[-1] = host_ns
+        else:
+            arrivals_ns.append(host_ns)
+
     def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         """Take a block of frames before its results."""
         for host_ns, frame in self._silence.thinned(batch, arrivals_ns):
+            self._take_buses(host_ns)
             self._take_events(link, host_ns)
             self._advance(link, host_ns)
             if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
@@ -97,7 +111,9 @@ class BatchAlarms:
 
     def finish(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, with the silences that last to the end of the recording."""
-        end_ns = self._silence.newest_ns()
+        waiting_ns = [arrivals_ns[-1] for arrivals_ns in self._arrivals_ns.values() if arrivals_ns]
+        end_ns = max([self._silence.newest_ns(), *waiting_ns])
+        self._take_buses(end_ns)
         for link in list(self._events):
             self._take_events(link, end_ns)
         for link in self._silence.links():
@@ -105,6 +121,16 @@ class BatchAlarms:
         self._review()
         self.end_of_block()
         return self._log.records()
+
+    def _take_buses(self, until_ns: int) -> None:
+        for link, arrivals_ns in self._arrivals_ns.items():
+            while arrivals_ns and arrivals_ns[0] <= until_ns:
+                host_ns = arrivals_ns.popleft()
+                self._take_events(link, host_ns)
+                self._advance(link, host_ns)
+                self._silence.bus(link, host_ns)
+            self._take_events(link, until_ns)
+            self._advance(link, until_ns)
 
     def _take_events(self, link: str, until_ns: int) -> None:
         events = self._events.get(link)
@@ -128,9 +154,19 @@ class BatchAlarms:
         silent, several = self._silence.of_wheels(), len(self._silence.links()) > 1
         wheels = [WheelSnapshot(position, silences=silences) for position, silences in silent.items()]
         self._log.update(
-            [*self._link_alarms(), *hub_alarms(self._silence.silent_hubs(), several), *silence_alarms(wheels)],
+            [
+                *self._link_alarms(),
+                *hub_alarms(self._silence.silent_hubs(), several),
+                *silence_alarms(wheels),
+                *bus_alarms(self._silence.silent_buses()),
+            ],
             self._silence.elapsed_s(),
-            hidden=superseded(wheels, self._silence.silent_hubs(of_down_links=True), several_links=several),
+            hidden=superseded(
+                wheels,
+                self._silence.silent_hubs(of_down_links=True),
+                self._silence.silent_buses(of_down_links=True),
+                several_links=several,
+            ),
             covers=lambda key: key[1] in _OF_STREAMS,
         )
 

@@ -13,6 +13,7 @@ from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.bus_frames import has_frames
 from gateway.io.source import BusFrames, LinkEvent, LinkItem
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.pipeline.vehicle_witness import VehicleJoin
@@ -90,6 +91,8 @@ def estimated_results(
 
     for item in source.items():
         if isinstance(item, BusFrames):
+            if alarms is not None and has_frames(item.data):
+                alarms.bus(item.link, item.host_ns)
             if signals is not None:
                 signals.take(item)
             continue

@@ -15,7 +15,7 @@ from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.bus_frames import unpack
+from gateway.io.bus_frames import has_frames, unpack
 from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.results import (
     AlarmChange,
@@ -190,6 +190,8 @@ class SessionCore:
         link.newest_ns = item.host_ns
         if isinstance(item, BusFrames):
             self._bus_frames(link, item)
+            if has_frames(item.data):
+                self._alarms.silence.bus(item.link, item.host_ns)
             return []
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)

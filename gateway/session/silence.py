@@ -1,4 +1,4 @@
-"""Silence of hubs, sensors and parts of their streams, from the arrival times of frames.
+"""Silence of hubs, sensors, parts of their streams and vehicle buses, from the arrival times of frames.
 
 No clock: every time is given. The state changes at times that follow from the frames alone, so that live, replay and
 batch report the same silences.
@@ -59,6 +59,8 @@ LIMITS: Final = {
     "messages": Limit(3.0, 3.0, wire.ENVIRONMENT_PERIOD_S),
     # A hub sends its status and its time every second.
     "hub": Limit(3.0, 3.0, wire.HUB_STATUS_PERIOD_S),
+    # Much faster in general, but as a hub: a control unit may restart.
+    "bus": Limit(3.0, 3.0, wire.HUB_STATUS_PERIOD_S),
     # As the estimates that rest on the pressure.
     "environment": Limit(ENVIRONMENT_INTERVALS, ENVIRONMENT_LEAST_S, wire.ENVIRONMENT_PERIOD_S),
     # A configured sensor that nothing was ever received from: five hellos are due by then.
@@ -238,6 +240,7 @@ class _Link:
         now_ns: time up to which the link is known.
         down: why the link is down, None while it is open.
         hubs: hubs heard on it.
+        bus: frames of a vehicle bus, None before the first.
         due_ns: time before which its state cannot change without a frame.
     """
 
@@ -245,10 +248,17 @@ class _Link:
     now_ns: int
     down: Reason | None = None
     hubs: dict[int, _Hub] = field(default_factory=dict)
+    bus: _Stream | None = None
     due_ns: int = 0
+
+    @property
+    def is_bus_silent(self) -> bool:
+        return self.bus is not None and self.now_ns >= self.bus.due_ns
 
     def count_again(self, host_ns: int) -> None:
         """Count every silence from `host_ns`."""
+        if self.bus is not None:
+            self.bus.counted_from_ns = host_ns
         for hub in self.hubs.values():
             if hub.own is not None:
                 hub.own.counted_from_ns = host_ns
@@ -284,7 +294,7 @@ class Heard(NamedTuple):
 
 
 class SilenceWatch:
-    """Watches every link, hub and sensor of a session or recording."""
+    """Watches every link, hub, sensor and vehicle bus of a session or recording."""
 
     def __init__(self, position_of: PositionOf, configured: Iterable[str] = (), silent_after_s: float | None = None):
         """Start without a frame.
@@ -318,6 +328,14 @@ class SilenceWatch:
         type_, hub, wheel, _, _, message = frame
         axes = message.axes if isinstance(message, SampleBlock) else 0
         self._heard(link, hub, wheel, type_, message, axes, host_ns)
+
+    def bus(self, name: str, host_ns: int) -> None:
+        """Take frames of a vehicle bus."""
+        link = self._brought(name, host_ns)
+        if link.bus is None:
+            link.bus = _Stream(LIMITS["bus"], host_ns)
+        link.bus.arrived(host_ns)
+        link.due_ns = min(link.due_ns, link.bus.due_ns)
 
     @staticmethod
     def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Heard]]:
@@ -355,6 +373,8 @@ class SilenceWatch:
     def _next_change_ns(known: _Link) -> int | None:
         first_ns = known.begin_ns + round(LIMITS["first"].least_s * _S)
         due_ns = [first_ns, *(due for hub in known.hubs.values() for due in hub.due_ns())]
+        if known.bus is not None:
+            due_ns.append(known.bus.due_ns)
         return min((due for due in due_ns if due > known.now_ns), default=None)
 
     def links(self) -> tuple[str, ...]:
@@ -404,7 +424,7 @@ class SilenceWatch:
                     if silences:
                         found[position] = silences
         waited_s = self.elapsed_s()
-        is_open = any(link.down is None for link in self._links.values())
+        is_open = any(link.down is None and link.bus is None for link in self._links.values())
         if is_open and waited_s >= LIMITS["first"].least_s:
             reason = Reason(Code.SENSOR_NEVER_HEARD, silence_s=waited_s)
             for position in self._configured:
@@ -421,10 +441,22 @@ class SilenceWatch:
                     positions = tuple(self._position_of(name, number, wheel) for wheel in sorted(hub.sensors))
                     yield SilentHub(name, number, (link.now_ns - hub.last_ns) / _S, positions)
 
+    def silent_buses(self, *, of_down_links: bool = False) -> Iterator[tuple[str, float]]:
+        """Yield the links of vehicle buses without a frame and since when, of open links or of links that are down."""
+        for name, link in self._links.items():
+            if link.bus is not None:
+                is_meant = link.down is not None if of_down_links else link.down is None and link.is_bus_silent
+                if is_meant:
+                    yield name, (link.now_ns - link.bus.last_ns) / _S
+
     def silent_s(self, link: str) -> float | None:
-        """Return how long an open link has had no frame, None unless every hub on it is silent."""
+        """Return how long an open link has had no frame, None unless its bus or every hub on it is silent."""
         known = self._links.get(link)
-        if known is None or known.down is not None or not known.hubs:
+        if known is None or known.down is not None:
+            return None
+        if known.bus is not None and known.is_bus_silent:
+            return (known.now_ns - known.bus.last_ns) / _S
+        if not known.hubs:
             return None
         if not all(hub.is_silent(known.now_ns) for hub in known.hubs.values()):
             return None
@@ -442,13 +474,8 @@ class SilenceWatch:
             link = self._links[name] = _Link(host_ns, host_ns)
         return link
 
-    def heard(self, name: str, frame: Heard, host_ns: int) -> None:
-        """Take what matters of a frame."""
-        self._heard(name, *frame, host_ns)
-
-    def _heard(
-        self, name: str, number: int, wheel: int, type_: int, message: Message | None, axes: int, host_ns: int
-    ) -> None:
+    def _brought(self, name: str, host_ns: int) -> _Link:
+        """Return a link at the time of a frame."""
         link = self._link(name, host_ns)
         if host_ns < link.now_ns - _SET_BACK_NS:
             # Recordings that follow each other may have times that do not.
@@ -456,6 +483,16 @@ class SilenceWatch:
             link.now_ns, link.due_ns = host_ns, 0
             link.count_again(host_ns)
         link.now_ns = max(link.now_ns, host_ns)
+        return link
+
+    def heard(self, name: str, frame: Heard, host_ns: int) -> None:
+        """Take what matters of a frame."""
+        self._heard(name, *frame, host_ns)
+
+    def _heard(
+        self, name: str, number: int, wheel: int, type_: int, message: Message | None, axes: int, host_ns: int
+    ) -> None:
+        link = self._brought(name, host_ns)
         hub = link.hubs.get(number)
         if hub is None:
             hub = link.hubs[number] = _Hub()

@@ -391,6 +391,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.AXIS_SILENT: (
         "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
     ),
+    Code.BUS_SILENT: "no frame of the vehicle's bus for {silence_s:.0f s}. Ignition off, cable loose, or bus off?",
     Code.ENVIRONMENT_SILENT: "no pressure or temperature for {silence_s:.0f s}: the last values are that old",
     Code.HUB_OF_WHEEL_SILENT: "no frame of its hub for {silence_s:.0f s}",
     Code.HUB_SILENT: "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?",
