@@ -4,9 +4,22 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 _WAIT_SLICE_NS: Final = 100_000_000
+# Several clocks are read at one time when the reading takes no longer; tried this often.
+_ONE_TIME_NS: Final = 1_000_000
+_READINGS: Final = 5
+
+
+class ComputerTime(NamedTuple):
+    """Clocks of this computer at one time.
+
+    Attributes:
+        ahead_ns: system time less the time of this clock; it changes when the system time is set.
+    """
+
+    ahead_ns: int
 
 
 class Clock(Protocol):
@@ -20,6 +33,10 @@ class Clock(Protocol):
         """Wait until `deadline_ns`, or until `stop` is set; return True when stopped early."""
         ...
 
+    def computer(self) -> ComputerTime:
+        """Return the clocks of this computer."""
+        ...
+
 
 class SystemClock:
     """Epoch time that advances with the monotonic clock: a step of the system time cannot reorder a recording."""
@@ -30,6 +47,16 @@ class SystemClock:
     def now_ns(self) -> int:
         """Return ns since the epoch: the system time at start plus the monotonic time since."""
         return time.monotonic_ns() + self._epoch_minus_monotonic_ns
+
+    def computer(self) -> ComputerTime:
+        """Return the clocks of this computer."""
+        for _ in range(_READINGS):
+            begin_ns = self.now_ns()
+            system_ns = time.time_ns()
+            # A pause between the readings is no difference of the clocks.
+            if self.now_ns() - begin_ns < _ONE_TIME_NS:
+                break
+        return ComputerTime(system_ns - begin_ns)
 
     def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
         """Wait until `deadline_ns`; return True when `stop` was set before it."""
@@ -47,6 +74,7 @@ class ManualClock:
 
     def __init__(self, start_ns: int = 1_700_000_000_000_000_000) -> None:
         self._now_ns = start_ns
+        self._ahead_ns = 0
 
     def now_ns(self) -> int:
         """Return the time set so far."""
@@ -55,6 +83,14 @@ class ManualClock:
     def advance_ns(self, step_ns: int) -> None:
         """Move the clock forward by `step_ns`."""
         self._now_ns += step_ns
+
+    def computer(self) -> ComputerTime:
+        """Return the clocks as set so far."""
+        return ComputerTime(self._ahead_ns)
+
+    def set_system_time(self, step_ns: int) -> None:
+        """Set the system time forward by `step_ns`, which this clock does not follow."""
+        self._ahead_ns += step_ns
 
     def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
         """Jump to `deadline_ns` at once; return True when `stop` is set."""

@@ -253,6 +253,7 @@ class Code(StrEnum):
     # - Events of links and devices
     BATTERY_LEVEL = "battery_level"
     BLE_DEVICE = "ble_device"
+    COMPUTER_EVENT = "computer_event"
     LINK_AWAY = "link_away"
     LINK_CONNECTED = "link_connected"
     LINK_DISCONNECTED = "link_disconnected"
@@ -269,6 +270,7 @@ class Code(StrEnum):
     MTU_UNKNOWN = "mtu_unknown"
     NOTIFICATIONS_DROPPED = "notifications_dropped"
     QUOTED_TEXT = "quoted_text"
+    SYSTEM_TIME_SET = "system_time_set"
     RETRY_INTERVAL = "retry_interval"
     # - Live outputs
     SINK_CLOSED = "sink_closed"

@@ -7,7 +7,6 @@ from typing import Any, Final
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.io.source import LinkEventKind
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection
 from gateway.recording.writer import utc_text
@@ -49,7 +48,7 @@ def inspection_lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[s
         for event in found.events[:_EVENTS_SHOWN]:
             at = (event.host_ns - begin) * 1e-9
             words = text(event.reason)
-            what = words if event.kind is LinkEventKind.MARK else f"{event.link}: {words}"
+            what = f"{event.link}: {words}" if event.is_of_link else words
             yield f"    {fixed(at, 2):>9} s  {what}"
         if len(found.events) > _EVENTS_SHOWN:
             printed = f"the first {len(found.events)}" if found.events_omitted else "all"

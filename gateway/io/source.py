@@ -51,7 +51,7 @@ class BusFrames:
 
 
 class LinkEventKind(StrEnum):
-    """Kind of a change of a link."""
+    """Kind of a change of a link; a mark of the user and an event of this computer concern all links."""
 
     CONNECTED = "connected"
     LOST = "lost"
@@ -59,6 +59,7 @@ class LinkEventKind(StrEnum):
     RESTORED = "restored"
     ENDED = "ended"
     MARK = "mark"
+    COMPUTER = "computer"
 
 
 _EVENT_CODES: Final = {
@@ -67,6 +68,7 @@ _EVENT_CODES: Final = {
     LinkEventKind.RETRYING: Code.LINK_RETRYING,
     LinkEventKind.RESTORED: Code.LINK_RESTORED,
     LinkEventKind.ENDED: Code.LINK_ENDED,
+    LinkEventKind.COMPUTER: Code.COMPUTER_EVENT,
 }
 
 
@@ -94,6 +96,7 @@ EVENT_DETAILS: Final[Mapping[str, Mapping[str, type]]] = {
     Code.RECORDING_RECORD_DAMAGED: {"recording": str, "at_byte": int},
     Code.RECORDING_RECORD_MISSING: {"recording": str, "at_byte": int},
     Code.RETRY_INTERVAL: {"interval_s": float},
+    Code.SYSTEM_TIME_SET: {"step_s": float, "ahead_s": float},
 }
 """Codes that the details of an event may have, with the types of their values; a recording is checked against them."""
 
@@ -105,7 +108,7 @@ class LinkEvent:
     The recording keeps kind, text and details as they are here; views make the words from `reason`.
 
     Attributes:
-        link: name of the link.
+        link: name of the link; of an event of this computer empty.
         host_ns: time of the event, ns since the epoch.
         kind: what happened.
         text: words from outside: those of a mark, or message and remedy of the error behind the event. Empty where
@@ -120,6 +123,11 @@ class LinkEvent:
     text: str = ""
     rssi_dbm: int | None = None
     details: tuple[Reason, ...] = ()
+
+    @property
+    def is_of_link(self) -> bool:
+        """Whether it is a change of its link."""
+        return self.kind not in (LinkEventKind.MARK, LinkEventKind.COMPUTER)
 
     @property
     def reason(self) -> Reason:

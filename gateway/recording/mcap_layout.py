@@ -35,6 +35,7 @@ BUS_SCHEMA_NAME: Final = "treadlink.BusFrames"
 BUS_SCHEMA_TEXT: Final = bus_frames.LAYOUT
 JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
+COMPUTER_TOPIC: Final = "/computer"
 
 _MAX_CHANNEL_DIGITS: Final = 5
 MAX_TIME_NS: Final = (1 << 63) - 1
@@ -166,7 +167,8 @@ def link_items(message: RecordedMessage) -> Iterator[LinkItem]:
         if len(message.data) <= _MAX_ITEM_BYTES:
             yield BusFrames(channel.link, host_ns, message.data)
         return
-    if channel.topic != MARKS_TOPIC and not (channel.topic.startswith("/link/") and channel.topic.endswith("/event")):
+    is_of_link = channel.topic.startswith("/link/") and channel.topic.endswith("/event")
+    if channel.topic not in (MARKS_TOPIC, COMPUTER_TOPIC) and not is_of_link:
         return
     event = _event(message.data, host_ns) if len(message.data) <= _MAX_EVENT_BYTES else None
     if event is not None:

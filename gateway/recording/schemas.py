@@ -18,6 +18,7 @@ from gateway.recording.mcap_layout import (
     BUS_ENCODING,
     BUS_SCHEMA_NAME,
     BUS_SCHEMA_TEXT,
+    COMPUTER_TOPIC,
     MARKS_TOPIC,
     RAW_ENCODING,
     RAW_SCHEMA_ENCODING,
@@ -170,6 +171,17 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         link: s: link the mark belongs to, may be empty
         kind: s: always mark
         text: s: what the user typed
+        """,
+    ),
+    _topic(
+        "treadlink.ComputerEvent",
+        re.escape(COMPUTER_TOPIC),
+        "link kind text",
+        """
+        link: s: always empty
+        kind: s: always computer
+        text: s: always empty
+        details: [o]: codes with their values
         """,
     ),
     _topic(

@@ -16,6 +16,7 @@ from gateway.io.source import BusFrames, Chunk, LinkEventKind, LinkItem
 from gateway.recording.container import McapOutput
 from gateway.recording.mcap_layout import (
     BUS_ENCODING,
+    COMPUTER_TOPIC,
     FORMAT_VERSION,
     JSON_ENCODING,
     MARKS_TOPIC,
@@ -35,6 +36,8 @@ from gateway.recording.schemas import TopicSchema, schema_of
 FLUSH_INTERVAL_NS: Final = 100_000_000
 
 _logger = logging.getLogger(__name__)
+# Of events that concern no link in particular.
+_TOPICS: Final = {LinkEventKind.MARK: MARKS_TOPIC, LinkEventKind.COMPUTER: COMPUTER_TOPIC}
 
 
 class _Pace:
@@ -133,8 +136,8 @@ class RecordingWriter:
                     channel = self._register_raw(item)
                 self._output.add_message(channel, item.host_ns, item.data)
             else:
-                is_mark = item.kind is LinkEventKind.MARK
-                topic, link = (MARKS_TOPIC, "") if is_mark else (event_topic(item.link), item.link)
+                topic = _TOPICS.get(item.kind) or event_topic(item.link)
+                link = item.link if item.is_of_link else ""
                 self._add_json(topic, item.host_ns, event_payload(item), link)
             self._flush_when_due(self._item_pace, item.host_ns)
 

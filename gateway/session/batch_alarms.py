@@ -62,7 +62,7 @@ class BatchAlarms:
 
     def event(self, event: LinkEvent) -> None:
         """Take a change of a link; it takes effect before the first frame that arrived later."""
-        if event.kind is not LinkEventKind.MARK:
+        if event.is_of_link:
             self._events.setdefault(event.link, deque()).append(event)
 
     def bus(self, link: str, host_ns: int) -> None:

@@ -238,8 +238,9 @@ class SessionCore:
 
     def _event(self, event: LinkEvent) -> None:
         reason = event.reason
-        if event.kind is LinkEventKind.MARK:
-            self.notify(Notice("", reason))
+        if not event.is_of_link:
+            level = Level.INFO if event.kind is LinkEventKind.MARK else Level.WARNING
+            self.notify(Notice("", reason, level))
             return
         self.newest_ns = max(self.newest_ns, event.host_ns)
         link = self._link(event.link)

@@ -20,6 +20,7 @@ from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Notice, Reason
 from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
+from gateway.session.computer_watch import ComputerWatch
 from gateway.session.core import SessionCore
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage
@@ -281,8 +282,13 @@ class LiveSession:
 
     def _run(self) -> None:
         due_ns = 0
+        computer = ComputerWatch(self._clock)
+        # The times of recordings that are played are not of this computer.
+        is_of_computer = len(self._playbacks()) < len(self._sources) or self._recording is not None
         while True:
             item = self._items.get(_ROUND_S)
+            if is_of_computer:
+                self._take_computer_events(computer.events())
             if item is not None:
                 self._note_time(item)
                 self._take_results(self.core.take(item))
@@ -302,10 +308,17 @@ class LiveSession:
         self._publish(self._clock.now_ns(), ended=True)
         self._done.set()
 
+    def _take_computer_events(self, events: Sequence[LinkEvent]) -> None:
+        """Record events of this computer, and take them at once: they may explain what has not arrived."""
+        for event in events:
+            if self._recording is not None:
+                self._recording.offer(event, timeout_s=_IDLE_S)
+            self._take_results(self.core.take(event))
+
     def _note_time(self, item: LinkItem) -> None:
         """Keep the time of the latest item of each source; a mark has the time of the clock."""
         number = self._source_of.get(item.link)
-        if number is not None and not (isinstance(item, LinkEvent) and item.kind is LinkEventKind.MARK):
+        if number is not None and not (isinstance(item, LinkEvent) and not item.is_of_link):
             self._taken_ns[number] = item.host_ns
 
     def _elapsed_s(self, now_ns: int) -> float:

@@ -411,6 +411,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # - Events of links and devices
     Code.BATTERY_LEVEL: "battery {level:.0f %}",
     Code.BLE_DEVICE: "{device}",
+    Code.COMPUTER_EVENT: "this computer",
     Code.LINK_AWAY: "back after {away_s:.1f s}",
     Code.LINK_CONNECTED: "connected",
     Code.LINK_DISCONNECTED: "disconnected on request",
@@ -427,6 +428,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.MTU_UNKNOWN: "MTU unknown (frames need {needed})",
     Code.NOTIFICATIONS_DROPPED: "{count} notifications dropped because this computer is too slow",
     Code.QUOTED_TEXT: "{text}",
+    Code.SYSTEM_TIME_SET: (
+        "its system time was set by {step_s:+.1f s}. The times of this session stay those of the clock at its start: "
+        "{ahead_s:+.1f s} makes them those of the new time"
+    ),
     Code.RETRY_INTERVAL: "trying again every {interval_s:g s} or sooner",
     # - Live outputs
     Code.SINK_CLOSED: "finished",
