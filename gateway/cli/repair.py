@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -102,9 +101,11 @@ def _beside(recording: Path, word: str) -> Path:
 
 
 def _hidden_beside(recording: Path) -> Path:
-    """Return a free name in the same folder, for the copy that will replace the recording."""
-    names = (recording.with_name(f".{recording.name}.compacting-{number}") for number in itertools.count(1))
-    return next(name for name in names if not name.exists())
+    """Return the name in the same folder of the copy that will replace the recording.
+
+    Always the same, so that the next run replaces the part of one that was killed.
+    """
+    return recording.with_name(f".{recording.name}.compacting")
 
 
 def _shown(bar: Bar) -> Callable[[int, int], None]:

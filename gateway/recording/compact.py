@@ -57,16 +57,18 @@ def compact_recording(
     reader = RecordingReader(path)
     if not reader.info.finished:
         raise RecordingError(f"'{path}' is not finished", "Run `treadlink repair` first and compress the result.")
-    output = McapOutput(target, compressed=True, chunk_bytes=_CHUNK_BYTES)
+    output = McapOutput(target, compressed=True, chunk_bytes=_CHUNK_BYTES, in_part=True)
     try:
         messages = _copy(reader, output, progress)
         output.close()
         if reader.damage is not None:
             raise RecordingError(f"'{path}' is damaged and was not compressed", REPAIR_REMEDY)
-        _check_same(reader, RecordingReader(target), progress)
-        before, after = reader.info.size_bytes, target.stat().st_size
+        _check_same(reader, RecordingReader(output.written_path), progress)
+        before, after = reader.info.size_bytes, output.written_path.stat().st_size
         if replace:
-            _replace(path, target)
+            _replace(path, output.written_path)
+        else:
+            output.publish()
     except BaseException:
         output.abandon()
         raise

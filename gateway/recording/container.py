@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import stat
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -19,6 +20,11 @@ from gateway import __version__
 from gateway.errors import RecordingError
 from gateway.recording.mcap_layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
 from gateway.recording.schemas import stored_schema
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 _logger = logging.getLogger(__name__)
 
@@ -37,10 +43,10 @@ class _GuardedStream:
     record behind.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, part: Path | None) -> None:
         self._path = path
         try:
-            self._file = FileIO(path, "xb")
+            self._file = FileIO(path, "xb") if part is None else _open_part(path, part)
         except OSError as error:
             raise _open_error(path, error) from error
         self._pending = bytearray()
@@ -155,19 +161,24 @@ class PackedIndexes:
 class McapOutput:
     """MCAP file under construction: channels by topic, and a flush that reaches the operating system."""
 
-    def __init__(self, path: Path, *, compressed: bool = False, chunk_bytes: int = 256 << 10) -> None:
+    def __init__(
+        self, path: Path, *, compressed: bool = False, chunk_bytes: int = 256 << 10, in_part: bool = False
+    ) -> None:
         """Create the file and write its header.
 
         Args:
             path: must not exist yet.
             compressed: whether to write zstd-compressed chunks.
             chunk_bytes: size at which a chunk ends without a flush.
+            in_part: write to `NAME.part` in the same folder until `publish`, so that a killed command leaves no
+                incomplete file under the final name. What an earlier run left there is replaced.
 
         Raises:
-            RecordingError: the file exists or cannot be created.
+            RecordingError: the file exists or cannot be created, or another command writes the same part.
         """
         self.path = path
-        self._stream = _GuardedStream(path)
+        self.written_path = path.with_name(f"{path.name}.part") if in_part else path
+        self._stream = _GuardedStream(path, self.written_path if in_part else None)
         self._writer = Writer(
             self._stream,  # type: ignore[arg-type]  # has the methods that Writer uses: write, tell, flush
             chunk_size=chunk_bytes,
@@ -241,12 +252,32 @@ class McapOutput:
         finally:
             self._stream.close()
 
+    def publish(self) -> None:
+        """Give a closed file that was written in a part its name.
+
+        Raises:
+            RecordingError: another program created that name meanwhile, or the folder refuses.
+        """
+        try:
+            try:
+                os.link(self.written_path, self.path)
+            except FileExistsError:
+                raise
+            except OSError:  # a file system without hard links
+                if os.path.lexists(self.path):
+                    raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
+                self.written_path.replace(self.path)
+            else:
+                self.written_path.unlink()
+        except OSError as error:
+            raise _open_error(self.path, error) from error
+
     def abandon(self) -> None:
         """Close and delete the incomplete file."""
         if not self.closed:
             self.closed = True
             self._stream.close()
-        self.path.unlink(missing_ok=True)
+        self.written_path.unlink(missing_ok=True)
 
     def _guard(self, action: Callable[[], object]) -> None:
         if self.failed or self.closed:
@@ -257,6 +288,34 @@ class McapOutput:
             self.failed = True
             _logger.warning("%s", error)
             raise
+
+
+def _open_part(path: Path, part: Path) -> FileIO:
+    """Return the empty part of a new file, locked against another command that writes the same.
+
+    Raises:
+        OSError: `path` exists, or the part cannot be created.
+        RecordingError: it is being written.
+    """
+    if os.path.lexists(path):
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    file = FileIO(os.open(part, flags | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0), 0o666), "r+b")
+    try:
+        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+            raise OSError(errno.EINVAL, f"'{part}' is not a regular file")
+        if fcntl is not None:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        file.truncate(0)
+    except BlockingIOError as error:
+        file.close()
+        raise RecordingError(
+            f"'{part}' is being written by another command", "Wait for it to end, or give another name."
+        ) from error
+    except BaseException:
+        file.close()
+        raise
+    return file
 
 
 def _open_error(path: Path, error: OSError) -> RecordingError:

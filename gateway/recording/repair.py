@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import mmap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from firmware_protocol.decoder import FrameDecoder
 from gateway.errors import RecordingError
 from gateway.recording.container import McapOutput
+from gateway.recording.file_window import FileWindow
 from gateway.recording.mcap_layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
 from gateway.recording.reader import RecordingReader
 from gateway.recording.regular_file import open_regular
@@ -68,6 +68,9 @@ def needs_repair(path: Path, progress: Progress | None = None) -> bool:
 def repair_recording(path: Path, target: Path, progress: Progress | None = None) -> RepairReport:
     """Write the recoverable part of a recording to a new file.
 
+    Memory is bounded, whatever the file's size: a window of it (4 MiB), a few copies of a record or torn place (16 MiB
+    each), and the index. The new file gets its name when it is complete.
+
     In a plain recording only the damaged frames are lost, in a compressed one whole chunks.
 
     Args:
@@ -78,19 +81,22 @@ def repair_recording(path: Path, target: Path, progress: Progress | None = None)
     Raises:
         RecordingError: nothing can be recovered, `target` exists, or the disk is full.
     """
-    with _mapped(path) as data:
+    with _opened(path) as file:
+        data = FileWindow(file, path)
+        if not len(data):
+            raise RecordingError(f"'{path}' is empty", "It contains nothing to recover.")
         salvage = Salvage(data)
         stitcher = Stitcher(salvage)
-        output = McapOutput(target)
+        output = McapOutput(target, in_part=True)
         try:
             report = _write(path, salvage, stitcher, output, progress)
+            if not report.messages:
+                raise RecordingError(f"nothing in '{path}' can be recovered", "It contains no message of a recording.")
+            output.close()
+            output.publish()
         except BaseException:
             output.abandon()
             raise
-        if not report.messages:
-            output.abandon()
-            raise RecordingError(f"nothing in '{path}' can be recovered", "It contains no message of a recording.")
-        output.close()
     return report
 
 
@@ -109,7 +115,7 @@ def _write(
             link_bytes += len(message.data)
             decoders.setdefault(message.channel.link, FrameDecoder()).feed(message.data)
         if progress is not None and messages % 4096 == 0:
-            progress(salvage.position, path.stat().st_size)
+            progress(salvage.position, salvage.size)
     for decoder in decoders.values():
         decoder.finish()
     counters = [decoder.counters for decoder in decoders.values()]
@@ -139,20 +145,10 @@ def _write(
     )
 
 
-@contextlib.contextmanager
-def _mapped(path: Path) -> Iterator[memoryview]:
+def _opened(path: Path) -> BinaryIO:
     try:
-        with open_regular(path) as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped:
-            view = memoryview(mapped)
-            try:
-                yield view
-            finally:
-                # Views held by a traceback keep the map alive until they are released.
-                with contextlib.suppress(BufferError):
-                    view.release()
+        return open_regular(path)
     except FileNotFoundError as error:
         raise RecordingError(f"recording '{path}' does not exist", "Check the path.") from error
-    except ValueError as error:
-        raise RecordingError(f"'{path}' is empty", "It contains nothing to recover.") from error
     except OSError as error:
         raise RecordingError(f"cannot read '{path}': {error.strerror}", "Check its permissions.") from error

@@ -7,7 +7,6 @@ and names a known channel, a chunk states its length three times, and other reco
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Final, NamedTuple
@@ -15,6 +14,7 @@ from typing import Final, NamedTuple
 from mcap.opcode import Opcode
 from mcap.records import Channel, MessageIndex, Metadata
 
+from gateway.recording.file_window import FileWindow
 from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
     JSON_ENCODING,
@@ -28,10 +28,13 @@ from gateway.recording.mcap_layout import (
     is_sealed,
 )
 from gateway.recording.mcap_records import (
+    CHUNK_DATA_LENGTH,
+    CHUNK_HEAD,
     MAGIC,
     MESSAGE_HEAD,
     MESSAGE_HEAD_BYTES,
     RECORD_HEAD,
+    ChunkParts,
     MessageParts,
     channel_info,
     chunk_records,
@@ -47,6 +50,10 @@ _MAX_STEP_FORWARD_NS: Final = 30 * 86_400 * 10**9
 _MAX_TIME_SAMPLES: Final = 10_000
 # Channel numbers count up from 1, so a number that exceeds the known ones by more than this is not a channel.
 _UNKNOWN_CHANNELS: Final = 64
+# Longest name of a compression: zstd.
+_CHUNK_HEAD_BYTES: Final = CHUNK_HEAD.size + 4 + CHUNK_DATA_LENGTH.size
+# The searches expect that both match the same number of bytes.
+_START_BYTES: Final = 9
 _RECORD_START: Final = re.compile(rb"[\x01-\x0f][\s\S]{4}\x00{4}")
 _DECLARATION: Final = re.compile(rb"[\x04\x0c][\s\S]{2}[\x00-\x0f]\x00{5}")
 
@@ -101,11 +108,11 @@ class Salvage:
         position: bytes read so far by `pieces`, for progress bars.
     """
 
-    def __init__(self, data: memoryview) -> None:
+    def __init__(self, data: FileWindow) -> None:
         """Search the whole file for declarations.
 
         Args:
-            data: the file, mapped.
+            data: the file; of it, a window, a record and a torn place are in memory at once.
         """
         self.channels: dict[int, ChannelInfo] = {}
         self.session: dict[str, str] = {}
@@ -126,7 +133,7 @@ class Salvage:
             times_ns: time of the last message of each channel before `start`.
         """
         main = start is None
-        at = start if start is not None else len(MAGIC) if bytes(self._data[: len(MAGIC)]) == MAGIC else 0
+        at = start if start is not None else len(MAGIC) if bytes(self._data.part(0, len(MAGIC))) == MAGIC else 0
         base = dict(times_ns or {})
         while at < self.size:
             if main:
@@ -136,7 +143,7 @@ class Salvage:
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 return
             if opcode == Opcode.CHUNK:
-                chunk = parse_chunk(self._data[body : min(end, self.size)], length=end - body)
+                chunk = self._chunk_head(body, end)
                 records = self._whole_chunk(body, end)
                 if records is not None:
                     for message in self._messages(records):
@@ -144,22 +151,22 @@ class Salvage:
                         yield CompleteMessage(message, True, end)
                     at = end
                 elif chunk.compression:
-                    at = self._next_record(at + 1, base)
-                    yield TornPlace(self._data[body:at], None, 0, True, at)
+                    at = self._torn_end(at + 1, base)
+                    yield TornPlace(self._data.part(body, at), None, 0, True, at)
                 else:
                     at = body + chunk.data_offset
                 continue
             if opcode and self._goes_on(opcode, body, end, base):
                 if opcode == Opcode.MESSAGE:
-                    message = parse_message(self._data[body:end])
+                    message = parse_message(self._data.part(body, end))
                     base[message.channel] = message.log_time_ns
                     yield CompleteMessage(message, False, end)
                 at = end
                 continue
-            head = parse_message(self._data[body:]) if opcode == Opcode.MESSAGE else None
+            head = parse_message(self._data.part(body, body + MESSAGE_HEAD.size)) if opcode == Opcode.MESSAGE else None
             begin = body + MESSAGE_HEAD.size if head is not None else at
-            at = self._next_record(max(begin, at + 1), base)
-            yield TornPlace(self._data[begin:at], head, end - begin if head is not None else 0, False, at)
+            at = self._torn_end(max(begin, at + 1), base)
+            yield TornPlace(self._data.part(begin, at), head, end - begin if head is not None else 0, False, at)
             if head is not None:
                 base[head.channel] = head.log_time_ns
 
@@ -185,10 +192,10 @@ class Salvage:
             if opcode == Opcode.MESSAGE and not entries:
                 whole = True
                 if first is None:
-                    message = parse_message(self._data[at + RECORD_HEAD.size : end])
+                    message = parse_message(self._data.part(at + RECORD_HEAD.size, end))
                     first = message.channel, message.log_time_ns
             elif opcode == Opcode.MESSAGE_INDEX and whole and first is not None:
-                index: MessageIndex = parse_small(opcode, self._data[at + RECORD_HEAD.size : end])
+                index: MessageIndex = parse_small(opcode, self._data.part(at + RECORD_HEAD.size, end))
                 entries += ((offset, index.channel_id, time_ns) for time_ns, offset in index.records)
             elif not opcode and first is not None and not entries:
                 whole = False  # if an index follows, an earlier one may be missing
@@ -209,7 +216,7 @@ class Salvage:
         if end > self.size:
             return None
         try:
-            return chunk_records(parse_chunk(self._data[body:end]))
+            return chunk_records(parse_chunk(self._data.part(body, end)))
         except ValueError:
             return None
 
@@ -235,7 +242,7 @@ class Salvage:
         body = at + RECORD_HEAD.size
         if body > self.size:
             return 0, at
-        opcode, length = RECORD_HEAD.unpack_from(self._data, at)
+        opcode, length = self._data.unpack(RECORD_HEAD, at)
         end = body + length
         if length > MAX_RECORD_BYTES or not self._is_valid(opcode, body, end, base):
             return 0, at
@@ -245,7 +252,7 @@ class Salvage:
         if opcode == Opcode.MESSAGE:
             if end - body < MESSAGE_HEAD.size or body + MESSAGE_HEAD.size > self.size:
                 return False
-            number, _, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(self._data, body)
+            number, _, log_time_ns, publish_time_ns = self._data.unpack(MESSAGE_HEAD, body)
             return (
                 log_time_ns == publish_time_ns
                 and 0 < number <= max(self.channels, default=0) + _UNKNOWN_CHANNELS
@@ -253,14 +260,14 @@ class Salvage:
             )
         try:
             if opcode == Opcode.CHUNK:
-                chunk = parse_chunk(self._data[body : min(end, self.size)], length=end - body)
+                chunk = self._chunk_head(body, end)
                 return _near(chunk.end_time_ns, base.values())
             if end > self.size:
                 return False
             if opcode == Opcode.DATA_END:
-                follows = self._data[end] if end < self.size else 0
+                follows = self._data.part(end, end + 1)[0] if end < self.size else 0
                 return end - body == 4 and follows in (0, *range(Opcode.FOOTER, Opcode.SUMMARY_OFFSET + 1))
-            record = parse_small(opcode, self._data[body:end])
+            record = parse_small(opcode, self._data.part(body, end))
         except ValueError:
             return False
         if isinstance(record, MessageIndex):
@@ -276,12 +283,29 @@ class Salvage:
             return _near(time_ns, [base[number]])
         return abs(time_ns - self._usual_ns.get(number, time_ns)) <= _MAX_STEP_FORWARD_NS
 
+    def _chunk_head(self, body: int, end: int) -> ChunkParts:
+        """Return the fields of a chunk, with at most the start of its data.
+
+        Raises:
+            ValueError: the fields contradict each other.
+        """
+        return parse_chunk(self._data.part(body, min(end, body + _CHUNK_HEAD_BYTES)), length=end - body)
+
+    def _torn_end(self, start: int, base: Mapping[int, int]) -> int:
+        """Return where a torn place ends: a long one is yielded in places of the size of the largest record."""
+        limit = start + MAX_RECORD_BYTES
+        if limit >= self.size:
+            return self._next_record(start, base)
+        end = self._next_record(start, base, limit)
+        # A record may begin in the last bytes and end after them, so the next place begins before them.
+        return end if end < limit else limit - RECORD_HEAD.size
+
     def _next_record(self, start: int, base: Mapping[int, int], until: int | None = None) -> int:
         """Return the next position from `start` at which a record must start, or `until`, the end of the file."""
         at = start
         last = self.size if until is None else until
-        while (match := _RECORD_START.search(self._data, at, last)) is not None:
-            at = match.start()
+        while (start_at := self._data.search(_RECORD_START, _START_BYTES, at, last)) is not None:
+            at = start_at
             opcode, end = self._plausible(at, base)
             if opcode in (Opcode.MESSAGE, Opcode.CHUNK):
                 return at
@@ -294,12 +318,12 @@ class Salvage:
     def _find_declarations(self) -> None:
         unsealed: dict[int, ChannelInfo] = {}
         at = 0
-        while (match := _DECLARATION.search(self._data, at)) is not None:
-            at = match.start()
-            opcode, length = RECORD_HEAD.unpack_from(self._data, at)
+        while (start_at := self._data.search(_DECLARATION, _START_BYTES, at, self.size)) is not None:
+            at = start_at
+            opcode, length = self._data.unpack(RECORD_HEAD, at)
             end = at + RECORD_HEAD.size + length
             try:
-                record = parse_small(opcode, self._data[at + RECORD_HEAD.size : end]) if end <= self.size else None
+                record = parse_small(opcode, self._data.part(at + RECORD_HEAD.size, end)) if end <= self.size else None
             except ValueError:
                 record = None
             at += 1
@@ -317,10 +341,14 @@ class Salvage:
     def _find_usual_times(self) -> None:
         """Use the median time of each channel, since a damaged first message may state 0."""
         times: dict[int, list[int]] = {}
-        for match in itertools.islice(_RECORD_START.finditer(self._data), _MAX_TIME_SAMPLES):
-            body = match.start() + RECORD_HEAD.size
-            if self._data[match.start()] == Opcode.MESSAGE and body + MESSAGE_HEAD.size <= self.size:
-                number, _, log_time_ns, publish_time_ns = MESSAGE_HEAD.unpack_from(self._data, body)
+        at = 0
+        for _ in range(_MAX_TIME_SAMPLES):
+            start_at = self._data.search(_RECORD_START, _START_BYTES, at, self.size)
+            if start_at is None:
+                break
+            body = at = start_at + RECORD_HEAD.size
+            if self._data.part(start_at, body)[0] == Opcode.MESSAGE and body + MESSAGE_HEAD.size <= self.size:
+                number, _, log_time_ns, publish_time_ns = self._data.unpack(MESSAGE_HEAD, body)
                 if log_time_ns == publish_time_ns:
                     times.setdefault(number, []).append(log_time_ns)
         self._usual_ns = {number: sorted(known)[len(known) // 2] for number, known in times.items()}
