@@ -10,10 +10,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gateway.bounded_input import MAX_DBC_BYTES, read_bounded
+from gateway.bounded_input import MAX_DBC_BYTES
 from gateway.clock import Clock, wait_until
 from gateway.errors import SourceError
 from gateway.io.bus_frames import BusFrame, pack
+from gateway.io.dbc_file import read_dbc
 from gateway.io.playback import Playback
 from gateway.io.reconnect import Backoff
 from gateway.io.source import (
@@ -72,12 +73,12 @@ def _dbc_of(address: SourceAddress) -> str | None:
     if path is None:
         return None
     try:
-        data = read_bounded(Path(path), MAX_DBC_BYTES)
+        text = read_dbc(Path(path))
     except OSError as error:
         raise SourceError(f"cannot read the DBC file '{path}': {error.strerror}", "Check the path.") from error
-    if len(data) > MAX_DBC_BYTES:
+    if text is None:
         raise SourceError(f"the DBC file '{path}' is larger than {MAX_DBC_BYTES >> 20} MiB", "Check the path.")
-    return data.decode("utf-8", errors="replace").replace("\r\n", "\n")
+    return text
 
 
 def _option(text: str) -> str | int | bool:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Collection, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from gateway.bounded_input import MAX_DBC_BYTES, read_bounded
+from gateway.bounded_input import MAX_DBC_BYTES
 from gateway.config.vehicle import VehicleConfig
 from gateway.errors import ConfigError
 from gateway.io.bus_frames import unpack
+from gateway.io.dbc_file import message_names, only_messages, read_dbc
 from gateway.io.source import BusFrames
 from gateway.pipeline.vehicle_signals import SUFFIXES, UNITS, SignalHistory, SignalSetup, VehicleSignal, signal_name
 
@@ -20,14 +24,42 @@ _LISTED: Final = 12
 # SAE J1939-21: bits 8 to 25 are the parameter group, below is the source address, above the priority.
 _J1939_GROUP: Final = 0x03FFFF00
 _WHOLE_ID: Final = 0x1FFFFFFF
+# DBC files of different makers write one unit as km/h, Km/h and KM/H.
+_UNITS_ANY_CASE: Final = {name.lower(): unit for name, unit in UNITS.items()}
+# Names of values that are none, in tables that also name the states of a switch.
+_NO_VALUE: Final = re.compile(
+    r"(^|[^a-z])(sna|n/?a|signal ?not ?av\w*|not ?av\w*|unav\w*|inval\w*|undef\w*|unknown|err(or)?|fault\w*|fail\w*|"
+    r"init\w*|reserved|not ?used|unused|ung(ü|ue)ltig|fehler\w*|unbekannt|nicht ?verf\w*|"
+    r"not ?(valid|defined|plausible))([^a-z]|$)",
+    re.IGNORECASE,
+)
 
 
 class _Wanted(NamedTuple):
-    """A signal that is taken from a message."""
+    """A signal that is taken from a message.
 
-    signal: str
+    Attributes:
+        signal: its name.
+        key: of the history.
+        factor: from the value of the DBC file to SI.
+        no_value: raw values that stand for no value.
+        low: smallest possible value in the unit of the DBC file, -inf without one.
+        high: largest possible value.
+    """
+
+    signal: Any
     key: str
     factor: float
+    no_value: frozenset[int]
+    low: float
+    high: float
+
+    def value(self, raw: object) -> float | None:
+        """Return the measured value in SI of a raw value, None where it is none."""
+        if not isinstance(raw, int | float) or raw in self.no_value:
+            return None
+        scaled = float(self.signal.conversion.raw_to_scaled(raw, decode_choices=False))
+        return scaled * self.factor if self.low <= scaled <= self.high else None
 
 
 class SignalDecoder:
@@ -57,7 +89,7 @@ class SignalDecoder:
         """
         self.dbc_text = dbc_text
         self.frames = self.undecodable = 0
-        database = _database(dbc_text, origin)
+        database = _database(dbc_text, origin, {setup.message for setup in setups})
         self._extended_mask = _J1939_GROUP if is_j1939 else _WHOLE_ID
         self._messages: dict[tuple[int, bool], tuple[Any, list[_Wanted]]] = {}
         signals: list[VehicleSignal] = []
@@ -82,16 +114,15 @@ class SignalDecoder:
             message, wanted = known
             try:
                 # A multiplexed message carries only some of its signals.
-                values = message.decode(frame.data, decode_choices=False, allow_truncated=True)
+                values = message.decode(frame.data, decode_choices=False, scaling=False, allow_truncated=True)
             except Exception as error:  # a frame of another device may have any content
                 self.undecodable += 1
                 _logger.debug("frame %#x cannot be decoded: %s", frame.can_id, error)
                 continue
             self.frames += 1
             for one in wanted:
-                raw = values.get(one.signal)
-                if isinstance(raw, int | float):
-                    value = float(raw) * one.factor
+                value = one.value(values.get(one.signal.name))
+                if value is not None:
                     self.history.add(one.key, frame.host_ns, value)
                     latest[one.key] = value
         return latest
@@ -104,13 +135,15 @@ class SignalDecoder:
         what = f"vehicle_signals.signal {setup.message}.{setup.signal}"
         message = next((one for one in database.messages if one.name == setup.message), None)
         if message is None:
-            return f"{what}: no message '{setup.message}'; it has {_some([one.name for one in database.messages])}"
+            # The database has fewer messages than the file where only the mapped ones are valid.
+            names = max([one.name for one in database.messages], message_names(self.dbc_text), key=len)
+            return f"{what}: no message '{setup.message}'; it has {_some(names)}"
         signal = next((one for one in message.signals if one.name == setup.signal), None)
         if signal is None:
             names = [one.name for one in message.signals]
             return f"{what}: no signal '{setup.signal}' in {setup.message}; it has {_some(names)}"
         unit_text = setup.unit if setup.unit is not None else (signal.unit or "")
-        unit = UNITS.get(unit_text)
+        unit = UNITS.get(unit_text) or _UNITS_ANY_CASE.get(unit_text.strip().lower())
         if unit is None:
             return f"{what}: unit '{unit_text}' is not known; give unit, one of {', '.join(filter(None, UNITS))}"
         if unit.suffix not in SUFFIXES[setup.quantity]:
@@ -120,7 +153,10 @@ class SignalDecoder:
         )
         key = self._key(message.frame_id, message.is_extended_frame)
         wanted = self._messages.setdefault(key, (message, []))[1]
-        wanted.append(_Wanted(setup.signal, found.key, unit.factor * setup.factor))
+        low, high = _range(signal, setup)
+        wanted.append(
+            _Wanted(signal, found.key, unit.factor * setup.factor, _no_values(signal, unit.suffix), low, high)
+        )
         return found
 
 
@@ -146,18 +182,17 @@ def open_decoder(
         path = config_path.parent / mapping.dbc
         origin = str(path)
         try:
-            data = read_bounded(path, MAX_DBC_BYTES)
+            text = read_dbc(path)
         except OSError as error:
             raise ConfigError(
                 f"cannot read the DBC file '{path}': {error.strerror}",
                 "Correct vehicle_signals.dbc in the vehicle file.",
             ) from error
-        if len(data) > MAX_DBC_BYTES:
+        if text is None:
             raise ConfigError(
                 f"the DBC file '{path}' is larger than {MAX_DBC_BYTES >> 20} MiB",
                 "Correct vehicle_signals.dbc in the vehicle file.",
             )
-        text = data.decode("utf-8", errors="replace").replace("\r\n", "\n")
     if text is None:
         text, origin = next((text for text in recorded if text), None), "the DBC file in the recording"
     if text is None:
@@ -165,7 +200,31 @@ def open_decoder(
     return SignalDecoder(mapping.setups(), mapping.max_age_s, text, origin, is_j1939=mapping.j1939)
 
 
-def _database(text: str, origin: str) -> Any:
+def _no_values(signal: Any, suffix: str) -> frozenset[int]:
+    """Return the raw values that stand for no value: in a quantity with a unit, a value with a name is a state.
+
+    A name may also repeat the value in words, such as `0 km/h`; a number without a unit may be a switch.
+    """
+    names = {raw: str(name).strip() for raw, name in (signal.choices or {}).items()}
+    return frozenset(
+        raw
+        for raw, name in names.items()
+        if _NO_VALUE.search(name.replace("_", " ")) or (suffix and not re.match(r"[+-]?\d", name))
+    )
+
+
+def _range(signal: Any, setup: SignalSetup) -> tuple[float, float]:
+    """Return the range that the DBC file states for a signal, widened by half a step; endless where it states none."""
+    low, high = signal.minimum, signal.maximum
+    # Where the file lacks the scale, the range may be that of the raw values or that of the quantity.
+    if low is None or high is None or not low < high or abs(setup.factor) != 1.0:
+        return -math.inf, math.inf
+    half = 0.5 * abs(float(signal.scale)) + 1e-9 * max(abs(low), abs(high))
+    return float(low) - half, float(high) + half
+
+
+def _database(text: str, origin: str, mapped: Collection[str]) -> Any:
+    """Return the messages of a DBC file, or of the mapped ones alone where the others are wrong."""
     try:
         import cantools.database
     except ModuleNotFoundError as error:
@@ -176,6 +235,13 @@ def _database(text: str, origin: str) -> Any:
     try:
         return cantools.database.load_string(text, database_format="dbc", strict=False)
     except Exception as error:  # parsers raise errors of many kinds
+        with suppress(Exception):  # the first error tells more
+            database: Any = cantools.database.load_string(
+                only_messages(text, mapped), database_format="dbc", strict=False
+            )
+            if database.messages:
+                _logger.info("%s: only the mapped messages are valid: %s", origin, error)
+                return database
         raise ConfigError(f"{origin} cannot be read as a DBC file: {error}", "Check the file.") from error
 
 
