@@ -278,7 +278,8 @@ def _check_dates(path: Path, reader: BlockReader, import_map: ImportMap) -> None
         raise ImportDataError(f"{path}: column '{name}' contains dates", 'State [sampling] time_unit = "iso".')
     if name not in dates and sampling.time_unit == ISO:
         raise ImportDataError(
-            f"{path}: column '{name}' contains numbers, no dates", 'State [sampling] time_unit = "s", "ms" or "us".'
+            f"{path}: column '{name}' contains numbers, no dates",
+            'State [sampling] time_unit = "s", "ms", "us" or "ns".',
         )
 
 

@@ -13,6 +13,7 @@ from gateway.errors import ImportDataError
 from gateway.importing.columns import Block, BlockReader, FileFacts
 from gateway.importing.import_map import TIME_UNITS_S, Sampling
 from gateway.importing.time_column import MAX_SOURCE_HZ, MAX_TIME_S, decimal_grid
+from gateway.importing.time_counter import TimeCounter
 from gateway.types import FloatArray, IntArray
 
 # Share of a sample interval by which a step may differ from a whole number of them.
@@ -63,9 +64,11 @@ class GapFilledColumns:
             yield from self._reader.blocks(names)
             return
         at = list(names).index(self._column)
-        interval, last = 0.0, np.nan
+        interval, last, counter = 0.0, np.nan, TimeCounter()
         for number, block in enumerate(self._reader.blocks(names)):
-            times = block.values[:, at]
+            times = counter.look(block.values[:, at])
+            if counter.restarts:
+                block.values[:, at] = times
             # The check of the values rejects such a time; here, its differences would overflow.
             times = np.where(np.abs(times) <= MAX_TIME_S / self._unit_s, times, np.nan)
             if number == 0:

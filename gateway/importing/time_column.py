@@ -97,6 +97,8 @@ class TimeColumn:
             ImportDataError: the times are not uniform.
         """
         span_s = self._last_s - self.first_s
+        if span_s <= 0 and self._fault and self._stepped_s > 0.0:
+            span_s = self._stepped_s * (self._rows - 1) / self._steps
         if span_s <= 0:
             raise ImportDataError(
                 f"{path}: the time does not advance over the file", "Check the column, or state rate_hz instead."
@@ -143,12 +145,13 @@ class TimeColumn:
         """Learn the sample interval and the rounding from the first block."""
         times_s = column[known] * self._unit_s
         span_s = float(times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
-        if len(times_s) > 1 and not span_s > 0:
+        self.interval_s = float(np.median(np.diff(times_s) / np.diff(known))) if len(times_s) > 1 else 0.0
+        # Times that advance and step back once are a fault of that row.
+        if len(times_s) > 1 and not span_s > 0 and not self.interval_s > 0:
             raise ImportDataError(
                 f"{path}: the time does not advance from {block.where(0)} on",
                 "Check the column and its unit, or state rate_hz instead of time_column.",
             )
-        self.interval_s = float(np.median(np.diff(times_s) / np.diff(known))) if len(times_s) > 1 else 0.0
         first = slice(min(len(known), _LEARNED_ROWS))
         grid = decimal_grid(column[known[first]])
         if grid is not None:
