@@ -114,9 +114,11 @@ def require_columns(reader: BlockReader, path: Path, names: Sequence[str]) -> No
     """
     facts = reader.facts
     for name in names:
-        if name in facts.unusable:
-            reason, remedy = facts.unusable[name]
-            raise ImportDataError(f"{path}: '{name}' {reason}", remedy)
+        # The column of a matrix that cannot be used is none of the file.
+        whole = name if name in facts.names else name.rsplit("(:,", 1)[0]
+        if whole in facts.unusable:
+            reason, remedy = facts.unusable[whole]
+            raise ImportDataError(f"{path}: '{whole}' {reason}", remedy)
     known = set(facts.names)
     missing = [name for name in names if name not in known]
     if not missing:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import math
 import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, TextIO
+from typing import Final, NamedTuple, TextIO
 
 import numpy as np
 
@@ -21,6 +22,24 @@ from gateway.types import FloatArray
 
 _DATE_OR_CLOCK: Final = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}:\d{2}")
 _PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)?", re.IGNORECASE)
+# Signs and dashes that spreadsheets and word processors write for a minus.
+_OTHER_MINUS: Final = re.compile("[\u2010-\u2015\u2212\ufe63\uff0d]\\s*[.,]?\\d")
+# With a decimal comma, the comma of the cell is a point already.
+_THOUSANDS: Final = re.compile(r"[+-]?\d{1,3}(?:(?:[.,' \xa0\u202f]\d{3})+[.,]\d*|(?:[.,' \xa0\u202f]\d{3}){2,})")
+
+
+class TolerantSample(NamedTuple):
+    """First rows of a column, NaN where a cell is no number.
+
+    Attributes:
+        block: the rows.
+        unreadable: number of cells that are no numbers.
+        first: place and text of the first of them.
+    """
+
+    block: Block
+    unreadable: int
+    first: str
 
 
 class CsvColumns:
@@ -83,6 +102,38 @@ class CsvColumns:
         """Return the first block of the named columns, None without rows."""
         return next(self.blocks(names), None)
 
+    def tolerant_sample(self, name: str) -> TolerantSample | None:
+        """Return the first block of a column with its unreadable cells as gaps, None without rows.
+
+        Raises:
+            ImportDataError: the encoding is wrong, or reading fails.
+        """
+        column, values, numbers = self._names.index(name), [], []
+        unreadable, first = 0, ""
+        with self._open() as file:
+            lines = enumerate(self._lines(file), 1)
+            for number, line in itertools.islice(lines, self._lines_before_data, self._lines_before_data + BLOCK_ROWS):
+                if not line.strip():
+                    continue
+                cells = self._cells(line)
+                cell = cells[column].strip() if column < len(cells) else None
+                value = math.nan
+                try:
+                    value = float(self._with_point(cell)) if cell else math.nan
+                except ValueError:
+                    cell = "NUL bytes" if "\0" in (cell or "") else f"'{(cell or '')[:40]}' is not a number"
+                else:
+                    cell = f"has {len(cells)} cells" if cell is None else ""
+                if cell:
+                    unreadable += 1
+                    first = first or f"line {number}: {cell}"
+                values.append(value)
+                numbers.append(number)
+        if not values:
+            return None
+        block = Block(0, np.array(values)[:, None], lambda k: f"line {numbers[k]}", 0.0)
+        return TolerantSample(block, unreadable, first)
+
     def close(self) -> None:
         """Do nothing: each pass closes the file."""
 
@@ -127,7 +178,7 @@ class CsvColumns:
 
     def _parse(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> FloatArray:
         if self._layout.decimal == ",":
-            lines = [line.replace(",", ".") for line in lines]
+            lines = [self._with_point(line) for line in lines]
         delimiter = None if self._layout.delimiter == "space" else self._delimiter
         try:
             return self._numbers(lines, delimiter, use)
@@ -138,6 +189,9 @@ class CsvColumns:
             return self._numbers(filled, delimiter, use)
         except ValueError as error:
             raise self._bad_cell(filled, numbers, use, names) from error
+
+    def _with_point(self, text: str) -> str:
+        return text.replace(",", ".") if self._layout.decimal == "," else text
 
     @staticmethod
     def _numbers(lines: list[str], delimiter: str | None, use: list[int]) -> FloatArray:
@@ -179,6 +233,12 @@ class CsvColumns:
         return ImportDataError(f"{self._path}: the lines from {numbers[0]} on cannot be read", "Check their quotes.")
 
     def _remedy(self, cell: str) -> str:
+        if _OTHER_MINUS.search(cell):
+            return "Write the minus sign as '-' (ASCII 45): another program's sign or dash is no number."
+        if _THOUSANDS.fullmatch(cell):
+            return "If this is a separator of thousands, write the numbers without it."
+        if "," in cell and self._layout.decimal == "." and self._delimiter == ",":
+            return "If this is a decimal comma, write the file with decimal points, or with another delimiter."
         if "," in cell and self._layout.decimal == ".":
             return 'If this is a decimal comma, state [file] decimal = "," in the map.'
         if _DATE_OR_CLOCK.match(cell):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -14,7 +15,9 @@ from gateway.importing.import_map import DELIMITERS, FileLayout
 
 _READ_BYTES: Final = 1 << 17
 _LINES: Final = 400
-_NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
+# Another sign for minus is no number to the reader, but the cell is none of a header.
+_NUMBER: Final = re.compile(r"[+\-\u2212\u2013]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
+_FIGURE: Final = re.compile(r"\d[.,]\d")
 _DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\s*\d\d:\d\d:\d\d.*")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _MAX_HEADER_LINES: Final = 200
@@ -28,13 +31,13 @@ class TextLayout:
         layout: as in the import map.
         units: text of the line of units, by column; empty without such a line.
         dates: columns of dates with times.
-        texts: columns of other texts.
+        texts: columns of other texts, each with its first.
     """
 
     layout: FileLayout
     units: dict[str, str]
     dates: frozenset[str]
-    texts: frozenset[str]
+    texts: dict[str, str]
 
 
 def recognise_layout(path: Path) -> TextLayout:
@@ -78,12 +81,22 @@ def recognise_layout(path: Path) -> TextLayout:
     columns = dict(zip(names, zip(*data_rows, strict=True), strict=False))
     dates = {name for name, cells in columns.items() if any(_DATE.fullmatch(cell) for cell in cells)}
     texts = {
-        name
+        name: next(cell for cell in cells if cell and not _NUMBER.fullmatch(cell))
         for name, cells in columns.items()
-        if name not in dates and not all(not cell or _NUMBER.fullmatch(cell) for cell in cells)
+        if name not in dates and _is_text(cells)
     }
     units = dict(zip(names, rows[start - 1], strict=True)) if has_units else {}
-    return TextLayout(layout, units, frozenset(dates), frozenset(texts))
+    return TextLayout(layout, units, frozenset(dates), texts)
+
+
+def _is_text(cells: Sequence[str]) -> bool:
+    """Return whether most cells are no numbers: single ones are unreadable, which the reader of the column says.
+
+    A cell with a digit is a number of another notation.
+    """
+    filled = [cell for cell in cells if cell]
+    words = sum(not _NUMBER.fullmatch(cell) and not _FIGURE.search(cell) for cell in filled)
+    return words > 0.5 * len(filled)
 
 
 def _decoded(data: bytes) -> tuple[str, str]:

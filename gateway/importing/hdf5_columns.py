@@ -174,6 +174,11 @@ class Hdf5Columns:
             return
         if data.external or data.is_virtual:
             self._unusable[name] = ("is stored in another file", "Copy the data into one file.")
+        elif missing := _missing_filters(data):
+            self._unusable[name] = (
+                f"is packed by the HDF5 filter {', '.join(missing)}, which is not installed",
+                "Write it without: h5repack -f NONE old.h5 new.h5.",
+            )
         elif matlab_class == "cell":
             self._add_cells(name, data)
         elif matlab_class == "char":
@@ -270,6 +275,19 @@ def _read(column: _Column, first: int, end: int) -> FloatArray:
     else:
         values = data[column.line, first:end]
     return np.asarray(values, dtype=np.float64)
+
+
+def _missing_filters(data: h5py.Dataset) -> list[str]:
+    """Return the filters of a dataset that this installation cannot undo, by name or number."""
+    import h5py
+
+    properties = data.id.get_create_plist()
+    filters = [properties.get_filter(k) for k in range(properties.get_nfilters())]
+    return [_text_of(name) or str(code) for code, _, _, name in filters if not h5py.h5z.filter_avail(code)]
+
+
+def _text_of(name: bytes) -> str:
+    return "".join(c for c in name.decode("ascii", "replace") if c.isprintable())
 
 
 def _attribute(data: Any, name: str) -> str:

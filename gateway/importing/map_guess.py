@@ -6,16 +6,21 @@ import contextlib
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from firmware_protocol.wire import MIN_RATE_HZ
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.errors import ImportDataError
-from gateway.importing.columns import ColumnReader, FileFacts
+from gateway.importing.column_names import A_MAGNITUDE, names_acceleration, other_quantity, unit_of
+from gateway.importing.columns import Block, ColumnReader, FileFacts
+from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.csv_layout import TextLayout, recognise_layout
 from gateway.importing.file_formats import open_columns, suffix_format
 from gateway.importing.import_map import (
@@ -33,13 +38,11 @@ from gateway.importing.import_map import (
     Sensor,
 )
 from gateway.importing.reader_process import ReaderProcesses
+from gateway.importing.time_counter import TimeCounter
 from gateway.importing.unit_check import contact_depth, fits, revolution_lag
 from gateway.types import FloatArray
 
 _MOST_COLUMNS: Final = 64
-_UNIT_WORD: Final = re.compile(
-    r"(?:^|[^a-z0-9])(rpm|kmh|kph|km/h|mph|deg|kpa|bar|psi|mps2|m/s2|m/s\^2|mg)(?:[^a-z0-9]|$)", re.IGNORECASE
-)
 _ROLES: Final = {
     "radial": re.compile(r"radial", re.IGNORECASE),
     "circumferential": re.compile(r"circumf|tangent|longitud", re.IGNORECASE),
@@ -50,12 +53,6 @@ _SLOW_ROWS: Final = 50
 _LAG_S: Final = 1.0
 _POSITION: Final = re.compile(r"(?:^|[^a-z0-9])(fl|fr|rl|rr|vl|vr|hl|hr|w\d{1,2})(?:[^a-z0-9]|$)", re.IGNORECASE)
 _GERMAN: Final = {"VL": "FL", "VR": "FR", "HL": "RL", "HR": "RR"}
-_NAMED_UNIT: Final = re.compile(r"[\[(]\s*([^\])]{1,12}?)\s*[\])]\s*$")
-_UNIT_NAMES: Final = {
-    "m/s²": "m/s^2", "m/s**2": "m/s^2", "mps^2": "m/s^2", "ms^-2": "m/s^2", "g": "g", "G": "g", "mg": "mg",
-    "kph": "km/h", "kmh": "km/h", "km/hr": "km/h", "1/min": "rpm", "U/min": "rpm", "r/min": "rpm", "min^-1": "rpm",
-    "kpa": "kPa", "°": "deg", "degree": "deg", "degrees": "deg", "sec": "s", "seconds": "s", "µs": "us",
-}  # fmt: skip
 _SPEED: Final = re.compile(r"speed|veloc|geschw|(^|[^a-z])v([^a-z]|$)|kmh|km/h", re.IGNORECASE)
 _ROTATION: Final = re.compile(r"rpm|drehz|rotat|(^|[^a-z])n([^a-z]|$)|omega", re.IGNORECASE)
 _ANGLE: Final = re.compile(r"angle|winkel|encoder|phi|theta", re.IGNORECASE)
@@ -64,9 +61,20 @@ _PRESSURE: Final = re.compile(r"press|druck|(^|[^a-z])p([^a-z]|$)", re.IGNORECAS
 _TEMPERATURE: Final = re.compile(r"temp|(^|[^a-z])t([^a-z]|$)", re.IGNORECASE)
 _TIME: Final = re.compile(r"time|zeit|stamp|^t$", re.IGNORECASE)
 _LIKELY_HZ: Final = (1500.0, 400_000.0)
+# Rates of slower devices, whose times have a name.
+_SLOWEST_HZ: Final = 5.0
+# Seconds since 1970: of the years 2000 to 2100.
+_SINCE_1970_S: Final = (0.95e9, 4.1e9)
 # Samples of a pulse are near its ends; those of a tire are not.
 _AT_ENDS: Final = 0.97
 _FEWEST_ROWS: Final = 200
+# With a larger share of unreadable cells, a column is no column of numbers.
+_MOST_UNREADABLE: Final = 0.1
+# Rounding repeats a larger share of the times, or none.
+_FEW_REPEATS: Final = 0.01
+_VOLTAGES: Final = frozenset({"", "V", "mV"})
+_TEMPERATURE_UNITS: Final = frozenset({"degC", "C"})
+_LISTED_REASONS: Final = 40
 
 
 @dataclass(slots=True)
@@ -77,11 +85,29 @@ class _Seen:
         name: its name.
         values: (n,) its first rows.
         unit: unit that the file states, empty without one.
+        where: returns the place of a row for messages.
+        fault: place and text of its first unreadable cell, empty without one.
     """
 
     name: str
     values: FloatArray
     unit: str
+    where: Callable[[int], str]
+    fault: str = ""
+
+    @property
+    def is_acceleration(self) -> bool:
+        """Whether its unit is that of an acceleration."""
+        return self.unit in ACCELERATION_UNITS_MPS2
+
+    @property
+    def says_acceleration(self) -> bool:
+        """Whether its unit says an acceleration, or its name where it has no unit."""
+        if self.unit or self.is_acceleration:
+            return self.is_acceleration and other_quantity(self.name) != A_MAGNITUDE
+        others = (_TEMPERATURE, _PRESSURE, _PULSES, _ANGLE, _SPEED, _ROTATION)
+        named = names_acceleration(self.name) or any(role.search(self.name) for role in _ROLES.values())
+        return named and not any(pattern.search(self.name) for pattern in others)
 
 
 @dataclass(slots=True)
@@ -95,6 +121,7 @@ class _Axis:
         steady: mean in its own unit.
         depth: depth of the contact in its own unit, negative where the contact points up.
         swing: standard deviation.
+        doubt: why it may not be the radial axis, empty without a reason.
     """
 
     seen: _Seen
@@ -103,19 +130,56 @@ class _Axis:
     steady: float
     depth: float
     swing: float
+    doubt: str
+
+
+@dataclass(slots=True)
+class _Reference:
+    """A column taken for a reference.
+
+    Attributes:
+        seen: the column.
+        quantity: what it measures.
+        unit: its unit, empty where neither file nor values say it.
+        doubt: why the quantity or the unit is not certain, empty where it is.
+    """
+
+    seen: _Seen
+    quantity: str
+    unit: str
+    doubt: str
 
 
 @dataclass(slots=True)
 class _Found:
-    """Sorted columns."""
+    """Sorted columns.
+
+    Attributes:
+        time: name of the time column, None without one.
+        time_unit: its unit.
+        time_doubt: what is doubtful about it, empty where nothing is.
+        no_time: why a column of times cannot be used, None without one.
+        rate_hz: sampling rate, None where it is unknown.
+        since_1970_s: time of the first row since 1970, None where the times have another zero.
+        candidates: columns that may be accelerations.
+        missed: columns whose name or unit says an acceleration, and that cannot be read.
+        references: reference columns.
+        pressure: column of the pressure with its unit.
+        temperature: column of the temperature, and what is doubtful about it.
+        others: (name, reason) of the columns that are not used.
+    """
 
     time: str | None = None
     time_unit: str = "s"
+    time_doubt: str = ""
+    no_time: str | None = None
     rate_hz: float | None = None
+    since_1970_s: float | None = None
     candidates: list[_Seen] = field(default_factory=list)
-    references: list[tuple[_Seen, str, str]] = field(default_factory=list)
+    missed: list[str] = field(default_factory=list)
+    references: list[_Reference] = field(default_factory=list)
     pressure: tuple[_Seen, str] | None = None
-    temperature: _Seen | None = None
+    temperature: tuple[_Seen, str] | None = None
     others: list[tuple[str, str]] = field(default_factory=list)
 
 
@@ -140,14 +204,24 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
     )
     with contextlib.closing(open_columns(path, probe, ReaderProcesses())) as reader:
         facts = reader.facts
-        seen, skipped = _columns(reader, facts, text, progress)
+        seen, skipped, remedies = _columns(reader, path, facts, text, progress)
         found = _sorted(seen, facts, text)
     found.others = skipped + found.others
+    found.missed = [name for name, _ in skipped if _names_axis(name, unit_of(name, facts.units.get(name, "")))]
     if not found.candidates:
-        shown = ", ".join(facts.names[:20]) or "none"
+        reasons = [f"  {name}: {reason}" for name, reason in found.others[:_LISTED_REASONS]]
+        more = len(found.others) - len(reasons)
         raise ImportDataError(
-            f"{path}: no column looks like the acceleration of a tire",
-            f"It takes at least {_FEWEST_ROWS} rows of numbers that vary. Columns of the file: {shown}.",
+            "\n".join(
+                (
+                    f"{path}: no column looks like the acceleration of a tire",
+                    *([f"  {found.time}: the time"] if found.time is not None else []),
+                    *(f"  {one.seen.name}: taken for {one.quantity}" for one in found.references),
+                    *reasons,
+                    *([f"  and {more} more"] if more > 0 else []),
+                )
+            ),
+            next(filter(None, remedies), f"It takes at least {_FEWEST_ROWS} rows of numbers that vary."),
         )
     return _written(path, layout, found, facts)
 
@@ -159,40 +233,71 @@ def _text_layout(path: Path) -> TextLayout | None:
 
 
 def _columns(
-    reader: ColumnReader, facts: FileFacts, text: TextLayout | None, progress: Callable[[float], None]
-) -> tuple[list[_Seen], list[tuple[str, str]]]:
-    """Return the first rows of every column of numbers, and (name, reason) of the others."""
+    reader: ColumnReader, path: Path, facts: FileFacts, text: TextLayout | None, progress: Callable[[float], None]
+) -> tuple[list[_Seen], list[tuple[str, str]], list[str]]:
+    """Return the first rows of every column of numbers, (name, reason) of the others, and remedies for these."""
     seen: list[_Seen] = []
-    skipped = [(name, reason) for name, (reason, _) in facts.unusable.items()]
+    remedies: list[str] = []
+    skipped = [(name, f"{reason}. {remedy}".strip()) for name, (reason, remedy) in facts.unusable.items()]
     names = [name for name in facts.names if name not in facts.dates]
     if text is not None:
-        skipped += [(name, "text") for name in names if name in text.texts]
-        names = [name for name in names if name not in text.texts | text.dates]
+        skipped += [(name, f"text, such as '{text.texts[name][:40]}'") for name in names if name in text.texts]
+        names = [name for name in names if name not in text.texts and name not in text.dates]
     skipped += [(name, "not looked at") for name in names[_MOST_COLUMNS:]]
     for k, name in enumerate(names[:_MOST_COLUMNS]):
         progress(k / len(names))
-        try:
-            block = reader.sample([name])
-        except ImportDataError as error:
-            skipped.append((name, str(error).rsplit(": ", 1)[-1]))
-            continue
-        if block is not None:
-            seen.append(_Seen(name, block.values[:, 0], _stated_unit(name, facts, text)))
-    longest = max((len(column.values) for column in seen), default=0)
+        stated = facts.units.get(name, "") or (text.units.get(name, "") if text is not None else "")
+        found = _first_rows(reader, path, name)
+        if found is None:
+            # The time of an MDF file has rows only beside a channel.
+            skipped += [] if name == facts.time_column else [(name or "(no name)", "no rows")]
+        elif isinstance(found, _Unreadable):
+            skipped.append((name or "(no name)", found.reason))
+            remedies.append(found.remedy)
+        else:
+            block, fault = found
+            seen.append(_Seen(name, block.values[:, 0], unit_of(name, stated), block.where, fault))
+    rows = _main_rows(seen)
     skipped += [
-        (column.name, f"{len(column.values)} rows, others {longest}") for column in seen if len(column.values) < longest
+        (column.name, f"{len(column.values)} rows, others {rows}") for column in seen if len(column.values) != rows
     ]
-    return [column for column in seen if len(column.values) == longest], skipped
+    return [column for column in seen if len(column.values) == rows], skipped, remedies
 
 
-def _stated_unit(name: str, facts: FileFacts, text: TextLayout | None) -> str:
-    stated = facts.units.get(name, "") or (text.units.get(name, "") if text is not None else "")
-    if not stated and (found := _NAMED_UNIT.search(name)):
-        stated = found[1]
-    stated = stated.strip().strip("[]()").strip()
-    if not stated and (named := _UNIT_WORD.search(name)):
-        stated = named[1].lower()
-    return _UNIT_NAMES.get(stated, stated)
+class _Unreadable(NamedTuple):
+    """Why a column cannot be read, and what to do about it."""
+
+    reason: str
+    remedy: str
+
+
+def _first_rows(reader: ColumnReader, path: Path, name: str) -> tuple[Block, str] | _Unreadable | None:
+    """Return the first rows of a column with its first unreadable cell, or why it has none; None without rows."""
+    try:
+        block = reader.sample([name])
+        return None if block is None else (block, "")
+    except ImportDataError as error:
+        reason = str(error).removeprefix(str(path)).lstrip(": ").replace(f", column '{name}'", "")
+        remedy = error.remedy
+    if not isinstance(reader, CsvColumns):
+        return _Unreadable(reason, remedy)
+    sample = reader.tolerant_sample(name)
+    if sample is None or sample.unreadable > _MOST_UNREADABLE * len(sample.block.values):
+        return _Unreadable(reason if sample is None else f"{reason}, {sample.unreadable} such cells", remedy)
+    more = f", {sample.unreadable} such cells" if sample.unreadable > 1 else ""
+    return sample.block, f"{sample.first}{more}"
+
+
+def _main_rows(seen: Sequence[_Seen]) -> int:
+    """Return the number of rows of most accelerations, or of the longest column where none is named."""
+    named = Counter(len(column.values) for column in seen if column.says_acceleration)
+    if named:
+        return max(named, key=lambda rows: (named[rows], rows))
+    return max((len(column.values) for column in seen), default=0)
+
+
+def _names_axis(name: str, unit: str) -> bool:
+    return _Seen(name, np.empty(0), unit, str).says_acceleration
 
 
 def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) -> _Found:
@@ -202,7 +307,7 @@ def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) ->
         found.time, found.time_unit = dates[0], ISO
     finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
     if found.time is None:
-        next((column for column, values in finite if _is_time(column, values, found)), None)
+        _find_time(finite, found)
     for column, values in finite:
         if column.name == found.time:
             continue
@@ -211,11 +316,52 @@ def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) ->
             found.others.append((column.name, kind))
     if found.time_unit != ISO and found.time is None and facts.time_column is not None:
         found.time = facts.time_column
+    _leave_unnamed(found)
     return found
 
 
-def _is_time(column: _Seen, values: FloatArray, found: _Found) -> bool:
+def _leave_unnamed(found: _Found) -> None:
+    """Leave columns out that nothing calls an acceleration, where others of their wheel are called so."""
+    for columns in _by_wheel(found.candidates).values():
+        if any(column.says_acceleration for column in columns):
+            unnamed = [column for column in columns if not column.says_acceleration]
+            found.others += [(column.name, "not named as an acceleration, as others are") for column in unnamed]
+            found.candidates = [column for column in found.candidates if column not in unnamed]
+
+
+def _find_time(finite: Sequence[tuple[_Seen, FloatArray]], found: _Found) -> None:
+    """Find the column of times, those with such a name or unit first; else say what is wrong with one."""
+    ordered = sorted(finite, key=lambda one: not _is_named_time(one[0]))
+    named = [(column, values) for column, values in finite if _is_named_time(column)]
+    if any(_is_time(column, values, found, _LIKELY_HZ) for column, values in ordered):
+        return
+    if any(_is_time(column, values, found, (_SLOWEST_HZ, _LIKELY_HZ[0])) for column, values in named):
+        return
+    for column, values in named:
+        fault = _time_fault(column, values)
+        if fault is not None:
+            found.no_time, found.rate_hz = fault
+            return
+
+
+def _is_named_time(column: _Seen) -> bool:
+    return column.unit in TIME_UNITS_S or (not column.unit and _TIME.search(column.name) is not None)
+
+
+def _time_units(column: _Seen, values: FloatArray) -> list[str]:
+    """Return the units in which a column may count time: the stated one, that of times since 1970, or any."""
+    if column.unit in TIME_UNITS_S:
+        return [column.unit]
+    for unit in ("s", "ms", "us", "ns"):
+        if len(values) and _SINCE_1970_S[0] < values[0] * TIME_UNITS_S[unit] < _SINCE_1970_S[1]:
+            return [unit]
+    return ["s", "ms", "us"]
+
+
+def _is_time(column: _Seen, values: FloatArray, found: _Found, rates_hz: tuple[float, float]) -> bool:
     """Note a column of uniform times, with its unit: as stated, or the first that gives a likely rate."""
+    counter = TimeCounter()
+    values = counter.look(values)
     steps = np.diff(values)
     if len(steps) < 2 or not (steps >= 0).all() or not steps.any():
         return False
@@ -224,13 +370,45 @@ def _is_time(column: _Seen, values: FloatArray, found: _Found) -> bool:
     step = float((values[-1] - values[0]) / len(steps))
     if float(np.abs(values - trend).max()) > 3.0 * max(step, float(steps.max())):
         return False
-    units = [column.unit] if column.unit in TIME_UNITS_S else ["s", "ms", "us"]
-    for unit in units:
+    for unit in _time_units(column, values):
         rate_hz = 1.0 / (step * TIME_UNITS_S[unit])
-        if _LIKELY_HZ[0] <= rate_hz <= _LIKELY_HZ[1] and (_TIME.search(column.name) or step != 1.0):
+        if rates_hz[0] <= rate_hz <= rates_hz[1] and (_TIME.search(column.name) or step != 1.0):
             found.time, found.time_unit, found.rate_hz = column.name, unit, rate_hz
+            if rate_hz < MIN_RATE_HZ:
+                found.time_doubt = f"too low: a contact edge takes {MIN_RATE_HZ:g} Hz or more"
+            elif counter.restarts:
+                found.time_doubt = "its counter starts again"
+            elif column.fault:
+                found.time_doubt = column.fault
+            elif 0 < np.count_nonzero(steps == 0.0) < _FEW_REPEATS * len(steps):
+                rows = np.flatnonzero(np.isfinite(column.values))
+                found.time_doubt = f"repeats in {column.where(int(rows[np.argmin(steps) + 1]))}"
+            since_1970_s = float(values[0]) * TIME_UNITS_S[unit]
+            if _SINCE_1970_S[0] < since_1970_s < _SINCE_1970_S[1]:
+                found.since_1970_s = since_1970_s
             return True
     return False
+
+
+def _time_fault(column: _Seen, values: FloatArray) -> tuple[str, float | None] | None:
+    """Return why a column of times cannot be used, and the rate by its regular steps; None where it is no time."""
+    steps = np.diff(values)
+    rows = np.flatnonzero(np.isfinite(column.values))
+    typical = float(np.median(steps)) if len(steps) > 2 else 0.0
+    regular = np.abs(steps - typical) <= 0.5 * typical
+    if typical <= 0.0 or np.mean(regular) < 0.5:
+        return None
+    wrong = np.flatnonzero(steps <= 0.0)
+    what = "steps back" if len(wrong) and steps[wrong[0]] < 0.0 else "repeats"
+    if not len(wrong):
+        wrong, what = np.flatnonzero(~regular), "skips"
+    if not len(wrong):
+        return None
+    reason = f"'{column.name}' {what} in {column.where(int(rows[wrong[0] + 1]))}"
+    typical = float(steps[regular].mean())
+    rates_hz = [1.0 / (typical * TIME_UNITS_S[unit]) for unit in _time_units(column, values)]
+    likely = [rate_hz for rate_hz in rates_hz if _LIKELY_HZ[0] <= rate_hz <= _LIKELY_HZ[1]]
+    return reason, likely[0] if likely else None
 
 
 def _kind(column: _Seen, values: FloatArray, found: _Found) -> str | None:
@@ -241,40 +419,62 @@ def _kind(column: _Seen, values: FloatArray, found: _Found) -> str | None:
     if not spread > 0.0:
         return f"constant, {values[0]:g}"
     unit, name = column.unit, column.name
+    other = other_quantity(name)
+    if other is not None and (other == A_MAGNITUDE or not column.is_acceleration):
+        return f"{other} by its name"
+    if (np.diff(values) == 1.0).all():
+        return "a counter"
+    if unit in TIME_UNITS_S or (not unit and _TIME.search(name) and not column.says_acceleration):
+        return "a time"
+    if column.says_acceleration:
+        found.candidates.append(column)
+        return None
     # A contact changes an acceleration by its whole size within milliseconds.
     rows = min(_SLOW_ROWS, len(values) // 100)
     step = max(1, rows if found.rate_hz is None else round(_SLOW_S * found.rate_hz))
     smooth = len(values) > step and float(np.abs(values[step:] - values[:-step]).mean()) < 0.05 * spread
-    low, high = float(values.min()), float(values.max())
-    at_ends = float(np.mean(np.minimum(values - low, high - values) < 0.1 * (high - low)))
-    for quantity, pattern in (("speed", _SPEED), ("rotation", _ROTATION)):
-        if unit in REFERENCE_UNITS[quantity] or (pattern.search(name) and not _is_acceleration(unit)):
-            found.references.append((column, quantity, unit if unit in REFERENCE_UNITS[quantity] else ""))
-            return None
-    if _PULSES.search(name) or (at_ends > _AT_ENDS and not _is_acceleration(unit)):
-        found.references.append((column, "pulses", ""))
+    reference = _reference(column, values)
+    if reference is not None:
+        found.references.append(reference)
         return None
-    if _is_sawtooth(values) and (unit in REFERENCE_UNITS["angle"] or not _is_acceleration(unit)):
-        full = high - low
-        by_size = "deg" if 300.0 < full < 361.0 else "rad" if 5.5 < full < 6.3 else "turns" if 0.8 < full <= 1.0 else ""
-        found.references.append((column, "angle", unit if unit in REFERENCE_UNITS["angle"] else by_size))
+    if unit in PRESSURE_UNITS_PA or (_PRESSURE.search(name) and not unit):
+        if found.pressure is not None:
+            return f"a second pressure beside '{found.pressure[0].name}'"
+        found.pressure = column, unit
         return None
-    if unit in PRESSURE_UNITS_PA or (_PRESSURE.search(name) and not _is_acceleration(unit)):
-        found.pressure = found.pressure or (column, unit if unit in PRESSURE_UNITS_PA else "")
+    named = _TEMPERATURE.search(name) is not None and smooth
+    if unit in _TEMPERATURE_UNITS or (named and not unit):
+        if found.temperature is not None:
+            return f"a second temperature beside '{found.temperature[0].name}'"
+        found.temperature = column, "" if unit == "degC" or (unit and named) else "by its name" if named else unit
         return None
-    if unit in ("degC", "°C", "C") or (_TEMPERATURE.search(name) and smooth and not _is_acceleration(unit)):
-        found.temperature = found.temperature or column
-        return None
-    if _ANGLE.search(name) or (smooth and not _is_acceleration(unit)):
-        return "a slow quantity"
-    if unit and not _is_acceleration(unit):
+    if unit:
         return f"unit {unit}"
+    if _ANGLE.search(name) or smooth:
+        return "a slow quantity"
     found.candidates.append(column)
     return None
 
 
-def _is_acceleration(unit: str) -> bool:
-    return unit in ACCELERATION_UNITS_MPS2
+def _reference(column: _Seen, values: FloatArray) -> _Reference | None:
+    """Return a column as a reference by its unit; without one by its name or its values; None where it is none."""
+    unit, name = column.unit, column.name
+    low, high = float(values.min()), float(values.max())
+    for quantity, pattern in (("speed", _SPEED), ("rotation", _ROTATION)):
+        stated = unit in REFERENCE_UNITS[quantity]
+        if stated or (pattern.search(name) and not unit):
+            # A frequency may be of anything.
+            doubt = "" if stated and unit != "Hz" else "by its unit" if stated else "by its name"
+            return _Reference(column, quantity, unit, "" if pattern.search(name) and stated else doubt)
+    if unit in _VOLTAGES:
+        at_ends = float(np.mean(np.minimum(values - low, high - values) < 0.1 * (high - low)))
+        if _PULSES.search(name) or at_ends > _AT_ENDS:
+            return _Reference(column, "pulses", "", "" if _PULSES.search(name) else "by its values")
+    if _is_sawtooth(values) and (unit in REFERENCE_UNITS["angle"] or not unit):
+        full = high - low
+        by_size = "deg" if 300.0 < full < 361.0 else "rad" if 5.5 < full < 6.3 else "turns" if 0.8 < full <= 1.0 else ""
+        return _Reference(column, "angle", unit or by_size, "" if unit else "by its values")
+    return None
 
 
 def _is_sawtooth(values: FloatArray) -> bool:
@@ -298,14 +498,20 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
         if lag is not None:
             down, up = contact_depth(values, lag), contact_depth(-values, lag)
             depth = down if down >= up else -up
-        unit, why = (column.unit, "stated in the file") if _is_acceleration(column.unit) else ("", "")
+        unit, why = (column.unit, "stated in the file") if column.is_acceleration else ("", "")
         if not unit and lag is not None and rate_hz is not None:
             expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
             for name in ("m/s^2", "g", "mg"):
                 size = max(abs(steady), abs(depth)) * ACCELERATION_UNITS_MPS2[name]
                 if size > 0.0 and fits(size, expected):
                     unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
-        found.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values))))
+        doubt = column.fault
+        if lag is not None and rate_hz is not None and unit:
+            expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
+            size = max(abs(steady), abs(depth)) * ACCELERATION_UNITS_MPS2[unit]
+            if not doubt and not (size > 0.0 and fits(size, expected)):
+                doubt = f"V²/R of its revolutions is {expected:.0f} m/s², its mean and contact are {size:.0f}"
+        found.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt))
     named = _ROLES["radial"]
     return sorted(
         found,
@@ -324,13 +530,17 @@ def _liveliest(values: FloatArray, rate_hz: float | None) -> FloatArray:
     return max(known, key=lambda part: float(np.nanstd(part)), default=values)
 
 
+def _position(name: str) -> str:
+    match = _POSITION.search(name)
+    position = match[1].upper() if match else "W1"
+    return _GERMAN.get(position, position)
+
+
 def _by_wheel(columns: Sequence[_Seen]) -> dict[str, list[_Seen]]:
     """Return the columns by the wheel in their names; `W1` where there is none."""
     wheels: dict[str, list[_Seen]] = {}
     for column in columns:
-        match = _POSITION.search(column.name)
-        position = match[1].upper() if match else "W1"
-        wheels.setdefault(_GERMAN.get(position, position), []).append(column)
+        wheels.setdefault(_position(column.name), []).append(column)
     if "W1" in wheels and len(wheels) > 1 and not any(_POSITION.search(column.name) for column in wheels["W1"]):
         del wheels["W1"]
     return wheels
@@ -346,23 +556,36 @@ def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) ->
     rate_hz = found.rate_hz
     lines += ["[sampling]"]
     if found.time is not None:
-        seen = f"   # {rate_hz:.6g} Hz in its first rows" if rate_hz else ""
+        mark = "? " if found.time_doubt else ""
+        doubt = f", {_comment(found.time_doubt)}" if found.time_doubt else ""
+        seen = f"   # {mark}{rate_hz:.6g} Hz in its first rows{doubt}" if rate_hz else ""
         lines += [f"time_column = {_quoted(found.time)}{seen}", f"time_unit = {_quoted(found.time_unit)}"]
         if found.time_unit == ISO:
             lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
+    elif found.no_time is not None:
+        rate = f"; {rate_hz:.6g} Hz by its other steps" if rate_hz else ""
+        lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(found.no_time)}{rate}")
     else:
         lines.append("# rate_hz = 10000.0   # ? not in the file: the sampling rate has to be stated")
-    if facts.start_ns is None and found.time_unit != ISO:
+    if found.since_1970_s is not None and facts.start_ns is None:
+        start = datetime.fromtimestamp(found.since_1970_s, UTC).isoformat(timespec="milliseconds")
+        lines.append(f"start_utc = {start.replace('+00:00', 'Z')}   # ? if its times count from 1970 in UTC")
+    elif facts.start_ns is None and found.time_unit != ISO:
         lines.append("# start_utc = 2024-05-01T12:00:00Z   # ? not in the file; else its modification time")
     lines.append("")
     wheels = _by_wheel(found.candidates)
     several = len(wheels) > 1
+    used = {column.name for columns in wheels.values() for column in columns}
+    found.others += [
+        (column.name, "names no wheel, as others do") for column in found.candidates if column.name not in used
+    ]
     axes = {position: _axes(columns, rate_hz) for position, columns in wheels.items()}
     for position, group in axes.items():
         if several:
             lines += ["[[wheel]]", f"position = {_quoted(position)}"]
             lines += ["# load_n = 4000.0   # ? vertical load", '# sensor_id = "0000a001"   # ?']
-        lines += _axis_lines("wheel.axis" if several else "axis", group)
+        missed = [name for name in found.missed if not several or _position(name) == position]
+        lines += _axis_lines("wheel.axis" if several else "axis", group, missed)
         lines += [f"# column {_quoted(axis.seen.name)}: more than three axes?" for axis in group[3:]]
         if several:
             lines.append("")
@@ -385,6 +608,8 @@ def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) ->
     if found.others:
         lines += ["", "# Columns that are not used:"]
         lines += [f"#   {_comment(name)}: {_comment(reason)}" for name, reason in found.others[:_MOST_COLUMNS]]
+        if len(found.others) > _MOST_COLUMNS:
+            lines.append(f"#   and {len(found.others) - _MOST_COLUMNS} more")
     return "\n".join(lines) + "\n"
 
 
@@ -395,12 +620,12 @@ def _file_lines(layout: FileLayout) -> list[str]:
     return ["[file]", *(f"{key} = {json.dumps(value)}" for key, value in stated.items()), ""]
 
 
-def _axis_lines(prefix: str, group: Sequence[_Axis]) -> list[str]:
+def _axis_lines(prefix: str, group: Sequence[_Axis], missed: Sequence[str]) -> list[str]:
     lines = []
     ordered = _ordered(group)
     only_lateral = len(ordered) == 2 and _ROLES["lateral"].search(ordered[1].seen.name)
     for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
-        lines += [f"[{prefix}.{name}]", f"column = {_quoted(axis.seen.name)}{_reason(name, axis)}"]
+        lines += [f"[{prefix}.{name}]", f"column = {_quoted(axis.seen.name)}{_reason(name, axis, missed)}"]
         unit = axis.unit or group[0].unit
         why = axis.why or ("as the radial axis" if unit else "? neither the file nor the magnitude says it")
         lines.append(f"unit = {_quoted(unit or 'g')}   # {why}")
@@ -426,14 +651,22 @@ def _ordered(group: Sequence[_Axis]) -> list[_Axis]:
     return [group[0], *sorted(group[1:3], key=lambda axis: (bool(sideways.search(axis.seen.name)), -axis.swing))]
 
 
-def _reason(name: str, axis: _Axis) -> str:
+def _reason(name: str, axis: _Axis, missed: Sequence[str]) -> str:
+    """Return the comment that says why a column is an axis, with ? where that is not certain."""
+    doubts = [axis.doubt if name == "radial" else axis.seen.fault]
+    if name == "radial" and missed:
+        doubts.append("not read: " + ", ".join(f"'{column}'" for column in missed))
     if _ROLES[name].search(axis.seen.name):
-        return "   # by its name"
-    if name != "radial":
-        return "   # ? by the size of its variation only"
-    if axis.depth:
-        return f"   # mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
-    return f"   # ? the largest mean, {axis.steady:.4g}; no revolutions are seen in the first rows"
+        why = "by its name"
+    elif name != "radial":
+        why = "by the size of its variation only"
+    elif axis.depth:
+        why = f"mean {axis.steady:.4g}, contact {abs(axis.depth):.4g} deep"
+    else:
+        why = f"the largest mean, {axis.steady:.4g}; no revolutions are seen in the first rows"
+    uncertain = any(doubts) or why.startswith(("by the size", "the largest"))
+    said = "; ".join([why, *filter(None, doubts)])
+    return f"   # {'? ' if uncertain else ''}{_comment(said)}"
 
 
 def _sensor_lines(radial: _Axis) -> list[str]:
@@ -455,21 +688,23 @@ def _environment_lines(found: _Found, *, several: bool) -> list[str]:
         lines += [f"{mark}pressure_column = {_quoted(column.name)}"]
         lines += [f"{mark}pressure_unit = {_quoted(unit or 'kPa')}" + ("" if unit else "   # ?")]
     if found.temperature is not None:
-        lines += [f"{mark}temperature_column = {_quoted(found.temperature.name)}   # degC"]
+        column, doubt = found.temperature
+        why = f"? degC, {doubt}" if doubt else "degC"
+        lines += [f"{mark}temperature_column = {_quoted(column.name)}   # {why}"]
     return [*lines, ""]
 
 
 def _reference_lines(found: _Found) -> list[str]:
     lines: list[str] = []
-    for number, (column, quantity, unit) in enumerate(found.references, 1):
-        lines += ["[[reference]]", f"name = {_quoted(_name(column.name, number))}"]
-        lines += [f"column = {_quoted(column.name)}", f"quantity = {_quoted(quantity)}"]
-        if quantity == "pulses":
+    for number, reference in enumerate(found.references, 1):
+        name, doubt = reference.seen.name, "; ".join(filter(None, (reference.doubt, reference.seen.fault)))
+        lines += ["[[reference]]", f"name = {_quoted(_name(name, number))}", f"column = {_quoted(name)}"]
+        lines.append(f"quantity = {_quoted(reference.quantity)}" + (f"   # ? {_comment(doubt)}" if doubt else ""))
+        if reference.quantity == "pulses":
             lines.append("# pulses_per_turn = 1   # ? of the wheel")
         else:
-            lines.append(
-                f"unit = {_quoted(unit or next(iter(REFERENCE_UNITS[quantity])))}" + ("" if unit else "   # ?")
-            )
+            unit = reference.unit or next(iter(REFERENCE_UNITS[reference.quantity]))
+            lines.append(f"unit = {_quoted(unit)}" + ("" if reference.seen.unit else "   # ?"))
         lines.append("")
     return lines
 
@@ -485,4 +720,4 @@ def _quoted(text: str) -> str:
 
 
 def _comment(text: str) -> str:
-    return "".join(character if character.isprintable() else "?" for character in text)[:120]
+    return "".join(character if character.isprintable() else "?" for character in text)[:240]

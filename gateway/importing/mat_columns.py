@@ -54,6 +54,7 @@ class MatColumns:
                 f"{path} is not a readable MATLAB file: {error or type(error).__name__}", "Save it again in MATLAB."
             ) from error
         self._columns: dict[str, NDArray[Any]] = {}
+        self._unusable: dict[str, tuple[str, str]] = {}
         for name, value in content.items():
             if not name.startswith("__"):
                 self._add(name, value, 0)
@@ -61,7 +62,7 @@ class MatColumns:
     @property
     def facts(self) -> FileFacts:
         """Every numeric vector and matrix column."""
-        return FileFacts(tuple(self._columns))
+        return FileFacts(tuple(self._columns), unusable=dict(self._unusable))
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
@@ -87,7 +88,7 @@ class MatColumns:
             elif value.ndim == 2 and value.shape[1] <= MAX_MATRIX_COLUMNS:
                 self._columns.update({f"{name}(:,{k + 1})": value[:, k] for k in range(value.shape[1])})
             elif value.ndim == 2:
-                raise ImportDataError(
-                    f"{self._path}: '{name}' has {value.shape[0]} rows and {value.shape[1]} columns",
+                self._unusable[name] = (
+                    f"has {value.shape[0]} rows and {value.shape[1]} columns",
                     f"A column is one quantity: transpose it in MATLAB, {name} = {name}.'; and save again.",
                 )

@@ -6,6 +6,7 @@ import multiprocessing
 import os
 import signal
 import struct
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from gateway.errors import ImportDataError
 from gateway.importing import reader_process
+from gateway.importing.columns import require_columns
 from gateway.importing.import_map import FileFormat, parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.reader_process import ProcessColumns
@@ -82,9 +84,11 @@ def test_wide_matrix_is_named_with_the_remedy(tmp_path: Path) -> None:
     scipy_io = pytest.importorskip("scipy.io")
     path = tmp_path / "run.mat"
     scipy_io.savemat(path, {"acc": np.ones((3, 5000))})
-    with pytest.raises(ImportDataError, match="'acc' has 3 rows and 5000 columns") as caught:
-        ProcessColumns(path, FileFormat.MAT)
-    assert "transpose" in caught.value.remedy
+    with closing(ProcessColumns(path, FileFormat.MAT)) as reader:
+        for name in ("acc", "acc(:,2)"):
+            with pytest.raises(ImportDataError, match="'acc' has 3 rows and 5000 columns") as caught:
+                require_columns(reader, path, [name])
+            assert "transpose" in caught.value.remedy
 
 
 def test_signalling_nan_is_a_gap(tmp_path: Path) -> None:
