@@ -16,7 +16,8 @@ from gateway.views.text import escaped
 from gateway.views.wording import as_json, notice_text, text
 
 _BARS: Final = " ▁▂▃▄▅▆▇█"
-_LINE_CELLS: Final = 60
+_LINE_CELLS: Final = 64
+_SECOND_NS: Final = 1_000_000_000
 _EVENTS_SHOWN: Final = 30
 _BOOTS_SHOWN: Final = 10
 
@@ -127,19 +128,54 @@ def _hello_text(hello: Hello) -> str:
 
 
 def _time_line(source: WheelInspection, begin: int, end: int) -> Iterator[str]:
-    """Yield two rows: the received share of the nominal rate, and the places of lost samples."""
-    first_s, last_s = begin // 1_000_000_000, end // 1_000_000_000
-    cells = min(_LINE_CELLS, last_s - first_s + 1)
-    got, lost = [0] * cells, [0] * cells
+    """Yield two rows: the received share of the samples, and the places of lost samples."""
+    first_s, seconds = begin // _SECOND_NS, end // _SECOND_NS - begin // _SECOND_NS + 1
+    # Cells of equal length: a cell of two seconds beside those of one would look twice as full.
+    per_cell = -(-seconds // _LINE_CELLS)
+    cells = -(-seconds // per_cell)
+    got, lost = [0.0] * cells, [0.0] * cells
     for second, (samples, missing) in source.seconds.items():
-        cell = min(cells - 1, max(0, (second - first_s) * cells // (last_s - first_s + 1)))
+        cell = min(cells - 1, max(0, (second - first_s) // per_cell))
         got[cell] += samples
         lost[cell] += missing
-    full = max(got) or 1
+    expected = _expected(source, begin, end, cells, per_cell)
+    # A cell begins and ends within a block.
+    slack = 2.0 * source.samples / max(source.frames["samples"], 1)
+    if expected is not None:
+        # What is lost is counted, and what was held up arrives, with the next block.
+        _move_back(lost, [full - here for full, here in zip(expected, got, strict=True)], slack)
+        _move_back(got, [full - gone for full, gone in zip(expected, lost, strict=True)], slack)
+    shares = [min(here / max(here + gone, 1.0), 1.0) for here, gone in zip(got, lost, strict=True)]
+    if expected is not None:
+        shares = [
+            min(share, here / max(full - slack, 1.0)) for share, here, full in zip(shares, got, expected, strict=True)
+        ]
     top = len(_BARS) - 1
-    yield "      " + "".join(_BARS[max(1, round(top * value / full)) if value else 0] for value in got)
+    yield "      " + "".join(_BARS[max(1, round(top * share)) if share > 0.0 else 0] for share in shares)
     if any(lost):
         yield "      " + "".join("x" if value else " " for value in lost) + "  x: samples lost"
+
+
+def _expected(source: WheelInspection, begin: int, end: int, cells: int, per_cell: int) -> list[float] | None:
+    """Return the samples of each cell at the sensor's rate, fewer in the first and last; None without a rate."""
+    rate_hz = source.measured_hz or (source.hello.rate_hz if source.hello is not None else 0.0)
+    if not rate_hz > 0.0:
+        return None
+    starts = [(begin // _SECOND_NS + k * per_cell) * _SECOND_NS for k in range(cells)]
+    length = per_cell * _SECOND_NS
+    return [rate_hz * max(min(start + length, end) - max(start, begin), 0) * 1e-9 for start in starts]
+
+
+def _move_back(counts: list[float], room: Sequence[float], slack: float) -> None:
+    """Move what a cell has beyond its room to the cells before it that have some, more than the slack."""
+    for cell in range(len(counts) - 1, 0, -1):
+        for before in range(cell - 1, -1, -1):
+            spare = room[before] - counts[before]
+            moved = min(counts[cell] - max(room[cell], 0.0), spare)
+            if spare <= slack or moved <= 0.0:
+                break
+            counts[cell] -= moved
+            counts[before] += moved
 
 
 def inspection_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:
