@@ -44,6 +44,11 @@ from gateway.recording.mcap_records import (
 )
 from gateway.recording.regular_file import open_regular
 
+# Those of `import`, which is a layer above, and the first bytes of its formats that have some.
+MEASUREMENT_SUFFIXES: Final = frozenset(
+    {".csv", ".txt", ".tsv", ".dat", ".mat", ".h5", ".hdf5", ".mf4", ".mdf", ".parquet", ".pq"}
+)
+_MEASUREMENT_MAGICS: Final = (b"\x89HDF\r\n", b"MATLAB ", b"MDF     ", b"UnFinMF ", b"PAR1")
 REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."
 # Begin of a file that is no recording, looked at for frames of a link.
 _LOOKED_AT_BYTES: Final = 1 << 14
@@ -279,6 +284,10 @@ class RecordingReader:
         if magic != MAGIC:
             if FrameDecoder().feed(magic + file.read(_LOOKED_AT_BYTES)):
                 remedy = f"It is the raw dump of a link: `treadlink record 'replay:{self._path}?speed=max'` records it."
+            elif self._path.suffix.lower() in MEASUREMENT_SUFFIXES or magic.startswith(_MEASUREMENT_MAGICS):
+                remedy = (
+                    f"It is a measurement: `treadlink import --guess '{self._path}'` writes a first import map for it."
+                )
             elif size > 1 << 10:
                 remedy = REPAIR_REMEDY
             else:
