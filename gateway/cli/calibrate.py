@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import force_option
+from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import TreadlinkError
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
@@ -87,11 +88,11 @@ def load(
         )
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
-    to_stdout = is_stdout(out_path)
+    say = SummaryOutput(err=is_stdout(out_path))
     for line in fit_lines(points, fit, reference):
-        click.echo(line, err=to_stdout)
+        say(line)
     text = calibration_toml(fit.calibration, reference)
-    _write(text, out_path, force=force)
+    _write(text, out_path, say, force=force)
 
 
 def _of_runs(command: Callable[..., None]) -> Callable[..., None]:
@@ -144,10 +145,10 @@ def slip(runs_path: Path, config_path: Path | None, out_path: Path | None, force
 
     runs = measured_runs(runs_path, runs_file, config_path)
     fit = fit_slip_calibration(runs, math.radians(runs_file.slip_zero_std_deg))
-    to_stdout = is_stdout(out_path)
+    say = SummaryOutput(err=is_stdout(out_path))
     for line in slip_lines(runs, fit):
-        click.echo(line, err=to_stdout)
-    _write(slip_toml(fit.calibration), out_path, force=force)
+        say(line)
+    _write(slip_toml(fit.calibration), out_path, say, force=force)
 
 
 @calibrate.command(name="side-force")
@@ -174,18 +175,19 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
 
     runs = measured_force_runs(runs_path, runs_file, config_path)
     found = fit_side_force(runs, runs_file)
+    say = SummaryOutput(err=is_stdout(out_path))
     for line in force_lines(runs, found):
-        click.echo(line, err=is_stdout(out_path))
-    _write(force_toml(found), out_path, force=force)
+        say(line)
+    _write(force_toml(found), out_path, say, force=force)
 
 
-def _write(text: str, out_path: Path | None, *, force: bool) -> None:
+def _write(text: str, out_path: Path | None, say: SummaryOutput, *, force: bool) -> None:
     """Print the tables, or write them to a file."""
     if out_path is None:
-        click.echo("\n" + text, nl=False)
+        say("\n" + text.removesuffix("\n"))
+        say.finish()
         return
     write_whole(out_path, text, force=force)
     if not is_stdout(out_path):
-        click.echo(
-            f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)"
-        )
+        say(f"written: {out_path} (copy its tables to the vehicle configuration, replacing those of the same name)")
+    say.finish()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gateway.cli.options import FiniteRange, config_option, force_option, keys_option
+from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
@@ -214,9 +215,11 @@ def diagnose(
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
     on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0
+    say = SummaryOutput(err=outputs_to_stdout)
     for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
-        click.echo(clean(line), err=outputs_to_stdout)
-    _write(diagnosis, json_path, html_path, effects_path, force=force)
+        say(clean(line))
+    _write(diagnosis, json_path, html_path, effects_path, say, force=force)
+    say.finish()
 
 
 @contextmanager
@@ -268,17 +271,25 @@ def _transfer(
             on_progress=on_progress,
         )
     to_stdout = json_path is not None and is_stdout(json_path)
+    say = SummaryOutput(err=to_stdout)
     for line in transfer_lines(result, str(known_path)):
-        click.echo(clean(line), err=to_stdout)
+        say(clean(line))
     if json_path is not None:
         text = json.dumps(transfer_json(result), indent=2, ensure_ascii=False, allow_nan=False)
         write_whole(json_path, text + "\n", force=force)
         if not to_stdout:
-            click.echo(clean(f"written: {json_path}"))
+            say(clean(f"written: {json_path}"))
+    say.finish()
 
 
 def _write(
-    diagnosis: Diagnosis, json_path: Path | None, html_path: Path | None, effects_path: Path | None, *, force: bool
+    diagnosis: Diagnosis,
+    json_path: Path | None,
+    html_path: Path | None,
+    effects_path: Path | None,
+    say: SummaryOutput,
+    *,
+    force: bool,
 ) -> None:
     """Write all files, even if one of them fails, so that minutes of work are not lost.
 
@@ -290,7 +301,6 @@ def _write(
     from gateway.views.report.phrases import saved_text
 
     failed: list[TreadlinkError] = []
-    to_stderr = any(map(is_stdout, (json_path, html_path, effects_path)))
     for path, write in ((json_path, write_json), (html_path, write_html), (effects_path, _save_effects)):
         if path is None:
             continue
@@ -302,7 +312,7 @@ def _write(
             if is_stdout(path):
                 continue
             held = f" with {saved_text(diagnosis)}" if path is effects_path else ""
-            click.echo(clean(f"written: {path}{held}"), err=to_stderr)
+            say(clean(f"written: {path}{held}"))
     for other in failed[1:]:
         click.echo(clean(f"{other}. {other.remedy}"), err=True)
     if failed:

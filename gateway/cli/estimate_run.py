@@ -16,6 +16,7 @@ import click
 from gateway.cli import exit_status
 from gateway.cli.estimate_order import EstimateOrder, RecordingEstimated
 from gateway.cli.logs import configure_logging
+from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import TreadlinkError
 from gateway.views.output_file import is_stdout
 
@@ -48,7 +49,7 @@ def run_estimate(
     from gateway.views.wording import text
 
     # A table on standard output must not be mixed with other lines.
-    say = partial(click.echo, err=any(map(is_stdout, outputs.values())))
+    say = SummaryOutput(err=any(map(is_stdout, outputs.values())))
     sizes = [order.path.stat().st_size if order.path.is_file() else 0 for order in orders]
     jobs = min(jobs or _default_jobs(sum(sizes)), len(orders))
     missing, damaged = 0, []
@@ -64,6 +65,8 @@ def run_estimate(
             with view.hidden():
                 for line in estimated.lines:
                     say(line)
+            if not outputs:
+                say.finish()
             missing += estimated.missing
             if estimated.damage is not None:
                 damaged.append(text(estimated.damage))
@@ -74,6 +77,7 @@ def run_estimate(
         raise TreadlinkError("; ".join(damaged), "The readable part was estimated.")
     if missing:
         raise SystemExit(exit_status.NO_RESULT)
+    say.finish()
 
 
 def _default_jobs(size: int) -> int:

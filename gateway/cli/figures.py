@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import force_option
+from gateway.cli.summary_output import SummaryOutput
 from gateway.views.output_file import write_whole
 
 
@@ -47,9 +48,12 @@ def figures(names: tuple[str, ...], out: Path, suffix: str, force: bool) -> None
 
     wanted = chosen(names)
 
+    say = SummaryOutput()
+
     def on_figure(name: str, caption: str) -> None:
-        click.echo(f"{name}: {caption}")
+        say(f"{name}: {caption}")
 
     write = partial(write_whole, force=force)
     written = draw_figures(wanted, out, suffix=suffix, write=write, force=force, on_figure=on_figure)
-    click.echo(f"written: {len(written) - 1} figures and {written[-1]}")
+    say(f"written: {len(written) - 1} figures and {written[-1]}")
+    say.finish()

@@ -78,8 +78,7 @@ def orders(
     A FILE of - is standard output, and the summary is then printed to standard error. The exit status is 1 if no wheel
     has a usable revolution.
     """
-    from functools import partial
-
+    from gateway.cli.summary_output import SummaryOutput
     from gateway.security.key_file import default_key_file
     from gateway.session.recorded_orders import recorded_orders
     from gateway.views.orders.order_figure import check_figure, write_figure
@@ -92,7 +91,7 @@ def orders(
     check_outputs(outputs, (recording, config_path, *effects_paths, key_file or default_key_file()), force=force)
     if figure is not None:
         check_figure(figure)
-    say = partial(click.echo, err=any(map(is_stdout, outputs)))
+    say = SummaryOutput(err=any(map(is_stdout, outputs)))
     with progress_bar(f"reading {recording.name}") as bar:
         found = recorded_orders(
             recording,
@@ -105,7 +104,7 @@ def orders(
         )
     for place, wheel in enumerate(found):
         if place:
-            say("")
+            say()
         for line in order_lines(wheel, shown):
             say(clean(line))
     if figure is not None:
@@ -117,3 +116,4 @@ def orders(
     for path in outputs:
         if path is not None and not is_stdout(path):
             say(f"written: {path}")
+    say.finish()
