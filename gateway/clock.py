@@ -17,9 +17,15 @@ class ComputerTime(NamedTuple):
 
     Attributes:
         ahead_ns: system time less the time of this clock; it changes when the system time is set.
+        now_ns: time of this clock.
+        worked_ns: time for which the calling thread has used a processor.
+        suspended_ns: time for which the computer was suspended, which this clock leaves out; 0 where it is not known.
     """
 
     ahead_ns: int
+    now_ns: int
+    worked_ns: int
+    suspended_ns: int
 
 
 class Clock(Protocol):
@@ -36,6 +42,12 @@ class Clock(Protocol):
     def computer(self) -> ComputerTime:
         """Return the clocks of this computer."""
         ...
+
+
+def _suspended_ns() -> int:
+    """Return for how long the computer was suspended since it was started, 0 where the system does not say."""
+    boot_time = getattr(time, "CLOCK_BOOTTIME", None)
+    return time.clock_gettime_ns(boot_time) - time.monotonic_ns() if boot_time is not None else 0
 
 
 class SystemClock:
@@ -56,7 +68,7 @@ class SystemClock:
             # A pause between the readings is no difference of the clocks.
             if self.now_ns() - begin_ns < _ONE_TIME_NS:
                 break
-        return ComputerTime(system_ns - begin_ns)
+        return ComputerTime(system_ns - begin_ns, begin_ns, time.thread_time_ns(), _suspended_ns())
 
     def sleep_until_ns(self, deadline_ns: int, stop: threading.Event | None = None) -> bool:
         """Wait until `deadline_ns`; return True when `stop` was set before it."""
@@ -74,7 +86,7 @@ class ManualClock:
 
     def __init__(self, start_ns: int = 1_700_000_000_000_000_000) -> None:
         self._now_ns = start_ns
-        self._ahead_ns = 0
+        self._ahead_ns = self._paused_ns = 0
 
     def now_ns(self) -> int:
         """Return the time set so far."""
@@ -86,7 +98,12 @@ class ManualClock:
 
     def computer(self) -> ComputerTime:
         """Return the clocks as set so far."""
-        return ComputerTime(self._ahead_ns)
+        return ComputerTime(self._ahead_ns, self._paused_ns, 0, 0)
+
+    def pause_computer(self, pause_ns: int) -> None:
+        """Move the clock forward by a pause of the whole computer; sleeps on this clock are none."""
+        self._now_ns += pause_ns
+        self._paused_ns += pause_ns
 
     def set_system_time(self, step_ns: int) -> None:
         """Set the system time forward by `step_ns`, which this clock does not follow."""

@@ -254,6 +254,8 @@ class Code(StrEnum):
     BATTERY_LEVEL = "battery_level"
     BLE_DEVICE = "ble_device"
     COMPUTER_EVENT = "computer_event"
+    COMPUTER_PAUSED = "computer_paused"
+    COMPUTER_SUSPENDED = "computer_suspended"
     LINK_AWAY = "link_away"
     LINK_CONNECTED = "link_connected"
     LINK_DISCONNECTED = "link_disconnected"

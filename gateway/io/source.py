@@ -71,10 +71,13 @@ _EVENT_CODES: Final = {
     LinkEventKind.COMPUTER: Code.COMPUTER_EVENT,
 }
 
+_LONGEST_PAUSE_S: Final = 1e9
 
 EVENT_DETAILS: Final[Mapping[str, Mapping[str, type]]] = {
     Code.BATTERY_LEVEL: {"level": float},
     Code.BLE_DEVICE: {"device": str},
+    Code.COMPUTER_PAUSED: {"paused_s": float},
+    Code.COMPUTER_SUSPENDED: {"suspended_s": float},
     Code.LINK_AWAY: {"away_s": float},
     Code.LINK_DISCONNECTED: {},
     Code.MARK_NOT_KEPT: {},
@@ -128,6 +131,23 @@ class LinkEvent:
     def is_of_link(self) -> bool:
         """Whether it is a change of its link."""
         return self.kind not in (LinkEventKind.MARK, LinkEventKind.COMPUTER)
+
+    @property
+    def pause_ns(self) -> int | None:
+        """Time before the event for which this computer paused, in the time of the session; None for other events.
+
+        It is 0 after a suspension, in which that time stands still.
+        """
+        if self.kind is not LinkEventKind.COMPUTER or not self.details:
+            return None
+        detail = self.details[0]
+        if detail.code is Code.COMPUTER_SUSPENDED:
+            return 0
+        pause_s = detail["paused_s"] if detail.code is Code.COMPUTER_PAUSED else None
+        # Recordings may hold any number.
+        if not isinstance(pause_s, float) or math.isnan(pause_s):
+            return None
+        return round(min(max(pause_s, 0.0), _LONGEST_PAUSE_S) * 1e9)
 
     @property
     def reason(self) -> Reason:

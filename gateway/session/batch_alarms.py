@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -50,6 +50,9 @@ class BatchAlarms:
         self._has_limits = has_wheel_limits(self._thresholds)
         self._configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
         self._events: dict[str, deque[LinkEvent]] = {}
+        # Ends and lengths of the pauses of the computer that recorded, and how many of them each link has passed.
+        self._pauses: list[tuple[int, int]] = []
+        self._passed: Counter[str] = Counter()
         # Arrivals of frames of vehicle buses that are later than the frames of hubs taken so far.
         self._arrivals_ns: dict[str, deque[int]] = {}
         self._log = AlarmLog(logs=logs)
@@ -64,6 +67,8 @@ class BatchAlarms:
         """Take a change of a link; it takes effect before the first frame that arrived later."""
         if event.is_of_link:
             self._events.setdefault(event.link, deque()).append(event)
+        elif event.pause_ns is not None:
+            self._pauses.append((event.host_ns, event.pause_ns))
 
     def bus(self, link: str, host_ns: int) -> None:
         """Take the arrival of frames of a vehicle bus; it takes effect before the first frame of a hub after it."""
@@ -144,6 +149,14 @@ class BatchAlarms:
             self._review()
 
     def _advance(self, link: str, host_ns: int) -> None:
+        while self._passed[link] < len(self._pauses):
+            end_ns, pause_ns = self._pauses[self._passed[link]]
+            if end_ns > host_ns:
+                break
+            self._passed[link] += 1
+            for _ in self._silence.changes(link, end_ns - pause_ns):
+                self._review()
+            self._silence.paused(link, pause_ns, end_ns)
         for _ in self._silence.changes(link, host_ns):
             self._review()
         if not 0 < self._review_due_ns - host_ns <= REVIEW_INTERVAL_NS:

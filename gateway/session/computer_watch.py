@@ -1,4 +1,4 @@
-"""Events of this computer during a session: its system time is set."""
+"""Events of this computer during a session: its system time is set, or it pauses."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from typing import Final
 from gateway.clock import Clock
 from gateway.io.source import LinkEvent, LinkEventKind
 from gateway.reasons import Code, Reason
+from gateway.session.silence import LIMITS
 
 # Less is the work of a service that keeps the time, or of a slow reading.
 _STEP_NS: Final = 500_000_000
+# Samples that stop for as long are silent.
+_PAUSE_NS: Final = round(LIMITS["samples"].least_s * 1e9)
 
 
 class ComputerWatch:
@@ -19,13 +22,25 @@ class ComputerWatch:
         """Start: the session has the system time of the moment when its clock was made."""
         self._clock = clock
         self._ahead_ns = 0
+        self._last = clock.computer()
 
     def events(self) -> list[LinkEvent]:
-        """Return what happened since the last call."""
-        ahead_ns = self._clock.computer().ahead_ns
-        step_ns = ahead_ns - self._ahead_ns
-        if abs(step_ns) < _STEP_NS:
-            return []
-        self._ahead_ns = ahead_ns
-        step = Reason(Code.SYSTEM_TIME_SET, step_s=step_ns * 1e-9, ahead_s=ahead_ns * 1e-9)
-        return [LinkEvent("", self._clock.now_ns(), LinkEventKind.COMPUTER, details=(step,))]
+        """Return what happened since the last call, by the thread that calls several times a second.
+
+        A thread that has neither worked nor called for long was not let: the computer was busy with other programs, or
+        its virtual machine was stopped. While it was suspended, the time of the session stood still.
+        """
+        last, self._last = self._last, self._clock.computer()
+        passed_ns = self._last.now_ns - last.now_ns - (self._last.worked_ns - last.worked_ns)
+        suspended_ns = self._last.suspended_ns - last.suspended_ns
+        details = []
+        if passed_ns >= _PAUSE_NS:
+            details.append(Reason(Code.COMPUTER_PAUSED, paused_s=passed_ns * 1e-9))
+        if suspended_ns >= _PAUSE_NS:
+            details.append(Reason(Code.COMPUTER_SUSPENDED, suspended_s=suspended_ns * 1e-9))
+        step_ns = self._last.ahead_ns - self._ahead_ns
+        if abs(step_ns) >= _STEP_NS:
+            self._ahead_ns = self._last.ahead_ns
+            details.append(Reason(Code.SYSTEM_TIME_SET, step_s=step_ns * 1e-9, ahead_s=self._ahead_ns * 1e-9))
+        now_ns = self._clock.now_ns()
+        return [LinkEvent("", now_ns, LinkEventKind.COMPUTER, details=(detail,)) for detail in details]

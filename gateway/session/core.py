@@ -240,6 +240,8 @@ class SessionCore:
         reason = event.reason
         if not event.is_of_link:
             level = Level.INFO if event.kind is LinkEventKind.MARK else Level.WARNING
+            if event.pause_ns is not None:
+                self._computer_paused(event.pause_ns, event.host_ns)
             self.notify(Notice("", reason, level))
             return
         self.newest_ns = max(self.newest_ns, event.host_ns)
@@ -258,6 +260,14 @@ class SessionCore:
             level = Level.WARNING if event.kind in (LinkEventKind.LOST, LinkEventKind.RETRYING) else Level.INFO
             self.notify(Notice(event.link, reason, level))
         link.note = reason
+
+    def _computer_paused(self, pause_ns: int, host_ns: int) -> None:
+        """Leave a pause of this computer out of the silence of every link."""
+        for name, link in self._links.items():
+            # What was silent before the pause is so without it.
+            self._report(name, self._alarms.advance(name, host_ns - pause_ns), host_ns)
+            self._alarms.silence.paused(name, pause_ns, host_ns)
+            link.health.paused(host_ns)
 
     def _decoded(self, name: str, link: _Link, frames: list[Frame], host_ns: int) -> list[RevolutionResult]:
         self._statements.frames(name, frames)

@@ -75,6 +75,11 @@ class LinkHealth:
         self._barren_bytes, self._sample, self._last_change = 0, b"", (self._bytes, 0)
         self._ungreeted_ns.clear()
 
+    def paused(self, now_ns: int) -> None:
+        """Count the silence of the link again after a pause of this computer."""
+        if self._last_change[1]:
+            self._last_change = (self._last_change[0], now_ns)
+
     def data(self, host_ns: int, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Review a chunk after it was decoded; return new notices."""
         self._bytes += len(data)

@@ -299,6 +299,9 @@ class LiveSession:
                     break
             self._check_recording()
             now_ns = self._clock.now_ns()
+            # A pause since the last look must not be taken for silence of the links.
+            if is_of_computer:
+                self._take_computer_events(computer.events())
             if now_ns >= due_ns:
                 due_ns = now_ns + _SNAPSHOT_INTERVAL_NS
                 self._take_results(self.core.tick(now_ns, self._link_times_ns(now_ns)))

@@ -251,6 +251,19 @@ class _Link:
     bus: _Stream | None = None
     due_ns: int = 0
 
+    def leave_out(self, pause_ns: int, now_ns: int) -> None:
+        """Count no silence in a pause before `now_ns`; what was silent before it stays so."""
+        sensors = [sensor for hub in self.hubs.values() for sensor in hub.sensors.values()]
+        streams = [stream for sensor in sensors for stream in sensor.streams()]
+        streams += [hub.own for hub in self.hubs.values() if hub.own is not None]
+        streams += [self.bus] if self.bus is not None else []
+        for stream in streams:
+            stream.counted_from_ns = min(stream.counted_from_ns + pause_ns, max(now_ns, stream.counted_from_ns))
+        for sensor in sensors:
+            sensor.resumed_ns = min(sensor.resumed_ns + pause_ns, max(now_ns, sensor.resumed_ns))
+            for axis, last_ns in sensor.axes_ns.items():
+                sensor.axes_ns[axis] = min(last_ns + pause_ns, max(now_ns, last_ns))
+
     @property
     def is_bus_silent(self) -> bool:
         return self.bus is not None and self.now_ns >= self.bus.due_ns
@@ -322,6 +335,12 @@ class SilenceWatch:
     def closed(self, link: str, host_ns: int, state: Reason) -> None:
         """Note that a link is down, and why."""
         self._link(link, host_ns).down = state
+
+    def paused(self, link: str, pause_ns: int, now_ns: int) -> None:
+        """Note that this computer paused before `now_ns`: the pause is no silence of the link."""
+        known = self._link(link, now_ns)
+        known.leave_out(pause_ns, now_ns)
+        known.now_ns, known.due_ns = max(known.now_ns, now_ns), 0
 
     def frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame."""

@@ -412,6 +412,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.BATTERY_LEVEL: "battery {level:.0f %}",
     Code.BLE_DEVICE: "{device}",
     Code.COMPUTER_EVENT: "this computer",
+    Code.COMPUTER_PAUSED: (
+        "it paused for {paused_s:.1f s}, and what was sent meanwhile may be lost. Overloaded, or a virtual machine "
+        "that was stopped?"
+    ),
+    Code.COMPUTER_SUSPENDED: "it was suspended for {suspended_s:.1f s}; what was sent meanwhile is lost",
     Code.LINK_AWAY: "back after {away_s:.1f s}",
     Code.LINK_CONNECTED: "connected",
     Code.LINK_DISCONNECTED: "disconnected on request",
@@ -429,7 +434,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NOTIFICATIONS_DROPPED: "{count} notifications dropped because this computer is too slow",
     Code.QUOTED_TEXT: "{text}",
     Code.SYSTEM_TIME_SET: (
-        "its system time was set by {step_s:+.1f s}. The times of this session stay those of the clock at its start: "
+        "its system time jumped by {step_s:+.1f s}. The times of this session stay those of the clock at its start: "
         "{ahead_s:+.1f s} makes them those of the new time"
     ),
     Code.RETRY_INTERVAL: "trying again every {interval_s:g s} or sooner",

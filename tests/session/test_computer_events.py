@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
-from gateway.clock import ManualClock, SystemClock
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind
-from gateway.reasons import Code, Level, codes_of
+from gateway.clock import ComputerTime, ManualClock, SystemClock
+from gateway.config.vehicle import parse_vehicle
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, open_source
+from gateway.reasons import Code, Level, Reason, codes_of
 from gateway.recording.inspection import inspect_recording
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
+from gateway.session.batch_alarms import BatchAlarms
+from gateway.session.batch_estimation import estimate_items
 from gateway.session.computer_watch import ComputerWatch
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
 from gateway.views.session_summary import ResultSummary
+from gateway.views.wording import notice_text
 
 S = 1_000_000_000
+START_NS = 1_700_000_000_000_000_000
 TIMEOUT_S = 20.0
 LINK = "serial:hub"
 
@@ -51,6 +57,22 @@ class Device:
 
     def close(self) -> None:
         self._closed.set()
+
+
+class Sending(Device):
+    """A device that sends some items and then nothing until it is closed."""
+
+    link = "sim:lab"
+
+    def __init__(self, items) -> None:
+        self._items = items
+        self._closed = threading.Event()
+        self.waits = threading.Event()
+
+    def items(self, stop):
+        yield from self._items
+        self.waits.set()
+        self._closed.wait(TIMEOUT_S)
 
 
 def until(condition) -> None:
@@ -100,7 +122,7 @@ def test_set_system_time_is_reported_recorded_and_inspected(recorded, clock) -> 
     ]
     assert set(found.links) == {LINK}
     printed = CliRunner().invoke(treadlink, ["inspect", str(path)], catch_exceptions=False)
-    assert "this computer: its system time was set by +3600.0 s" in printed.output
+    assert "this computer: its system time jumped by +3600.0 s" in printed.output
     core = SessionCore(None)
     for item in RecordingReader(path).items():
         core.take(item)
@@ -127,3 +149,91 @@ def test_clock_of_the_system_sees_a_step_and_no_pause_between_its_readings(monke
     monkeypatch.setattr(time, "monotonic_ns", lambda: real_monotonic() + next(paused_ns, 3 * S))
     monkeypatch.setattr(time, "time_ns", lambda: real() + 3 * S)
     assert abs(clock.computer().ahead_ns) < S // 10
+
+
+def frames_until(end_s: float):
+    """Return the items of a simulated wheel up to a time, and its vehicle."""
+    source = open_source("sim:lab?speed=max&duration=6&seed=4", ManualClock(START_NS))
+    items = [item for item in list(source.items(threading.Event()))[:-1] if item.host_ns < START_NS + end_s * S]
+    return items, parse_vehicle(source.vehicle_toml, "lab")
+
+
+def paused_event(host_ns: int, pause_s: float) -> LinkEvent:
+    detail = Reason(Code.COMPUTER_PAUSED, paused_s=pause_s)
+    return LinkEvent("", host_ns, LinkEventKind.COMPUTER, details=(detail,))
+
+
+def test_pause_of_this_computer_is_named_and_no_silence() -> None:
+    items, vehicle = frames_until(3.0)
+    held_clock = HeldClock(items[-1].host_ns)
+    source = Sending(items)
+    live = LiveSession([source], vehicle, held_clock, patient=[False], summary=ResultSummary())
+    live.start()
+    until(lambda: source.waits.is_set() and not live._items)
+    held_clock.pause_computer(20 * S)
+    notices = []
+    until(lambda: notices.extend(live.notices()) or any(Code.COMPUTER_PAUSED in codes_of((n.reason,)) for n in notices))
+    before_s = live.snapshot().elapsed_s
+    until(lambda: held_clock.advance_ns(S // 100) or live.snapshot().elapsed_s > before_s + 0.2)
+    assert live.snapshot().alarms == ()
+    assert live.snapshot().alarm_records == ()
+    until(lambda: held_clock.advance_ns(S // 10) or live.snapshot().alarms)
+    source.close()
+    (record,) = live.close().alarm_records
+    assert record.name == "silent", "a hub that sends nothing after the pause is silent"
+    (words,) = [notice_text(notice) for notice in notices if Code.COMPUTER_PAUSED in codes_of((notice.reason,))]
+    assert words.startswith("this computer: it paused for 20.0 s")
+
+
+def test_pause_is_told_from_work_and_from_short_delays() -> None:
+    class Scripted(ManualClock):
+        times = iter(
+            ComputerTime(0, *entry)
+            for entry in ((0, 0, 0), (S // 2, 0, 0), (4 * S, 3 * S, 0), (6 * S, 3 * S, 0), (6 * S, 3 * S, 60 * S))
+        )
+
+        def computer(self):
+            return next(self.times)
+
+    watch = ComputerWatch(Scripted())
+    assert watch.events() == []
+    assert watch.events() == [], "3 s of work"
+    ((pause,),) = [event.details for event in watch.events()]
+    assert dict(pause.values) == pytest.approx({"paused_s": 2.0})
+    ((suspension,),) = [event.details for event in watch.events()]
+    assert dict(suspension.values) == pytest.approx({"suspended_s": 60.0})
+    assert paused_event(START_NS, 2.0).pause_ns == 2 * S
+    assert LinkEvent("", START_NS, LinkEventKind.COMPUTER, details=(suspension,)).pause_ns == 0
+
+
+@pytest.mark.parametrize("is_named", [True, False])
+def test_recording_with_a_pause_blames_no_hub(is_named, tmp_path) -> None:
+    items, vehicle = frames_until(6.0)
+    path = tmp_path / "r.mcap"
+    writer = RecordingWriter(path, start_ns=START_NS, sources=["sim:lab"])
+    middle_ns, pause_ns = START_NS + 3 * S, 5 * S
+    before = [item for item in items if item.host_ns < middle_ns]
+    after = [replace(item, host_ns=item.host_ns + pause_ns) for item in items if item.host_ns >= middle_ns + S // 2]
+    event = [paused_event(middle_ns + pause_ns, 5.0)] if is_named else []
+    for item in [*before, *event, *after]:
+        writer.write(item)
+    writer.close()
+    core, batch = SessionCore(vehicle, estimators=("kinematic",)), BatchAlarms(vehicle)
+    for item in RecordingReader(path).items():
+        core.take(item)
+    estimate_items(RecordingReader(path), vehicle, lambda _: None, estimators=("kinematic",), alarms=batch)
+    for records in (core.snapshot(0.0).alarm_records, batch.finish()):
+        assert bool(records) != is_named
+
+
+def test_what_was_silent_before_a_pause_stays_so() -> None:
+    items, vehicle = frames_until(2.0)
+    core = SessionCore(vehicle, estimators=("kinematic",))
+    for item in items:
+        core.take(item)
+    core.tick(START_NS + 8 * S)
+    core.take(paused_event(START_NS + 12 * S, 4.0))
+    core.tick(START_NS + 12 * S)
+    assert [alarm.name for alarm in core.snapshot(0.0).alarms] == ["silent"]
+    (record,) = core.snapshot(0.0).alarm_records
+    assert record.count == 1
