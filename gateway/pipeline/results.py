@@ -197,7 +197,8 @@ class LinkSnapshot:
         rssi_dbm: of the hub's sensor link, else of the link itself when it was connected; None when unknown.
         supply_w: of the hub, None when unknown.
         judged: frames by what the check of their signatures found; empty when signatures do not matter.
-        silent_s: time since the last frame when every hub of the link, or the vehicle's bus, is silent, else None.
+        silent_s: time since the last frame when the link is down, or every hub on it or the vehicle's bus is silent,
+            else None.
     """
 
     link: str

@@ -469,17 +469,19 @@ class SilenceWatch:
                     yield name, (link.now_ns - link.bus.last_ns) / _S
 
     def silent_s(self, link: str) -> float | None:
-        """Return how long an open link has had no frame, None unless its bus or every hub on it is silent."""
+        """Return the time since the last frame of a link that is down, or whose bus or every hub is silent, else None.
+
+        Of a link without a frame it is the time since its first event.
+        """
         known = self._links.get(link)
-        if known is None or known.down is not None:
+        if known is None:
             return None
-        if known.bus is not None and known.is_bus_silent:
-            return (known.now_ns - known.bus.last_ns) / _S
-        if not known.hubs:
+        hubs = known.hubs.values()
+        is_silent = bool(hubs or known.bus) and all(hub.is_silent(known.now_ns) for hub in hubs)
+        if known.down is None and not (is_silent and (known.bus is None or known.is_bus_silent)):
             return None
-        if not all(hub.is_silent(known.now_ns) for hub in known.hubs.values()):
-            return None
-        return (known.now_ns - max(hub.last_ns for hub in known.hubs.values())) / _S
+        heard_ns = [hub.last_ns for hub in hubs] + ([known.bus.last_ns] if known.bus is not None else [])
+        return (known.now_ns - max(heard_ns, default=known.begin_ns)) / _S
 
     def speaking_hubs(self, link: str) -> frozenset[int]:
         """Return the numbers of a link's hubs that are not silent."""

@@ -180,6 +180,19 @@ def test_wheel_of_a_lost_link_is_silent(hub) -> None:
     assert "connection lost" in text(wheel.silence.reason)
 
 
+def test_link_that_is_down_has_the_age_of_its_last_frame(hub) -> None:
+    items, vehicle = hub
+    core = run(items, vehicle)
+    last_ns = items[-1].host_ns
+    core.take(LinkEvent("sim:lab", last_ns + 2 * S, LinkEventKind.LOST, "unplugged"))
+    core.take(LinkEvent("serial:never", last_ns + 4 * S, LinkEventKind.RETRYING, "no such port"))
+    core.tick(last_ns + 30 * S)
+    ages_s = {link.link: link.silent_s for link in core.snapshot(0.0).links}
+    assert ages_s == {"sim:lab": pytest.approx(30.0, abs=0.1), "serial:never": pytest.approx(26.0, abs=0.1)}
+    core.take(LinkEvent("sim:lab", last_ns + 31 * S, LinkEventKind.RESTORED))
+    assert core.snapshot(0.0).links[0].silent_s is None
+
+
 def test_silent_hub_of_a_lost_link_is_not_over(hub) -> None:
     items, vehicle = hub
     core = run(items, vehicle)

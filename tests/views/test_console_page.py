@@ -218,6 +218,14 @@ def test_failed_link_is_listed_first_with_reason(made, size):
     assert row_with(rows, "more links")
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_link_that_is_down_has_an_age_unless_it_has_ended(made, size):
+    link = dataclasses.replace(made.link("sim:far"), connected=False, silent_s=12.0, note=quoted("unplugged"))
+    assert "DOWN 12 s" in row_with(page(made.snapshot(links=(link,)), size), "sim:far")
+    ended = dataclasses.replace(link, note=Reason(Code.LINK_ENDED))
+    assert "DOWN 12 s" not in row_with(page(made.snapshot(links=(ended,)), size), "sim:far")
+
+
 def test_link_without_hub_status_omits_its_fields(made):
     link = made.link(battery_percent=None, rssi_dbm=None, supply_w=None, latency_s=None, frames=0, frames_lost=0)
     rows = page(made.snapshot(links=(link,)), (120, 40))

@@ -131,7 +131,9 @@ def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
     name = pad(crop_middle(clean(link.link), name_width), name_width)
     state: Run = ("connected" if is_wide else "up", Role.GOOD)
     if not link.connected:
-        state = (" DOWN ", Role.ALARM)
+        # A link that has ended as it should stays so.
+        silent_s = link.silent_s if link.note.code is not Code.LINK_ENDED else None
+        state = (f" DOWN {age(silent_s)} " if silent_s is not None else " DOWN ", Role.ALARM)
     elif link.silent_s is not None:
         state = (f" SILENT {age(link.silent_s)} ", Role.ALARM)
     fields = [*_losses(link, is_wide), *_hub_values(link, " " if is_wide else ""), *_totals(link)]
