@@ -9,6 +9,11 @@ from gateway.config.validation import Fault, key_of, nearest, show
 
 # Hubs times wheels of one hub are far fewer; the checks of names compare all with all.
 _MAX_WHEELS: Final = 1000
+# Belt and tread of large earthmover tires are a tenth of the radius, those of small industrial ones up to a quarter.
+_MAX_RING_SHARE: Final = 0.3
+# A value out of these is a fault of its own, of another unit as a rule, and says nothing about other keys.
+_RADIUS_MM: Final = (100.0, 1200.0)
+_LOADS: Final = (20.0, 100_000.0)
 
 
 def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -23,6 +28,8 @@ def cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     yield from _duplicates(data, wheels)
     yield from _axles(data, wheels)
     yield from _radii(data, wheels)
+    yield from _rings(data, wheels)
+    yield from _load_errors(data, wheels)
     for index, wheel in wheels:
         if "load_std_n" in wheel and "load_n" not in wheel:
             key = key_of(data, ("wheel", index, "load_std_n"))
@@ -46,6 +53,8 @@ def _bus_signals(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, A
     for index, signal in _tables(_table(data.get("vehicle_signals")).get("signal")):
         key = f"vehicle_signals.signal[#{index + 1}]"
         quantity, wheel = signal.get("quantity"), signal.get("wheel")
+        if _is_number(signal.get("factor")) and signal["factor"] == 0:
+            yield Fault(f"{key}.factor", show(signal["factor"]), "allowed: any number but 0, which loses the value")
         if quantity == "wheel_speed" and wheel is None:
             yield Fault(f"{key}.wheel", None, "required for wheel_speed")
         if isinstance(wheel, str) and wheel not in positions:
@@ -150,6 +159,43 @@ def _radii(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
             yield Fault(key, None, "the belt radius is required here or as tire.radius_mm")
 
 
+def _rings(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
+    """Yield rings that are too thick for their radius or thinner than their wear, as each wheel combines the keys."""
+    common = _table(data.get("tire"))
+    tires = [("tire", common, common)]
+    for index, wheel in wheels:
+        stated = _table(wheel.get("tire"))
+        tires.append((key_of(data, ("wheel", index, "tire")), stated, {**common, **stated}))
+    for name, stated, tire in tires:
+        radius, thickness, wear = tire.get("radius_mm"), tire.get("ring_thickness_mm"), tire.get("wear_mm")
+        if not _is_number(thickness):
+            continue
+        # A key that a wheel takes over from [tire] is compared there.
+        is_compared = bool({"radius_mm", "ring_thickness_mm"} & stated.keys())
+        if is_compared and _is_within(radius, _RADIUS_MM) and thickness > _MAX_RING_SHARE * radius:
+            key, problem = "ring_thickness_mm", f"up to {_MAX_RING_SHARE:.0%} of radius_mm = {show(radius)}"
+            if key not in stated:
+                key = "radius_mm"
+                problem = f"at most {_MAX_RING_SHARE:.0%} of it is ring_thickness_mm = {show(thickness)}"
+            yield Fault(f"{name}.{key}", show(tire[key]), f"allowed: {problem}")
+        if {"wear_mm", "ring_thickness_mm"} & stated.keys() and _is_number(wear) and wear >= thickness:
+            key, problem = "wear_mm", f"less than ring_thickness_mm = {show(thickness)}, that of the new ring"
+            if key not in stated:
+                key, problem = "ring_thickness_mm", f"that of the new ring, more than wear_mm = {show(wear)}"
+            yield Fault(f"{name}.{key}", show(tire[key]), f"allowed: {problem}")
+
+
+def _load_errors(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]]) -> Iterator[Fault]:
+    """Yield standard errors of loads and weights that exceed the value itself."""
+    tables = [(key_of(data, ("wheel", index)), wheel, "load_n", "load_std_n") for index, wheel in wheels]
+    for index, axle in _tables(data.get("axle")):
+        tables.append((f"axle[#{index + 1}]", axle, "weight_kg", "weight_std_kg"))
+    for name, table, key, std_key in tables:
+        value, std = table.get(key), table.get(std_key)
+        if _is_within(value, _LOADS) and _is_number(std) and std > value:
+            yield Fault(f"{name}.{std_key}", show(std), f"allowed: up to {key} = {show(value)}")
+
+
 def _tables(value: object) -> list[tuple[int, Mapping[str, Any]]]:
     items = value if isinstance(value, list | tuple) else ()
     return [(index, item) for index, item in enumerate(items) if isinstance(item, Mapping)]
@@ -165,6 +211,10 @@ def _is_int(value: object) -> TypeGuard[int]:
 
 def _is_number(value: object) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_within(value: object, limits: tuple[float, float]) -> TypeGuard[float]:
+    return _is_number(value) and limits[0] <= value <= limits[1]
 
 
 def _hex(value: object) -> int | None:

@@ -165,6 +165,61 @@ def test_every_fault_is_listed_at_once() -> None:
     assert len(lines) == len(expected)
 
 
+def _wheel(tire: str = "", keys: str = "", wheel_tire: str = "") -> str:
+    radius = "" if "radius_mm" in tire else "radius_mm = 320\n"
+    head = f'[tire]\n{radius}{tire}\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n{keys}\n'
+    return f"{head}[wheel.tire]\n{wheel_tire}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        (
+            _wheel("radius_mm = 100\nring_thickness_mm = 80"),
+            "tire.ring_thickness_mm: 80 found, allowed: up to 30% of radius_mm = 100",
+        ),
+        (
+            _wheel("ring_thickness_mm = 80", wheel_tire="radius_mm = 100"),
+            "wheel[FL].tire.radius_mm: 100 found, allowed: at most 30% of it is ring_thickness_mm = 80",
+        ),
+        (
+            _wheel("ring_thickness_mm = 1\nwear_mm = 60"),
+            "tire.wear_mm: 60 found, allowed: less than ring_thickness_mm = 1, that of the new ring",
+        ),
+        (
+            _wheel("wear_mm = 6", wheel_tire="ring_thickness_mm = 5"),
+            "wheel[FL].tire.ring_thickness_mm: 5 found, allowed: that of the new ring, more than wear_mm = 6",
+        ),
+        (
+            _wheel(keys="load_n = 50\nload_std_n = 50_000"),
+            "wheel[FL].load_std_n: 50000 found, allowed: up to load_n = 50",
+        ),
+        (
+            _wheel() + '[[axle]]\nwheels = ["FL"]\nweight_kg = 20\nweight_std_kg = 21',
+            "axle[#1].weight_std_kg: 21 found, allowed: up to weight_kg = 20",
+        ),
+        (
+            _wheel()
+            + '[[vehicle_signals.signal]]\nquantity = "vehicle_speed"\nmessage = "m"\nsignal = "s"\nfactor = 0',
+            "vehicle_signals.signal[#1].factor: 0 found, allowed: any number but 0, which loses the value",
+        ),
+    ],
+)
+def test_keys_that_contradict_each_other_are_one_fault(text: str, fault: str) -> None:
+    assert faults_of(text) == [f"car.toml: {fault}"]
+
+
+@given(radius=st.integers(100, 1200), thickness=st.integers(1, 80), wear=st.integers(0, 60))
+def test_ring_is_accepted_within_its_radius_and_its_wear(radius: int, thickness: int, wear: int) -> None:
+    tire = f"radius_mm = {radius}\nring_thickness_mm = {thickness}\nwear_mm = {wear}"
+    alone = f'[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n[wheel.tire]\n{tire}'
+    for text in (_wheel(tire), alone):
+        if thickness > 0.3 * radius or wear >= thickness:
+            assert len(faults_of(text)) == (thickness > 0.3 * radius) + (wear >= thickness)
+        else:
+            assert parse_vehicle(text, "car.toml").wheel_setups()
+
+
 def test_missing_radius_names_each_wheel() -> None:
     lines = faults_of('[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n')
     assert lines == [
@@ -263,7 +318,7 @@ def vehicles(draw: st.DrawFn) -> VehicleConfig:
                 wheel=number,
                 sensor_id=draw(st.none() | st.just(f"{number + 0xABC:x}")),
                 load_n=load_n,
-                load_std_n=None if load_n is None else draw(numbers(0, 5e4)),
+                load_std_n=None if load_n is None else draw(numbers(0, min(load_n, 5e4))),
                 tire=draw(TIRES),
                 mounting=Mounting(offset_mm=draw(st.floats(-20, 80))),
             )
