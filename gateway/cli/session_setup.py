@@ -17,12 +17,15 @@ from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
 from gateway.config.vehicle import choose_vehicle
 from gateway.errors import RecordingError
+from gateway.io.source import parse_source_uri
 from gateway.publishing.publisher import Publisher, open_publisher
-from gateway.publishing.sink import SinkSetting
+from gateway.publishing.sink import SinkSetting, parse_sink_uri
 from gateway.reasons import Notice
+from gateway.security.key_file import default_key_file
 from gateway.session.live import LiveSession
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.session_opening import OpenedSession, open_session
+from gateway.views.output_file import check_outputs, is_stdout
 from gateway.views.plain import PlainView
 from gateway.views.progress import can_move_cursor
 from gateway.views.session_summary import summary_lines
@@ -82,6 +85,7 @@ def start_session(
     Raises:
         TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
     """
+    _check_published(publish, uris, [config_path, key_file or default_key_file(), *effects_paths], record)
     used = clock or SystemClock()
     publishers: list[Publisher] = []
 
@@ -108,6 +112,29 @@ def start_session(
             publisher.close()
         raise
     return RunningSession(opened, publishers[0] if publishers else None)
+
+
+def _check_published(
+    publish: Sequence[str], uris: Sequence[str], inputs: Sequence[Path | None], record: Path | None
+) -> None:
+    """Check that no file of a live output is one that the session reads or writes, before it is opened.
+
+    Raises:
+        OutputError: it is.
+        SourceError: a source's URI is wrong.
+        SinkError: that of a live output is.
+    """
+    written = [Path(sink.target) for sink in map(parse_sink_uri, publish) if sink.scheme == "jsonl"]
+    sources = [parse_source_uri(uri) for uri in uris]
+    # Options name files too, such as dbc. What is no file is compared in vain.
+    read = [Path(text) for source in sources for text in (source.target, *source.options.values())]
+    # The outputs themselves explain what cannot be written, and a recording in a folder gets a new name.
+    outputs = [path for path in (*written, record) if path is not None and _can_be_file(path)]
+    check_outputs(outputs, [*inputs, *read], force=True)
+
+
+def _can_be_file(path: Path) -> bool:
+    return path.parent.is_dir() and not path.is_dir() and not is_stdout(path) and os.access(path.parent, os.W_OK)
 
 
 def run_plain(session: RunningSession, stop: StopRequest, write: Callable[[str], None]) -> None:

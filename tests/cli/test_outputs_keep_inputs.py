@@ -47,6 +47,25 @@ OVERWRITING += [
     "trends data --odometer rec.csv --csv rec.csv",
     "trends data --odometer rec.csv --html ./folder/../rec.csv",
 ]
+OVERWRITING_LIVE = [
+    f"replay rec.mcap --speed max --plain {more} --publish jsonl:{out}?append=yes"
+    for more, out in (
+        ("", "rec.mcap"),
+        ("", "./folder/../rec.mcap"),
+        ("", "symbolic.mcap"),
+        ("", "hard.mcap"),
+        ("--config car.toml", "car.toml"),
+        ("--keys keys", "keys"),
+        ("--effects effects.json", "effects.json"),
+        ("--publish jsonl:new", "new"),
+    )
+]
+OVERWRITING_LIVE += [
+    "live sim:scenario.toml --plain --duration 1 --publish jsonl:scenario.toml?append=yes",
+    "live replay:rec.mcap?speed=max --plain --publish jsonl:hard.mcap?append=yes",
+    "live replay:rec.mcap?speed=max --plain --record new --publish jsonl:new?append=yes",
+    "live can:bus.log?dbc=rec.csv --plain --publish jsonl:rec.csv?append=yes",
+]
 # Commands that write only new files.
 NEVER = [
     "import rec.csv --map car.toml --out rec.csv",
@@ -89,6 +108,15 @@ def test_input_is_never_overwritten(files: Path, line: str, force: str) -> None:
     assert isinstance(result.exception, TreadlinkError), result.output
     assert "is an input" in str(result.exception)
     assert result.exception.remedy
+    assert contents(files) == before
+
+
+@pytest.mark.parametrize("line", OVERWRITING_LIVE)
+def test_live_output_is_not_appended_to_a_file_of_the_session(files: Path, line: str) -> None:
+    before = contents(files)
+    result = CliRunner().invoke(treadlink, line)
+    assert isinstance(result.exception, TreadlinkError), result.output
+    assert "is an input" in str(result.exception) or "two outputs" in str(result.exception)
     assert contents(files) == before
 
 
