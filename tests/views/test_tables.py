@@ -211,6 +211,25 @@ def test_full_disk_is_reported() -> None:
         table.close()
 
 
+@pytest.mark.parametrize("most_bytes", [0, 3, 2000, 8000])
+@pytest.mark.parametrize("table_format", TableFormat)
+def test_disk_that_fills_up_leaves_no_part(tmp_path: Path, table_format: TableFormat, most_bytes: int) -> None:
+    resource = pytest.importorskip("resource", reason="a limit of files stands for a disk that is full")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    rows = [result(index) for index in range(300)]
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most_bytes, before[1]))
+    try:
+        with (  # noqa: PT012 - a row or the end may raise
+            pytest.raises(OutputError, match="cannot be written"),
+            open_table(tmp_path / "out", table_format) as table,
+        ):
+            for row in rows:
+                table.write(row)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("table_format", [TableFormat.CSV, TableFormat.JSON])
 def test_memory_does_not_grow_with_rows(tmp_path: Path, table_format: TableFormat) -> None:
     row = result(1)

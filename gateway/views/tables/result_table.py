@@ -319,10 +319,14 @@ class _Columns(ColumnRows, _Table):
         if self._closed:
             return
         self._closed = True
-        with self._output.explained():
-            self._release()
-            self._sink.end()
-        self._output.commit()
+        try:
+            with self._output.explained():
+                self._release()
+                self._sink.end()
+            self._output.commit()
+        except BaseException:
+            self.discard()
+            raise
 
     def discard(self) -> None:
         with suppress(Exception):  # pyarrow would try to finish the file when it is collected
