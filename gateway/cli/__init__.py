@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import logging
 import os
@@ -9,18 +10,21 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NoReturn
 
 import click
 from click.shell_completion import CompletionItem
 
 from gateway import __version__
-from gateway.errors import TreadlinkError
+from gateway.errors import OutputError, TreadlinkError
 
 # The matrices here are small, so waking a thread costs more than the product it computes. This must be set before numpy
 # is imported; child processes inherit it.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+
+# Answers of a disk or a device, not of the program's own doing.
+_REFUSALS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 # name -> (module:function, line in `treadlink --help`), in the order in which a user meets them.
 COMMANDS: Final[dict[str, tuple[str, str]]] = {
@@ -135,20 +139,51 @@ def treadlink(verbosity: int, log_file: Path | None) -> None:
 
 def main() -> None:
     """Run the command; errors that the user can correct are shown as a message and a remedy, without a traceback."""
-    from gateway.cli import exit_status, stop_signals
+    from gateway.cli import stop_signals
 
     stop_signals.install()
     try:
-        treadlink(prog_name="treadlink")
+        with _explained_refusal():
+            try:
+                treadlink(prog_name="treadlink")
+            except SystemExit as ended:
+                if not ended.code:
+                    # What is still buffered may be refused too, and a result that nobody gets is no success.
+                    with suppress(BrokenPipeError, ValueError):
+                        sys.stdout.flush()
+                raise
     except TreadlinkError as error:
-        from gateway.views.text import clean
-
         _logger.debug("command failed", exc_info=True)
-        # Messages quote names and values from files, which must not control the terminal.
-        message, remedy = ("\n".join(map(clean, text.split("\n"))) for text in (str(error), error.remedy))
+        _end_with(error)
+    finally:
+        _flush_output()
+
+
+@contextmanager
+def _explained_refusal() -> Iterator[None]:
+    """Explain a disk or device that refuses an output which has no handling of its own, as a rule standard output.
+
+    Raises:
+        OutputError: it does.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _REFUSALS:
+            raise
+        raise OutputError(
+            f"the output cannot be written: {error.strerror}", "Free some space, or write to another disk."
+        ) from error
+
+
+def _end_with(error: TreadlinkError) -> NoReturn:
+    from gateway.cli import exit_status
+    from gateway.views.text import clean
+
+    # Messages quote names and values from files, which must not control the terminal.
+    message, remedy = ("\n".join(map(clean, text.split("\n"))) for text in (str(error), error.remedy))
+    with suppress(OSError):  # standard error may be refused too
         click.secho(f"treadlink: {message}", fg="red", err=True)
         if remedy:
             click.echo(f"  {remedy}", err=True)
-        raise SystemExit(exit_status.NO_RESULT) from error
-    finally:
-        _flush_output()
+    raise SystemExit(exit_status.NO_RESULT) from error

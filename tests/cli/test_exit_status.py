@@ -160,6 +160,22 @@ def test_closed_pipe_is_quiet(folder: Path, line: str) -> None:
     assert b"Broken" not in errors
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no /dev/full")
+@pytest.mark.parametrize(
+    "line", ["inspect rolling.mcap", "estimate rolling.mcap", "protocol vectors", "doctor --json", "--help"]
+)
+def test_refused_output_is_named_and_is_no_success(folder: Path, line: str) -> None:
+    with Path("/dev/full").open("wb") as full:
+        result = subprocess.run(
+            [sys.executable, "-m", "gateway.cli", *line.split()], cwd=folder, stdout=full, stderr=subprocess.PIPE,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))}, timeout=TIMEOUT_S,
+            check=False,
+        )  # fmt: skip
+    assert result.returncode == 1
+    assert b"cannot be written: No space left on device" in result.stderr
+    assert b"Traceback" not in result.stderr
+
+
 def test_every_command_is_in_the_table() -> None:
     """The page for users has a row for every command."""
     page = (Path(__file__).parents[2] / "docs" / "reference" / "exit-status.md").read_text("utf-8")
