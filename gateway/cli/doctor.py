@@ -17,6 +17,7 @@ from gateway.cli import doctor_checks as checks
 from gateway.cli import exit_status
 from gateway.cli.doctor_checks import Check, Level
 from gateway.clock import SystemClock
+from gateway.views.text import escaped
 
 _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red"}
 
@@ -72,11 +73,13 @@ def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> 
 
 def _print(done: Sequence[Check]) -> None:
     for index, check in enumerate(done):
-        click.echo(f"{click.style(f'{check.level:<8}', fg=_COLOURS[check.level])} {check.name}: {check.text}")
+        click.echo(
+            f"{click.style(f'{check.level:<8}', fg=_COLOURS[check.level])} {escaped(check.name)}: {escaped(check.text)}"
+        )
         # The faults of one file share a remedy, which is printed once, after the last of them.
         shared = index + 1 < len(done) and done[index + 1].remedy == check.remedy
         if check.remedy and not shared:
-            click.echo(f"{'':8} -> {check.remedy}")
+            click.echo(f"{'':8} -> {escaped(check.remedy)}")
     count = {level: sum(check.level is level for check in done) for level in Level}
     faults, warnings = count[Level.FAULT], count[Level.WARNING]
     click.echo(

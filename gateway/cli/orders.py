@@ -85,7 +85,6 @@ def orders(
     from gateway.views.orders.order_tables import order_lines, write_csv, write_json
     from gateway.views.output_file import check_outputs, is_stdout
     from gateway.views.progress import progress_bar
-    from gateway.views.text import clean
 
     outputs = (figure, csv_path, json_path)
     check_outputs(outputs, (recording, config_path, *effects_paths, key_file or default_key_file()), force=force)
@@ -106,7 +105,7 @@ def orders(
         if place:
             say()
         for line in order_lines(wheel, shown):
-            say(clean(line))
+            say(line)
     if figure is not None:
         write_figure(figure, found, recording.name, force=force)
     if csv_path is not None:

@@ -1,12 +1,17 @@
-"""Summary on standard output beside files, for a reader that may leave early, such as `head`."""
+"""Summary on standard output beside files: its reader may leave early, as `head` does, and it quotes names of files."""
 
 from __future__ import annotations
 
 import click
 
+from gateway.views.text import escaped
+
 
 class SummaryOutput:
-    """Printer of lines that goes on silently when their reader has left, so that the files are still written."""
+    """Printer of lines that goes on silently when their reader has left, so that the files are still written.
+
+    Everything unprintable is escaped: names from files must not control the terminal.
+    """
 
     def __init__(self, *, err: bool = False) -> None:
         """Print to standard output, or to standard error."""
@@ -18,7 +23,7 @@ class SummaryOutput:
         if self._is_left:
             return
         try:
-            click.echo(line, err=self._err)
+            click.echo(escaped(line), err=self._err)
         except BrokenPipeError:
             self._is_left = True
 

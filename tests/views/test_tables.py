@@ -15,6 +15,7 @@ from gateway.estimators.estimator import Estimate, Revolution, Status, TireCondi
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.tables.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
+from gateway.views.text import escaped
 from gateway.views.wording import joined, text
 
 FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
@@ -254,8 +255,8 @@ def test_text_that_a_spreadsheet_would_run_is_quoted(tmp_path: Path, start: str)
     with open_table(path, TableFormat.CSV) as writer:
         writer.write(result(0, name, (Estimate(name, -1.5, 0.1, Status.VALID),), load_n=-4.0), f"{start}a.mcap")
     (row,) = read_back(path, TableFormat.CSV)
-    assert (row["position"], row["recording"]) == (f"'{name}", f"'{start}a.mcap")
-    assert row[f"'{name}"] == -1.5
+    assert (row["position"], row["recording"]) == (f"'{escaped(name)}", f"'{escaped(start)}a.mcap")
+    assert row[f"'{escaped(name)}"] == -1.5
     assert row["load_n"] == -4.0
 
 

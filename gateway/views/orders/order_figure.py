@@ -18,6 +18,7 @@ from gateway.signal.angle_resampling import angle_grid
 from gateway.views.orders.order_tables import order_lines, share_texts
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import write_whole
+from gateway.views.text import escaped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +65,7 @@ def write_figure(path: Path, wheels: Sequence[WheelOrders], recording: str, *, f
         if suffix == ".html":
             write_whole(path, _page(wheels, recording), force=force)
         else:
-            write_whole(path, _drawn(wheels, suffix.removeprefix("."), title=recording), force=force)
+            write_whole(path, _drawn(wheels, suffix.removeprefix("."), title=escaped(recording)), force=force)
 
 
 def _drawn(wheels: Sequence[WheelOrders], kind: str, *, title: str = "") -> bytes:
@@ -217,7 +218,7 @@ def _share(axes: Axes, found: WheelOrders) -> None:
 
 def _page(wheels: Sequence[WheelOrders], recording: str) -> bytes:
     """Return a page with a figure and a table for each wheel, which loads nothing."""
-    name = html.escape(recording)
+    name = html.escape(escaped(recording))
     parts = [
         "<!doctype html>",
         f'<html lang="en"><head><meta charset="utf-8"><title>Orders of {name}</title>',

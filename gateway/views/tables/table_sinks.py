@@ -6,6 +6,7 @@ import csv
 from typing import IO, Any, Final, Protocol
 
 from gateway.errors import OutputError
+from gateway.views.text import escaped
 
 Cell = str | int | float | bool | None
 
@@ -63,10 +64,12 @@ class _Utf8:
 
 
 def harmless(cell: Cell) -> Cell:
-    """Return a cell of CSV: booleans as 0 or 1, and an apostrophe before text that a spreadsheet would run."""
+    """Return a cell of CSV: booleans as 0 or 1, text escaped, an apostrophe before what a spreadsheet would run."""
     if isinstance(cell, bool):
         return int(cell)
-    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA_STARTS) else cell
+    if not isinstance(cell, str):
+        return cell
+    return f"'{escaped(cell)}" if cell.startswith(_FORMULA_STARTS) else escaped(cell)
 
 
 def require_pyarrow() -> None:
