@@ -9,7 +9,7 @@ from io import BytesIO
 from typing import Any, Final, NamedTuple
 
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
+from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     AttachmentIndex,
@@ -99,6 +99,8 @@ class MessageParts(NamedTuple):
 def parse_chunk(body: memoryview, *, length: int | None = None) -> ChunkParts:
     """Parse the body of a chunk; `length` is the stated length when the body is cut off.
 
+    Bytes after the records are fields of a later version of MCAP, which readers skip.
+
     Raises:
         ValueError: the fields contradict each other.
     """
@@ -111,11 +113,12 @@ def parse_chunk(body: memoryview, *, length: int | None = None) -> ChunkParts:
         raise ValueError("chunk header is damaged")
     compression = bytes(body[CHUNK_HEAD.size : CHUNK_HEAD.size + name_length])
     (data_length,) = CHUNK_DATA_LENGTH.unpack_from(body, CHUNK_HEAD.size + name_length)
-    if compression not in (b"", b"zstd", b"lz4") or data_offset + data_length != stated:
+    if compression not in (b"", b"zstd", b"lz4") or data_offset + data_length > stated:
         raise ValueError("chunk header is damaged")
     if not compression and size != data_length:
         raise ValueError("chunk sizes contradict each other")
-    return ChunkParts(end_ns, size, crc, compression.decode(), body[data_offset:], data_offset)
+    data = body[data_offset : data_offset + data_length]
+    return ChunkParts(end_ns, size, crc, compression.decode(), data, data_offset)
 
 
 def chunk_records(chunk: ChunkParts) -> memoryview:
@@ -185,23 +188,38 @@ def parse_message(body: memoryview) -> MessageParts:
     return MessageParts(channel, sequence, log_time_ns, publish_time_ns, body[MESSAGE_HEAD.size :])
 
 
-def parse_small(opcode: int, body: memoryview) -> Any:
+class _WholeFields(ReadDataStream):
+    """Fields of a record; `mcap` takes what there is of a text that is cut off."""
+
+    def read(self, length: int) -> bytes:
+        data = super().read(length)
+        if len(data) != length:
+            raise EndOfFile
+        return data
+
+
+def parse_small(opcode: int, body: memoryview, *, exact: bool = False) -> Any:
     """Parse any record other than a message, chunk or attachment with `mcap`.
 
+    Args:
+        opcode: type of the record.
+        body: its content. Bytes after the last field are fields of a later version of MCAP, which readers skip.
+        exact: refuse such bytes, where nothing else says that this is a record.
+
     Raises:
-        ValueError: the type is unknown, or the fields do not fill the stated length, or it is very long.
+        ValueError: the type is unknown, a field is damaged or cut off, or the record is very long.
     """
     kind = _SMALL_RECORDS.get(opcode)
     if kind is None:
         raise ValueError(f"unknown record type {opcode:#x}")
     if len(body) > _MAX_SMALL_BYTES:
         raise ValueError("record is too long")
-    stream = ReadDataStream(BytesIO(body))
+    stream = _WholeFields(BytesIO(body))
     try:
         record = kind.read(stream)
     except (McapError, struct.error, ValueError, MemoryError, OverflowError) as error:
         raise ValueError("record is damaged") from error
-    if stream.count != len(body):
+    if exact and stream.count != len(body):
         raise ValueError("record does not fill its length")
     return record
 

@@ -54,6 +54,7 @@ REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."
 _LOOKED_AT_BYTES: Final = 1 << 14
 _MAX_TIME_DIGITS: Final = 19
 _FOOTER_BYTES: Final = RECORD_HEAD.size + 20
+_LARGEST_TAIL_BYTES: Final = 4096
 
 _READ_RECORDS: Final = frozenset(
     (Opcode.CHUNK, Opcode.MESSAGE, Opcode.CHANNEL, Opcode.METADATA, Opcode.DATA_END, Opcode.FOOTER)
@@ -346,12 +347,14 @@ class RecordingReader:
 
 
 def _is_finished(file: BinaryIO, size: int) -> bool:
-    tail_bytes = _FOOTER_BYTES + len(MAGIC)
-    if size < tail_bytes:
-        return False
-    file.seek(size - tail_bytes)
-    tail = file.read(tail_bytes)
-    return tail.endswith(MAGIC) and tail.startswith(RECORD_HEAD.pack(Opcode.FOOTER, 20))
+    """Return whether a file ends with a footer, which may have fields of a later version of MCAP."""
+    file.seek(max(size - _LARGEST_TAIL_BYTES, 0))
+    tail = file.read(_LARGEST_TAIL_BYTES)
+    end = len(tail) - len(MAGIC)
+    heads = range(end - _FOOTER_BYTES, -1, -1)
+    return tail.endswith(MAGIC) and any(
+        tail.startswith(RECORD_HEAD.pack(Opcode.FOOTER, end - head - RECORD_HEAD.size), head) for head in heads
+    )
 
 
 def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) -> RecordingInfo:

@@ -267,7 +267,8 @@ class Salvage:
             if opcode == Opcode.DATA_END:
                 follows = self._data.part(end, end + 1)[0] if end < self.size else 0
                 return end - body == 4 and follows in (0, *range(Opcode.FOOTER, Opcode.SUMMARY_OFFSET + 1))
-            record = parse_small(opcode, self._data.part(body, end))
+            # Nothing that follows is read after a footer.
+            record = parse_small(opcode, self._data.part(body, end), exact=opcode == Opcode.FOOTER)
         except ValueError:
             return False
         if isinstance(record, MessageIndex):
