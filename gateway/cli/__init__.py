@@ -148,7 +148,7 @@ def main() -> None:
                 treadlink(prog_name="treadlink")
             except SystemExit as ended:
                 if not ended.code:
-                    # What is still buffered may be refused too, and a result that nobody gets is no success.
+                    # What is still buffered may be refused too, and a result that cannot be written is no success.
                     with suppress(BrokenPipeError, ValueError):
                         sys.stdout.flush()
                 raise

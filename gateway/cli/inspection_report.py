@@ -145,7 +145,7 @@ def _time_line(source: WheelInspection, begin: int, end: int) -> Iterator[str]:
         # What is lost is counted, and what was held up arrives, with the next block.
         _move_back(lost, [full - here for full, here in zip(expected, got, strict=True)], slack)
         _move_back(got, [full - gone for full, gone in zip(expected, lost, strict=True)], slack)
-    shares = [min(here / max(here + gone, 1.0), 1.0) for here, gone in zip(got, lost, strict=True)]
+    shares = [min(samples / max(samples + gone, 1.0), 1.0) for samples, gone in zip(got, lost, strict=True)]
     if expected is not None:
         shares = [
             min(share, here / max(full - slack, 1.0)) for share, here, full in zip(shares, got, expected, strict=True)

@@ -164,10 +164,10 @@ class WheelRow:
             self._temperatures = _extended(self._temperatures, conditions.temperature_degc)
         for estimate in result.estimates:
             name = distinct_name(estimate.name, _TAKEN)
-            known = self._estimates.get(name)
-            if known is None:
-                known = self._estimates[name] = _Quantity(is_steady=quantity_of(name).is_steady)
-            known.add(estimate)
+            quantity = self._estimates.get(name)
+            if quantity is None:
+                quantity = self._estimates[name] = _Quantity(is_steady=quantity_of(name).is_steady)
+            quantity.add(estimate)
 
     def cells(self, wheel: WheelSnapshot | None, estimates: Sequence[str]) -> dict[str, Cell]:
         """Return the cells that revolutions and the last state of the wheel decide.

@@ -74,8 +74,8 @@ def _is_unit(text: str, name: str) -> bool:
     if text == "G":
         return names_acceleration(name)
     channel = len(text) == 1 and text in "AKNWJm" and names_acceleration(name)
-    known = text in _UNIT_NAMES or _UNIT.fullmatch(text) is not None
-    return known and not channel and not _NOT_ALONE.fullmatch(text)
+    is_unit = text in _UNIT_NAMES or _UNIT.fullmatch(text) is not None
+    return is_unit and not channel and not _NOT_ALONE.fullmatch(text)
 
 
 def names_acceleration(name: str) -> bool:
