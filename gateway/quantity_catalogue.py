@@ -20,8 +20,9 @@ from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2, 
 class Basis(StrEnum):
     """What an estimate rests on."""
 
-    # Statements that may be wrong.
+    # Statements that may be wrong: that an axis is the lateral one, or the one along the belt, and in time.
     AXES = "axes"
+    ALONG = "along"
     COUPLING = "coupling"
     GAIN = "gain"
     OFFSET = "offset"
@@ -168,6 +169,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "pitch_tilt_rad",
             "tilt of the sensor about the lateral axis",
+            powers={Basis.ALONG: 1.0},
             rests_on=_LOCKED,
             possible=_TILTS,
             is_steady=True,
@@ -175,7 +177,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "sensor_offset_m",
             "distance of the sensor below the neutral layer of the belt",
-            powers={Basis.GAIN: -1.0, Basis.RATE: -2.0},
+            powers={Basis.GAIN: -1.0, Basis.RATE: -2.0, Basis.ALONG: 1.0},
             rests_on=_LOCKED,
             is_steady=True,
         ),

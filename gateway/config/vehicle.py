@@ -23,6 +23,8 @@ from gateway.pipeline.wheel_setup import (
     GAIN_STD,
     HAND_MOUNTED_STD_M,
     HAND_MOUNTED_STD_RAD,
+    LOAD_STD,
+    PRESSURE_STD,
     RADIUS_STD,
     SOFTENING_PER_K,
     SOFTENING_STD_PER_K,
@@ -164,7 +166,10 @@ class Tire(Section):
     )
     pressure_kpa: float | None = Field(default=None, ge=10, le=1500, description="gauge pressure in kPa")
     pressure_std_kpa: float | None = Field(
-        default=None, ge=0, le=500, description="standard error of pressure_kpa in kPa"
+        default=None,
+        ge=0,
+        le=500,
+        description="standard error of the pressure, stated or measured, in kPa; default: 5 % of it",
     )
     temperature_degc: float | None = Field(
         default=None, ge=-60, le=250, description="temperature of the inner liner in degrees Celsius"
@@ -225,8 +230,13 @@ class Tire(Section):
 
     @property
     def pressure_std_pa(self) -> float:
-        """Standard error of the stated pressure in Pa, 0 when not stated."""
+        """Standard error of the pressure in Pa as stated; 0 where it is not, and `pressure_relative_std` counts."""
         return (self.pressure_std_kpa or 0.0) * 1e3
+
+    @property
+    def pressure_relative_std(self) -> float:
+        """Standard error of the pressure over its value where none is stated, else 0."""
+        return PRESSURE_STD if self.pressure_std_kpa is None else 0.0
 
     @property
     def ring_thickness_m(self) -> float | None:
@@ -357,7 +367,9 @@ class Wheel(Section):
         description='serial number of the sensor: 1 to 8 hexadecimal digits in quotes, such as "0000a001"',
     )
     load_n: float | None = Field(default=None, ge=50, le=100_000, description="vertical load in N")
-    load_std_n: float | None = Field(default=None, ge=0, le=50_000, description="standard error of load_n in N")
+    load_std_n: float | None = Field(
+        default=None, ge=0, le=50_000, description="standard error of load_n in N; default: 10 % of the load"
+    )
     tire: Tire = Field(default=Tire(), description="deviations of this wheel's tire from [tire]")
     mounting: Mounting = Field(default=Mounting(), description="position and orientation of the sensor")
     sensor: Sensor = Field(default=Sensor(), description="accuracy of the sensor")
@@ -474,7 +486,8 @@ class VehicleConfig(Section):
     def _setup(self, wheel: Wheel) -> WheelSetup:
         tire = self.tire_of(wheel)
         assert tire.radius_m is not None  # ensured by cross_faults
-        load_n, load_std_n = wheel.load_n, wheel.load_std_n or 0.0
+        load_n = wheel.load_n
+        load_std_n = LOAD_STD * (load_n or 0.0) if wheel.load_std_n is None else wheel.load_std_n
         for axle in self.axle:
             if wheel.position in axle.wheels:
                 load_n, load_std_n = axle.wheel_load_n, axle.wheel_load_std_n
@@ -488,6 +501,7 @@ class VehicleConfig(Section):
             load_std_n=load_std_n,
             pressure_pa=tire.pressure_pa,
             pressure_std_pa=tire.pressure_std_pa,
+            pressure_relative_std=tire.pressure_relative_std,
             temperature_degc=tire.temperature_degc,
             sensor=SensorClaims(
                 offset_m=wheel.mounting.offset_m,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 
@@ -43,6 +43,8 @@ _WEAK_BENDING: Final = 1e-3
 _WEAK_FACTOR: Final = 2.0
 # Share of the error of a comparison from which what a disagreement adds to it matters.
 _NEGLIGIBLE: Final = 0.3
+# Change of Cw by the extension of the belt and by what else the ring of the estimators does not have, relative.
+_WIDTH_MODEL_STD: Final = 0.02
 # Correlations above this are reported.
 _CONFOUNDED: Final = 0.95
 
@@ -200,12 +202,13 @@ def series_estimates(
     missing = [missing_conditions(at) for at in conditions]
     scales = [0.0 if lacking else scale_error(at) for lacking, at in zip(missing, conditions, strict=True)]
     widths = [
-        (None, 0.0) if lacking else _other_width(estimator, cw, cw_std, at, scale)
+        None if lacking else _width(estimator, cw, cw_std, at, scale)
         for lacking, cw, cw_std, at, scale in zip(
             missing, values[:, _CW].tolist(), std[:, _CW].tolist(), conditions, scales, strict=True
         )
     ]
-    scale = np.hypot(scales, [added for _, added in widths])[:, np.newaxis]
+    scales = [scale if width is None else width.scale for width, scale in zip(widths, scales, strict=True)]
+    scale = np.array(scales)[:, np.newaxis]
     determined = _determined(values, free, variance, std)
     ratios, ratio_errors, ratio_fits = _ratios(values, free, covariance)
     # Weak bending must be determined better than the ratio's own error tells.
@@ -215,13 +218,17 @@ def series_estimates(
     sound = np.concatenate([determined, ratio_fits], axis=1) & (known > 0.0) & np.isfinite(errors)
     rows = list(zip(known.tolist(), errors.tolist(), sound.tolist(), strict=True))
     made = []
-    for index, (lacking, (width, added)) in enumerate(zip(missing, widths, strict=True)):
+    for index, (lacking, width) in enumerate(zip(missing, widths, strict=True)):
         own = doubts[index]
         if lacking:
             numbers = [Estimate.invalid(name, *lacking) for name in RING_NUMBERS]
         else:
-            of_width = () if width is None else (width,)
-            numbers_doubts, numbers_notes = (own, (*notes, *of_width)) if added else ((*own, *of_width), notes)
+            numbers_doubts, numbers_notes = own, notes
+            if width is not None and width.reason is not None:
+                if width.reason.code is Code.WIDTH_CONTRADICTED:
+                    numbers_doubts = (*own, width.reason)
+                else:
+                    numbers_notes = (*notes, width.reason)
             numbers = _estimates(fitted, index, rows[index], range(_COUNT), numbers_doubts, numbers_notes)
         made.append((*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), own, notes)))
     return made
@@ -295,25 +302,38 @@ def _determined(values: FloatArray, free: BoolArray, variance: FloatArray, std: 
     return determined
 
 
-def _other_width(
-    estimator: str, cw: float, std: float, conditions: TireConditions, scale: float
-) -> tuple[Reason | None, float]:
-    """Return what the difference between Cw and that of the new tire says, and what it adds to the relative error.
+class _Width(NamedTuple):
+    """What the belt width of the new tire says of load, pressure and radius."""
 
-    A contradiction adds nothing. The reason is None where the difference hardly matters. `scale` is `scale_error`.
+    scale: float
+    reason: Reason | None
+
+
+def _width(estimator: str, cw: float, std: float, conditions: TireConditions, scale: float) -> _Width | None:
+    """Return the relative error of the common factor of the four numbers, given the new tire's width; None for no news.
+
+    Wear does not change the width, so Cw over that of the new tire is the factor by which the stated Q / (p0 R^2) is
+    off, within the errors of both widths and of the model. `scale` is `scale_error`. Where the width knows the factor
+    better than what is stated, its difference and error count; else the chance that the statement is wrong.
+    A contradiction changes nothing.
     """
     reference = conditions.tire.reference
     if reference.estimator != estimator or not reference.Cw or not cw > 0.0:
-        return None, 0.0
-    error = math.hypot(std / cw, scale, reference.Cw_std / reference.Cw)
+        return None
+    by_width = math.hypot(std / cw, reference.Cw_std / reference.Cw)
+    error = math.hypot(by_width, scale)
     ratio = cw / reference.Cw
     difference = math.log(ratio)
     if abs(difference) > CONTRADICTION * error:
-        return Reason(Code.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error), 0.0
+        return _Width(scale, Reason(Code.WIDTH_CONTRADICTED, ratio=ratio, std=ratio * error))
+    measured = math.hypot(difference, by_width, _WIDTH_MODEL_STD)
+    if measured < scale:
+        return _Width(measured, Reason(Code.SCALE_BY_WIDTH, ratio=ratio, std=ratio * by_width, error=measured))
     added = disagreement_std(difference, error)
-    if not added > _NEGLIGIBLE * error:
-        return None, added
-    return Reason(Code.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added), added
+    if not added:
+        return None
+    told = Reason(Code.WIDTH_DISAGREES, ratio=ratio, std=ratio * error, error=added)
+    return _Width(math.hypot(scale, added), told if added > _NEGLIGIBLE * error else None)
 
 
 def load_number(conditions: TireConditions) -> float:

@@ -16,8 +16,8 @@ from gateway.reasons import Code, Reason
 
 NAMES: Final = ("distance_m",)
 
-# Gap between two revolutions, in turns, from which one is missing between them.
-_LEAST_GAP_TURNS: Final = 0.5
+# Gap between two revolutions, in turns, that no jitter of a contact makes.
+_LEAST_GAP_TURNS: Final = 0.25
 # Usual deviation of a vehicle's acceleration from its mean over some seconds.
 _ACCELERATION_STD_MPS2: Final = 1.0
 # Standard error of the number of missing turns, and distance to a whole number, within which it is taken as whole.
@@ -73,8 +73,8 @@ class DistanceEstimator:
         if not math.isnan(self._end_s):
             self._bridge(revolution.start_s - self._end_s, frequency, circumference)
         self._end_s, self._frequency_hz = revolution.start_s + revolution.period_s, frequency
-        self._distance_m += circumference
-        self._turns += 1.0
+        self._distance_m += circumference * revolution.turns
+        self._turns += revolution.turns
         by_radius = 2.0 * math.pi * self._turns * conditions.radius_std_m
         std = math.sqrt(by_radius**2 + self._bridged_variance_m2)
         doubts: list[Reason] = []

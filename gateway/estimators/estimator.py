@@ -64,6 +64,8 @@ class TireConditions:
         sensor_offset_std_m: one standard error of it.
         steady_std_mps2: one standard error of the steady value of the radial axis, beyond a common gain.
         gain_std: relative standard error of the gain of the sensor's axes.
+        hub_mps2: standard error of order 2 by motion of the hub, as far as the circumferential axis shows it.
+        roll_std_rad: standard error of a roll from means at one speed, as the shape of the lateral axis shows it.
         claims: what is stated about the sensor; `sensor_offset_m` is what is in use.
         tire: the new tire's reference numbers, thickness, calibrations and laminate.
         given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
@@ -81,6 +83,8 @@ class TireConditions:
     sensor_offset_std_m: float = 0.0
     steady_std_mps2: float = 0.0
     gain_std: float = 0.0
+    hub_mps2: float = 0.0
+    roll_std_rad: float = 0.0
     claims: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)
@@ -98,7 +102,7 @@ class Revolution:
         index: running number of the wheel's revolutions.
         start_s: hub time of the first contact centre, s since the hub's start.
         period_s: duration.
-        omega_radps: mean angular speed, 2 pi / period_s.
+        omega_radps: mean angular speed, 2 pi turns / period_s.
         omega_dot_radps2: angular acceleration over the revolution.
         radial_mps2: (n,) radial specific force, positive inward, gravity and the revolution's angular
             acceleration removed, so that a steady free-rolling ring gives the same curve every time.
@@ -119,6 +123,7 @@ class Revolution:
         rate_hz: sampling rate as measured against the hub's clock; NaN when not known.
         uncorrected: why the known effects of an effects file were not subtracted from `axes_mps2` and what is made of
             them; None when they were, or when there is no such file.
+        turns: between the two contacts; more than 1 where contacts between them were not seen.
     """
 
     index: int
@@ -142,6 +147,7 @@ class Revolution:
     period_std_s: float = float("nan")
     rate_hz: float = float("nan")
     uncorrected: Reason | None = None
+    turns: int = 1
 
 
 def not_used(faults: Iterable[Reason]) -> Reason:

@@ -119,12 +119,26 @@ class LoadEstimator:
         if width.status is Status.INVALID:
             return Estimate.invalid(NAMES[2], *width.reasons)
         value = load * reference.Cw / width.value
-        # The error of the stated load is part of that of Cw, but cancels here.
-        relative2 = max(0.0, (width.std / width.value) ** 2 - (load_std / load) ** 2)
+        relative2 = max(0.0, (width.std / width.value) ** 2 + _beyond_load(width, load_std / load, conditions))
         std = value * math.sqrt(relative2 + (reference.Cw_std / reference.Cw) ** 2)
         # Another width than the new tire's contradicts the stated load, not this one.
-        doubts = tuple(reason for reason in width.reasons if reason.code is not Code.WIDTH_CONTRADICTED)
+        doubts = tuple(
+            reason for reason in width.reasons if reason.code not in (Code.WIDTH_CONTRADICTED, Code.SCALE_BY_WIDTH)
+        )
         return Estimate(NAMES[2], value, std, width.status if doubts else Status.VALID, doubts)
+
+
+def _beyond_load(width: Estimate, load_std: float, conditions: TireConditions) -> float:
+    """Return what the relative variance of a load by the width has beyond that of the width.
+
+    The error of the stated load is part of that of Cw and cancels; those of pressure and radius do not. Where the width
+    of the new tire has replaced all three together, pressure and radius come back as stated.
+    """
+    replaced = next((reason["error"] for reason in width.reasons if reason.code is Code.SCALE_BY_WIDTH), None)
+    if not isinstance(replaced, float) or not conditions.pressure_pa:
+        return -(load_std**2)
+    pressure_std = conditions.pressure_std_pa / conditions.pressure_pa
+    return pressure_std**2 + (2.0 * conditions.radius_std_m / conditions.radius_m) ** 2 - replaced**2
 
 
 def _compared(estimate: Estimate, conditions: TireConditions) -> Estimate:
@@ -264,13 +278,24 @@ def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> 
     return tuple(dict.fromkeys(reason for one in found for reason in one.reasons if reason.code in against))
 
 
-def _width_disagreement(conditions: TireConditions) -> float:
-    """Return the relative error that the belt width of the new tire adds to load and pressure as stated."""
+def _scale_error(conditions: TireConditions, load_std: float) -> float:
+    """Return the relative error of Q / (p0 R^2), of a load with that error, given the belt width of the new tire."""
     width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
-    for reason in width.reasons if width is not None else ():
-        if reason.code is Code.WIDTH_DISAGREES and isinstance(error := reason["error"], float):
-            return error
-    return 0.0
+    by_width = {
+        reason.code: reason["error"]
+        for reason in (width.reasons if width is not None else ())
+        if reason.code in (Code.SCALE_BY_WIDTH, Code.WIDTH_DISAGREES)
+    }
+    replaced, added = by_width.get(Code.SCALE_BY_WIDTH), by_width.get(Code.WIDTH_DISAGREES, 0.0)
+    if isinstance(replaced, float) and conditions.load_n is not None:
+        return replaced
+    assert conditions.pressure_pa is not None
+    stated = (
+        load_std,
+        conditions.pressure_std_pa / conditions.pressure_pa,
+        2.0 * conditions.radius_std_m / conditions.radius_m,
+    )
+    return math.hypot(*stated, added if isinstance(added, float) else 0.0)
 
 
 def _pressure_number(
@@ -293,12 +318,5 @@ def _pressure_number(
     number = value / (2.0 * pressure * half * conditions.radius_m**2)
     # The error of the edge's definition counts here, because the number is compared between tires.
     half_std = math.hypot(half_std, EDGE_MODEL_STD_RAD)
-    unsure = _width_disagreement(conditions)
-    relative = math.hypot(
-        std / value,
-        half_std / half,
-        conditions.pressure_std_pa / pressure,
-        2.0 * conditions.radius_std_m / conditions.radius_m,
-        unsure,
-    )
+    relative = math.hypot(_scale_error(conditions, std / value), half_std / half)
     return Estimate(NAMES[3], number, number * relative, status, reasons)

@@ -52,6 +52,8 @@ _LEVEL_STD_RAD: Final = 2e-4
 # the force over the load (docs/explanation/forces.md). The strain of a belt is not known.
 _EXTENSION_STD: Final = 0.02
 _EXTENSION_LOSS_STD: Final = 0.004
+# Order that contains motion of the hub at the wheel's frequency.
+_HUB_ORDER: Final = 2
 # Largest standard error of a valid force near zero, over the load: driving at steady speed takes 1 to 5 % of it.
 _USEFUL_STD: Final = 0.02
 
@@ -194,7 +196,7 @@ class LongitudinalForceEstimator:
         weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
         self._omega_radps += weight * (revolution.omega_radps - self._omega_radps)
         try:
-            self._solve(average, revolution, float(signal[0].real), edges, max_order)
+            self._solve(average, revolution, float(signal[0].real), edges, max_order, conditions.hub_mps2)
         except np.linalg.LinAlgError:
             return _all_invalid(Reason(Code.NO_BELT_SHAPE))
         if self._now.solution is None or self._tire.solution is None:
@@ -208,6 +210,7 @@ class LongitudinalForceEstimator:
         mean_mps2: float,
         edges_rad: tuple[float, float],
         max_order: int,
+        hub_mps2: float,
     ) -> None:
         """Solve the balances that are outdated."""
         outdated = self._tire.is_outdated
@@ -220,6 +223,7 @@ class LongitudinalForceEstimator:
         half_angle_rad = 0.5 * (edges_rad[1] - edges_rad[0])
         signal = orders_about(average.radial_mps2, 0.5 * (edges_rad[0] + edges_rad[1]), max_order)
         waves = wave_std(signal, std / math.sqrt(average.effective_count), max_order)
+        waves[_HUB_ORDER] = math.hypot(waves[_HUB_ORDER], hub_mps2 / mean_mps2)
         if outdated:
             self._tire.solve(std, waves, half_angle_rad, None)
         self._now.solve(std, waves, half_angle_rad, self._prior(revolution.omega_radps))

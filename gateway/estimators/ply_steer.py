@@ -223,10 +223,7 @@ class PlySteerEstimator:
         """Return the estimates of revolutions with contact edges, at least one."""
         lateral_m = np.stack([one.followed.lateral_m for one in measured])
         states = _states(block, measured)
-        claims = [block.conditions[one.index].claims for one in measured]
-        roll_std_rad = np.array(
-            [_roll_error(one.followed.roll, own) for one, own in zip(measured, claims, strict=True)]
-        )
+        roll_std_rad = np.array([_roll_error(one.followed.roll, block.conditions[one.index]) for one in measured])
         values_rad, stds_rad = np.empty((2, len(measured), len(_OF_SHAPE)))
         notes: list[tuple[tuple[Reason, ...], ...]] = []
         while (first := len(notes)) < len(measured):
@@ -247,10 +244,9 @@ class PlySteerEstimator:
         is_significant = np.abs(values_rad) > _SIGNIFICANT * stds_rad
         is_sound = is_significant & np.isfinite(values_rad) & np.isfinite(stds_rad)
         return [
-            _estimates(one, own_claims, own_notes, *own)
-            for one, own_claims, own_notes, *own in zip(
+            _estimates(one, block.conditions[one.index], own_notes, *own)
+            for one, own_notes, *own in zip(
                 measured,
-                claims,
                 notes,
                 values_rad.tolist(),
                 stds_rad.tolist(),
@@ -385,7 +381,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
     conical = Reason(Code.INCLUDES_CONICITY), orders
     by_roll = rows @ record.radial_m
-    stds = np.sqrt(variance + np.square(by_roll * _roll_error(followed.roll, conditions.claims)))
+    stds = np.sqrt(variance + np.square(by_roll * _roll_error(followed.roll, conditions)))
     # Where the line ends at an edge of the contact, the slope there does not matter.
     ends_std[np.array(found.stretch_rad) == np.array(edges)] = math.inf
     rows = np.concatenate([rows, ends])
@@ -419,12 +415,16 @@ def _doubt(followed: _Followed, claims: SensorClaims) -> Reason | None:
         return Reason(Code.ROLL_NOT_CALIBRATED, assumed_rad=MOUNTING_STD_RAD)
     if not _zero_is_measured(roll, claims):
         # At one speed a zero of the lateral axis looks like a roll, and a roll like conicity.
-        expected = claims.roll_rad or 0.0
-        if _differs_from_roll(roll, claims, expected):
-            return Reason(
-                Code.ROLL_UNLIKELY, roll_rad=roll.rad, expected_rad=expected, expected_std_rad=claims.roll_std_rad
-            )
+        return _unlikely_roll(roll, claims)
     return None
+
+
+def _unlikely_roll(roll: Roll, claims: SensorClaims) -> Reason | None:
+    """Return why a roll is not what the sensor was mounted with; None where it may be."""
+    expected = claims.roll_rad or 0.0
+    if not _differs_from_roll(roll, claims, expected):
+        return None
+    return Reason(Code.ROLL_UNLIKELY, roll_rad=roll.rad, expected_rad=expected, expected_std_rad=claims.roll_std_rad)
 
 
 def _differs_from_roll(roll: Roll, claims: SensorClaims, expected_rad: float) -> bool:
@@ -432,12 +432,14 @@ def _differs_from_roll(roll: Roll, claims: SensorClaims, expected_rad: float) ->
     return abs(roll.rad - expected_rad) > _SIGNIFICANT * math.hypot(roll.std_rad, claims.roll_std_rad)
 
 
-def _roll_error(roll: Roll, claims: SensorClaims) -> float:
+def _roll_error(roll: Roll, conditions: TireConditions) -> float:
     """Return the error of the roll, with the chance that a zero of the lateral axis looks like a part of it."""
+    claims = conditions.claims
     if not roll.count or _zero_is_measured(roll, claims):
         return roll.std_rad
     difference = roll.rad - (claims.roll_rad or 0.0)
-    return math.hypot(roll.std_rad, disagreement_std(difference, math.hypot(roll.std_rad, claims.roll_std_rad)))
+    unlikely = disagreement_std(difference, math.hypot(roll.std_rad, claims.roll_std_rad))
+    return math.hypot(roll.std_rad, max(unlikely, conditions.roll_std_rad))
 
 
 def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
@@ -447,7 +449,7 @@ def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
 
 def _estimates(
     measured: _Measured,
-    claims: SensorClaims,
+    conditions: TireConditions,
     notes: tuple[tuple[Reason, ...], ...],
     values_rad: list[float],
     stds_rad: list[float],
@@ -458,14 +460,14 @@ def _estimates(
 
     Args:
         measured: the average after it.
-        claims: about its sensor.
+        conditions: of its tire.
         notes: of each estimate of _OF_SHAPE, as the next three.
         values_rad: values.
         stds_rad: standard errors.
         is_sound: whether value and error are finite, and the value is significant.
         has_sign: whether the sign of the contact line is significant.
     """
-    roll, unusable = measured.followed.roll, measured.unusable
+    roll, unusable, claims = measured.followed.roll, measured.unusable, conditions.claims
     doubt = unusable or _doubt(measured.followed, claims)
     made = [
         Estimate(name, value, std, Status.VALID, own)
@@ -478,7 +480,7 @@ def _estimates(
         chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
         made = [Estimate.invalid(one.name, chance) if one.name in _SIGN_OF_LINE else one for one in made]
     *of_contact, ahead = made
-    return (*of_contact, _roll_estimate(roll, claims, unusable), ahead, _offset_estimate(roll, claims, unusable))
+    return (*of_contact, _roll_estimate(roll, conditions, unusable), ahead, _offset_estimate(roll, claims, unusable))
 
 
 def _doubted(name: str, value: float, std: float, notes: tuple[Reason, ...], doubt: Reason | None) -> Estimate:
@@ -529,17 +531,23 @@ def _conicity(
     return difference_rad - share * line_rad, np.sqrt(variance)
 
 
-def _roll_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) -> Estimate:
-    """Return the measured roll, against the stated one."""
+def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | None) -> Estimate:
+    """Return the measured roll, against the stated one, or against what gluing by hand makes likely."""
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
-    if unusable is not None:
-        return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, unusable))
-    stated = claims.roll_rad
-    if stated is None or not _differs_from_roll(roll, claims, stated):
-        return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.VALID, _FROM_MEANS)
-    contradicted = Reason(Code.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
-    return Estimate(ROLL_NAME, roll.rad, roll.std_rad, Status.PROVISIONAL, (*_FROM_MEANS, contradicted))
+    claims, stated = conditions.claims, conditions.claims.roll_rad
+    # Gains of two axes, and a pitch and a yaw, which turn the axes into each other.
+    std = math.hypot(
+        _roll_error(roll, conditions), math.sqrt(2.0) * conditions.gain_std * roll.rad, MOUNTING_STD_RAD**2
+    )
+    doubt = unusable
+    if doubt is None and stated is None and not _zero_is_measured(roll, claims):
+        doubt = _unlikely_roll(roll, claims)
+    elif doubt is None and stated is not None and _differs_from_roll(roll, claims, stated):
+        doubt = Reason(Code.ROLL_CONTRADICTED, stated_rad=stated, stated_std_rad=claims.roll_std_rad)
+    if doubt is not None:
+        return Estimate(ROLL_NAME, roll.rad, std, Status.PROVISIONAL, (*_FROM_MEANS, doubt))
+    return Estimate(ROLL_NAME, roll.rad, std, Status.VALID, _FROM_MEANS)
 
 
 def _offset_estimate(roll: Roll, claims: SensorClaims, unusable: Reason | None) -> Estimate:

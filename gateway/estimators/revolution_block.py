@@ -98,15 +98,12 @@ class ConditionArrays(NamedTuple):
     sensor_offset_std_m: FloatArray
     steady_std_mps2: FloatArray
     gain_std: FloatArray
+    hub_mps2: FloatArray
 
     @classmethod
     def of(cls, conditions: Sequence[TireConditions]) -> Self:
         """Return the conditions as arrays."""
-        rows = [
-            (at.radius_m, at.radius_std_m, at.sensor_offset_m, at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std)
-            for at in conditions
-        ]
-        return cls(*np.array(rows).T)
+        return cls(*np.array([[getattr(at, name) for name in cls._fields] for at in conditions]).T)
 
     def rows(self, taken: slice) -> Self:
         """Return the conditions of some of the revolutions."""

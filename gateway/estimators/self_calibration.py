@@ -28,15 +28,19 @@ from gateway.estimators.pace import is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M
 from gateway.reasons import Code, Reason
+from gateway.signal.axis_relations import AxisRelations, axis_relations
 from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import (
+    HUB_SIZE,
     MOUNTING_SIZE,
     BeltKinematics,
     MountingRows,
     RollCalibration,
     belt_kinematics,
+    hub_motion_mps2,
     mounting_rows,
 )
+from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
 NAMES: Final = (
@@ -64,6 +68,10 @@ _OFFSET_MODEL_M: Final = 2e-5
 _PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
 _KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
+# Order 2 of the circumferential axis that the mounting leaves on belts of random tires, over R Omega^2.
+_HUB_AT_REST: Final = 6e-5
+# Memory of the hub's motion, as that of the running average that contains it.
+_KEEP_OF_HUB: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
 # Share of its prior error below which the zero-g offset counts as determined.
 _SEPARATED: Final = 0.3
 # Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
@@ -94,6 +102,8 @@ _STILL_MPS2: Final = 1e-6
 GREATEST_MEAN_SQUARE: Final = 1.5
 # The equations of one revolution already overdetermine the mounting offset; three average out its jitter.
 _LEAST_OF_OFFSET: Final = 3
+# Revolutions in the average whose axes are compared with each other.
+_LEAST_OF_RELATIONS: Final = 2.5
 
 # Places in the running sums: equations of the mounting, of the means, of gravity, then normal matrix and right-hand
 # side of G, z, G' and a, and what a relative error of the steady value adds to the right-hand side.
@@ -154,6 +164,9 @@ class Measured(NamedTuple):
         contact_gain: gain of an AC-coupled sensor and its standard error, from the depth of the contact; None without.
         offset_m: sensor below the neutral layer and its standard error; None without a circumferential axis.
         along_gravity: gravity that the circumferential axis shows; None where nothing tells.
+        hub_mps2: order 2 of the circumferential axis that the belt does not explain; 0 without that axis.
+        relations: of the axes with each other.
+        roll_by_mean_rad: of the averaged axes; NaN without a lateral axis.
     """
 
     revolutions: int
@@ -166,6 +179,9 @@ class Measured(NamedTuple):
     contact_gain: tuple[float, float] | None
     offset_m: tuple[float, float] | None
     along_gravity: AlongGravity | None = None
+    hub_mps2: float = 0.0
+    relations: AxisRelations = AxisRelations()
+    roll_by_mean_rad: float = math.nan
 
 
 class _Step(NamedTuple):
@@ -229,6 +245,11 @@ class SelfCalibrationEstimator:
         # Squared residuals with gravity ahead, with gravity back and without any, and the number of equations.
         self._with_gravity: FloatArray = np.zeros(4)
         self._along_gravity: AlongGravity | None = None
+        self._hub: FloatArray = np.zeros(HUB_SIZE)
+        # Sum of the axes, their weight, and what their relations said at the last renewal.
+        self._axes: tuple[FloatArray | float, float] = 0.0, 0.0
+        self._relations = AxisRelations()
+        self._roll_by_mean = math.nan
         self._last = _START
         self._steps: list[_Step] = []
 
@@ -332,7 +353,30 @@ class SelfCalibrationEstimator:
         if block.revolutions[index].ac_coupled:
             self._last = self._last._replace(floor=_floor_gain(average, conditions))
         self._look_at_direction(block, index)
+        if not block.revolutions[index].ac_coupled:
+            self._relate(block, index, (average.leading_edge_rad, average.trailing_edge_rad))
         return None
+
+    def _relate(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
+        """Compare the axes with each other, over the latest revolutions."""
+        total, weight = self._axes
+        if weight < _LEAST_OF_RELATIONS or isinstance(total, float):
+            return
+        assert self._belt is not None
+        revolution, radius_m = block.revolutions[index], block.conditions[index].radius_m
+        axes = total / weight
+        if self._last.against:
+            axes[_CIRCUMFERENTIAL] = -axes[_CIRCUMFERENTIAL]
+        self._relations = axis_relations(
+            axes,
+            self._belt,
+            edges_rad,
+            revolution.omega_radps,
+            revolution.omega_dot_radps2 * radius_m,
+            revolution.order_max,
+        )
+        means = axes.mean(axis=1)
+        self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))
 
     def _look_at_direction(self, block: RevolutionBlock, index: int) -> None:
         """Start again where a revolution shows that the circumferential axis points elsewhere than assumed.
@@ -369,6 +413,8 @@ class SelfCalibrationEstimator:
         if turned or self._is_absent is not absent:
             self._last = _START._replace(against=against is not turned, floor=self._last.floor)
             self._is_calibrated = self._has_along = False
+            self._hub, self._axes = np.zeros(HUB_SIZE), (0.0, 0.0)
+            self._relations = AxisRelations()
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
@@ -392,6 +438,7 @@ class SelfCalibrationEstimator:
         assert belt is not None
         first, first_conditions = block.revolutions[taken[0]], block.conditions[taken[0]]
         rows = np.zeros((len(taken), _SUMS))
+        hub = np.zeros((len(taken), HUB_SIZE))
         # Without a copy where all are taken, as nearly always.
         at = slice(None) if len(taken) == len(block) else np.array(taken)
         spectra = block.arrays.in_plane_mps2[at]
@@ -408,6 +455,7 @@ class SelfCalibrationEstimator:
                 spectra, belt, omega, omega_dot, first_conditions.radius_m, order_max, with_mean=with_mean
             )
             rows[:, _MOUNTING] = np.where(along[:, np.newaxis], found.sums, 0.0)
+            hub = np.where(along[:, np.newaxis], found.hub, 0.0)
         self._has_along |= bool(along.any())
         warm, expected = [self._last.warm] * len(taken), np.full(len(taken), math.nan)
         is_calibrated = False
@@ -425,9 +473,15 @@ class SelfCalibrationEstimator:
             before = before.copy()
             before[_MEAN] = before[_GRAVITY] = 0.0
         self._is_calibrated |= is_calibrated
-        powers, decay = _decay(len(taken))
+        powers, decay = _decay(len(taken), _KEEP)
         sums = powers[:, np.newaxis] * before + decay @ rows
-        return self._record(block, taken, belt, sums, warm, expected.tolist())
+        powers, decay = _decay(len(taken), _KEEP_OF_HUB)
+        hub = powers[:, np.newaxis] * self._hub + decay @ hub
+        axes = block.arrays.axes_mps2[at]
+        total = (decay[-1] @ axes.reshape(len(taken), -1)).reshape(axes.shape[1:])
+        self._axes = powers[-1] * self._axes[0] + total, float(powers[-1] * self._axes[1] + decay[-1].sum())
+        self._hub = hub[-1]
+        return self._record(block, taken, belt, sums, hub, warm, expected.tolist())
 
     def _warm(self, conditions: TireConditions) -> float:
         degc = conditions.temperature_degc
@@ -489,13 +543,19 @@ class SelfCalibrationEstimator:
         taken: Sequence[int],
         belt: BeltKinematics,
         sums: FloatArray,
+        hub: FloatArray,
         warm: Sequence[float],
         expected: Sequence[float],
     ) -> list[_Step]:
         solutions = stds = None
+        hub_mps2 = [0.0] * len(taken)
         if self._has_along:
-            found_mounting = MountingRows(sums[:, _MOUNTING]).solve()
-            solutions, stds = found_mounting[0].tolist(), found_mounting[1].tolist()
+            found, found_stds = MountingRows(sums[:, _MOUNTING], hub).solve()
+            solutions, stds = found.tolist(), found_stds.tolist()
+            # What a belt without any such motion leaves does not count.
+            motion = np.nan_to_num(hub_motion_mps2(hub, found[:, 0], found[:, 1]))
+            at_rest = _HUB_AT_REST * block.conditions[taken[0]].radius_m * np.square(block.arrays.omega_radps[taken])
+            hub_mps2 = np.sqrt(np.maximum(np.square(motion) - at_rest**2, 0.0)).tolist()
         floor = self._last.floor
         contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
         equations = sums[:, _MEAN.start : _GRAVITY.stop].tolist()
@@ -522,6 +582,9 @@ class SelfCalibrationEstimator:
                 contact_gain=contact,
                 offset_m=offset if count >= _LEAST_OF_OFFSET else None,
                 along_gravity=self._along_gravity,
+                hub_mps2=hub_mps2[place],
+                relations=self._relations,
+                roll_by_mean_rad=self._roll_by_mean,
             )
             steps.append(_Step(None, count, sums[place], pitch, offset, warm[place], floor, measured, against))
         self._last = steps[-1]
@@ -548,12 +611,12 @@ def _gravity_of(ahead: float, back: float, without: float, count: float) -> Alon
 
 
 @lru_cache(maxsize=64)
-def _decay(count: int) -> tuple[FloatArray, FloatArray]:
+def _decay(count: int, keep: float) -> tuple[FloatArray, FloatArray]:
     """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
     place: FloatArray = np.arange(count, dtype=np.float64)
-    powers: FloatArray = _KEEP ** (place + 1.0)
+    powers: FloatArray = keep ** (place + 1.0)
     later: FloatArray = np.maximum(place[:, np.newaxis] - place, 0.0)
-    rows: FloatArray = np.tril(np.power(_KEEP, later))
+    rows: FloatArray = np.tril(np.power(keep, later))
     for array in (powers, rows):
         array.setflags(write=False)
     return powers, rows

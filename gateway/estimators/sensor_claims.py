@@ -19,6 +19,11 @@ UNKNOWN_OFFSET_STD_M: Final = 5e-3
 """A sensor on the inner liner is 0 to 10 mm below the neutral layer."""
 RADIUS_STD: Final = 0.01
 """Relative standard error of a belt radius from a data sheet."""
+LOAD_STD: Final = 0.1
+"""Relative standard error of a wheel load that was not weighed: passengers and luggage, and left against right."""
+PRESSURE_STD: Final = 0.05
+"""Relative standard error of a gauge pressure. A sensor measures an absolute one within 2 %, and weather and altitude
+change the ambient pressure that is subtracted by 5 kPa, three times that in the mountains."""
 
 
 @dataclass(frozen=True, slots=True)

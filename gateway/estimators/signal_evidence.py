@@ -68,9 +68,15 @@ _RADIUS_UNKNOWN: Final = 2.0
 # Root mean square share of an error of the steady value that the sampling rate has: radius, gain or rate are wrong,
 # each as likely as the others, and the steady value is of the rate squared.
 _SHARE_OF_RATE: Final = 0.5 * math.sqrt(1.0 / 3.0)
+# Root mean square share of a difference within the errors of what is stated that one of three causes of it has: half of
+# such differences are these errors alone, the others one of the causes, each as likely.
+_SHARE_OF_ONE: Final = math.sqrt(0.5 / 3.0)
 # Share of its stated error below which the zero-g offset counts as measured.
 _ZERO_MEASURED: Final = 0.3
 
+
+# Difference of the rolls by the means of two axes and by the shape of the lateral one, on belts of random tires.
+_ROLL_BY_SHAPE_RAD: Final = 6e-3
 
 # Share of the true signal in an axis that is not the one it is taken for.
 _OF_ANOTHER_AXIS: Final = 0.0
@@ -84,6 +90,7 @@ class Subject(StrEnum):
     GRAVITY = "gravity"
     OFFSET = "sensor offset"
     STEADY = "steady value"
+    TIMING = "timing of the axes"
     VEHICLE_SPEED = "vehicle speed"
     WHEEL_SPEED = "wheel speed"
     ZERO = "zero-g offset"
@@ -132,6 +139,8 @@ class Evidence(NamedTuple):
         contradictions: of stated and measured values.
         unsure: relative error of radius, gain and rate beyond the stated ones, by a steady value near a contradiction.
         disagreement: of the steady value with what is stated, where it is most of the radius's error; None elsewhere.
+        hub_mps2: order 2 by motion of the hub.
+        roll_std_rad: error of the roll from means at one speed.
     """
 
     sensor_offset_m: float
@@ -144,6 +153,8 @@ class Evidence(NamedTuple):
     contradictions: tuple[Contradiction, ...] = ()
     unsure: float = 0.0
     disagreement: Reason | None = None
+    hub_mps2: float = 0.0
+    roll_std_rad: float = 0.0
 
     def applied_to(
         self, conditions: TireConditions, given: Mapping[str, Mapping[str, Estimate]] | None = None
@@ -164,6 +175,8 @@ class Evidence(NamedTuple):
             self.sensor_offset_std_m,
             self.steady_std_mps2,
             self.gain_std,
+            self.hub_mps2,
+            self.roll_std_rad,
             claims,
             conditions.tire,
             conditions.given if given is None else given,
@@ -246,6 +259,13 @@ def assess(
     zero_std, gain_std = claims.zero_g_std_mps2, claims.gain_std
     # Relative error of the measured offset that a contradicted gain or rate makes.
     offset_error = 0.0
+    if measured is not None:
+        related = tuple(_related(measured, steady_mps2, radius.value))
+        contradictions += related
+        if any(Basis.ALONG in found.ratios for found in related):
+            # The offset and the hub's motion are read from an axis that is not what it is taken for.
+            measured = measured._replace(offset_m=None, hub_mps2=0.0)
+    hub_mps2 = 0.0 if measured is None else measured.hub_mps2
     # Of the steady value, relative: radius, gain, rate or zero may be wrong by it.
     unsure, disagreement = 0.0, None
     if measured is not None and (ratio := _steady_ratio(measured, zero_std)) is not None:
@@ -267,7 +287,9 @@ def assess(
             contradictions.append(alone)
         else:
             unsure = disagreement_std(ratio.value - 1.0, tolerance)
-            radius = _Value(radius.value, math.hypot(radius.std, unsure * radius.value))
+            # Of a radius, a gain or a rate that is not as stated.
+            share = _SHARE_OF_ONE * (ratio.value - 1.0)
+            radius = _Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
             gain_std = math.hypot(gain_std, unsure)
             offset_error = unsure
             if unsure > radius_std:
@@ -310,7 +332,36 @@ def assess(
         contradictions=tuple(contradictions),
         unsure=unsure,
         disagreement=disagreement,
+        hub_mps2=hub_mps2,
+        roll_std_rad=0.0 if measured is None else _roll_std(measured),
     )
+
+
+def _roll_std(measured: Measured) -> float:
+    """Return the error of the roll from the means of the axes that the roll by the lateral axis's shape shows.
+
+    A zero-g offset of the lateral axis moves the former alone, a slip angle the latter, and a roll both.
+    """
+    difference = measured.roll_by_mean_rad - measured.relations.roll_rad
+    if not math.isfinite(difference):
+        return 0.0
+    beyond = max(difference**2 - _ROLL_BY_SHAPE_RAD**2, 0.0)
+    return max(math.sqrt(beyond), _SHARE_OF_ONE * abs(difference))
+
+
+def _related(measured: Measured, steady_mps2: float, radius_m: float) -> Iterator[Contradiction]:
+    """Yield what the axes say of each other."""
+    relations, omega_radps = measured.relations, math.sqrt(steady_mps2 / radius_m)
+    if relations.is_swapped:
+        ratios = {Basis.AXES: _OF_ANOTHER_AXIS, Basis.ALONG: _OF_ANOTHER_AXIS}
+        yield Contradiction(Subject.AXES, Reason(Code.AXES_SWAPPED), ratios)
+    for axis, late_rad, basis in (
+        ("circumferential", relations.circumferential_late_rad, Basis.ALONG),
+        ("lateral", relations.lateral_late_rad, Basis.AXES),
+    ):
+        if late_rad:
+            reason = Reason(Code.AXIS_LATE, axis=axis, late_s=late_rad / omega_radps)
+            yield Contradiction(Subject.TIMING, reason, {basis: _OF_ANOTHER_AXIS})
 
 
 def _offset(

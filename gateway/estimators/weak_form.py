@@ -67,7 +67,7 @@ _FURTHER_PASSES: Final = 2
 _SCATTER_CHANGE: Final = 0.5
 # Relative changes of scatter, errors of the sensor, and speed from which the solution is renewed.
 _SCATTER: Final = 2
-_STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, *[SHARE_OF_STD] * 4])
+_STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, *[SHARE_OF_STD] * 5])
 _ORDERS: Final[FloatArray] = np.arange(ORDER_COUNT, dtype=np.float64)
 
 _WAVEFORMS_PER_BLOCK: Final = 32
@@ -86,8 +86,8 @@ class _Renewed:
         count: revolutions averaged.
         effective_count: of the average.
         offset_m: sensor's offset below the neutral layer.
-        state: (7,) what else the solution rests on, as in `_Series.states`.
-        allowed: (7,) by how much each of these may change.
+        state: (8,) what else the solution rests on, as in `_Series.states`.
+        allowed: (8,) by how much each of these may change.
         std: (4,) standard errors of the numbers at load number 1.
     """
 
@@ -120,7 +120,7 @@ class _Renewed:
 
         Args:
             values: (k, 4) numbers that followed the average; renewed where too far from the solution to follow further.
-            states: (k, 7) what the solution rests on, as in `_Series.states`.
+            states: (k, 8) what the solution rests on, as in `_Series.states`.
             counts: revolutions averaged.
         """
         limits = np.minimum(self.std, _FOLLOWING_STDS * np.abs(self.values)) * self.std
@@ -135,7 +135,7 @@ class _Series:
 
     Attributes:
         orders: (k, ORDER_COUNT) even orders of the relative signal about the contact centre.
-        states: (k, 7) what solutions rest on besides: both edges, scatter, errors of the sensor, and speed.
+        states: (k, 8) what solutions rest on besides: both edges, scatter, errors of the sensor, and speed.
         effective_counts: (k,) of the average.
         load_numbers: (k,) Q / (p0 R^2), 1 where it is not known.
         conditions: of each revolution.
@@ -144,7 +144,7 @@ class _Series:
     def __init__(self, block: RevolutionBlock) -> None:
         averages, at = block.averages, block.condition_arrays
         edges = np.array(averages.edges_rad)
-        sensor = (at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std)
+        sensor = (at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std, at.hub_mps2)
         self.states: FloatArray = np.array([*edges.T, averages.scatters, *sensor, block.arrays.omega_radps]).T
         self.orders = relative_orders(averages.spectra, edges)
         self.effective_counts: FloatArray = np.array(averages.effective_counts)
@@ -322,8 +322,9 @@ def systematic_errors(
 ) -> FloatArray:
     """Return changes of the relative signal's orders by one standard error each, (k, ORDER_COUNT).
 
-    They are those of the sensor's offset, of the signal's steady value, of the correction for damping, and of gravity,
-    which is subtracted with a gain of 1.
+    They are those of the sensor's offset, of the signal's steady value, of the correction for damping, of gravity,
+    which is subtracted with a gain of 1, and of the hub's motion, twice: as an acceleration, and as a rotation that is
+    uneven by as much.
 
     Args:
         mean: of the signal.
@@ -332,7 +333,7 @@ def systematic_errors(
         conditions: with the standard errors of offset, steady value and gain.
         damping: None where it was not fitted.
     """
-    changes = np.zeros((5, ORDER_COUNT))
+    changes = np.zeros((7, ORDER_COUNT))
     changes[0] = by_offset * (conditions.sensor_offset_std_m / conditions.radius_m)
     # Column 0 of the response is that to a relative error of the steady value.
     changes[1, 0] = conditions.steady_std_mps2 / mean
@@ -342,8 +343,28 @@ def systematic_errors(
     if conditions.gain_std:
         gravity = gravity_orders(plain)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
         changes[3] = conditions.gain_std * gravity
-    changes[[0, 2, 3, 4], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
+    if conditions.hub_mps2:
+        changes[5, 2] = conditions.hub_mps2 / mean
+        changes[6] = conditions.hub_mps2 / mean * uneven_rotation(plain[0, :ORDER_COUNT])
+    changes[[0, 2, 3, 4, 6], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     return changes
+
+
+def uneven_rotation(orders: FloatArray) -> FloatArray:
+    """Return the change of even orders by an uneven rotation, with the mean as order 2 of the circumferential axis.
+
+    Omega (1 + eps cos(2 theta)) reads 2 eps R Omega^2 along the belt and shifts the angles by eps / 2 sin(2 theta). In
+    the phase that keeps the signal even, its slope times this shift is -eps / 4 sum n c_n (cos(n-2) - cos(n+2)).
+
+    Args:
+        orders: (m,) cosine orders of the signal over its mean.
+    """
+    slopes = 0.125 * np.arange(len(orders)) * orders
+    change = np.zeros(len(orders))
+    change[:-2] -= slopes[2:]
+    change[2:] += slopes[:-2]
+    change[1] -= slopes[1]
+    return change
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,7 +146,7 @@ class WheelRow:
         self._last = result
         self._revolutions += 1
         self._saturated += bool(revolution.saturated)
-        self._distance_m += 2.0 * math.pi * conditions.radius_m
+        self._distance_m += 2.0 * math.pi * conditions.radius_m * revolution.turns
         self._rolling_s += revolution.period_s
         self._missing_s += revolution.missing_fraction * revolution.period_s
         self._speed_mps = _extended(self._speed_mps, revolution.omega_radps * conditions.radius_m)

@@ -83,6 +83,10 @@ class TimedPair(NamedTuple):
     period_std: float
 
 
+# Ratio of the periods of two revolutions that no braking makes.
+_LARGEST_RATIO: Final = 1.4
+
+
 class _RunningMean:
     """Running mean of one or more values; a plain mean at first, then exponentially weighted."""
 
@@ -394,6 +398,8 @@ class ContactTimer:
         The speed at the contact between two revolutions is about the mean of theirs. The extrapolation from the two
         revolutions before the contact differs from it by half of the second difference of three mean speeds.
         """
+        if self._rates and not _is_next(1.0 / self._rates[-1], period):
+            self._rates = ()
         self._rates = (*self._rates[-2:], 1.0 / period)
         if len(self._rates) == 3:
             before, last, now = self._rates
@@ -405,11 +411,20 @@ class ContactTimer:
         Changes of speed are common to both edges, jitter is not. With the mean products of second differences over 6,
         the variance of the leading edge is leading times leading minus leading times trailing; likewise for trailing.
         """
+        if len(self._times) >= 2:
+            (before, _), (last, _) = self._times[-2:]
+            if not _is_next(last - before, leading - last):
+                self._times = self._times[-1:]
         self._times = (*self._times[-2:], (leading, trailing))
         if len(self._times) == 3:
             (first, early), (middle, between), _ = self._times
             one, other = first - 2.0 * middle + leading, early - 2.0 * between + trailing
             self._jitter.add(one * one / 6.0, one * other / 6.0, other * other / 6.0)
+
+
+def _is_next(before: float, period: float) -> bool:
+    """Return whether a period may be that of the next revolution; else contacts were not seen in one of the two."""
+    return before < _LARGEST_RATIO * period and period < _LARGEST_RATIO * before
 
 
 def _passage(start: float, end: float, previous_period: float | None, *, at: float | None = None) -> Phase:

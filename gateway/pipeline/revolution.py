@@ -110,6 +110,7 @@ class TimedRevolution:
         contribution_mps2: (3, GRID_SIZE) contribution of known effects to the axes, which is subtracted; None if none.
         uncorrected: reason why no contribution is subtracted although effects are known.
         missing_samples: samples that were lost without being marked; negative for repeated ones.
+        turns: between its contacts; more than 1 where contacts were not seen.
     """
 
     pair: ContactPair
@@ -121,6 +122,7 @@ class TimedRevolution:
     contribution_mps2: FloatArray | None = None
     uncorrected: Reason | None = None
     missing_samples: float = 0.0
+    turns: int = 1
 
 
 def revolutions_in_angle(
@@ -171,7 +173,9 @@ def _in_angle(
             np.negative(row[Axis.RADIAL], out=row[Axis.RADIAL])
         if revolution.contribution_mps2 is not None:
             row -= revolution.contribution_mps2
-    omegas_radps = [2.0 * math.pi * one.rate_hz / phase.samples for one, phase in zip(revolutions, phases, strict=True)]
+    omegas_radps = [
+        2.0 * math.pi * one.turns * one.rate_hz / phase.samples for one, phase in zip(revolutions, phases, strict=True)
+    ]
     radial[:] = normalise_revolutions(
         axes[:, Axis.RADIAL],
         phases,
@@ -215,6 +219,7 @@ def _in_angle(
             period_std_s=math.hypot(timed.period_std, revolution.missing_samples) / revolution.rate_hz,
             rate_hz=revolution.rate_hz,
             uncorrected=revolution.uncorrected,
+            turns=revolution.turns,
         )
 
 
@@ -257,6 +262,8 @@ def _faults(
     pair = revolution.pair
     if pair.start.predicted or pair.end.predicted:
         faults.append(Reason(Code.CONTACT_INTERPOLATED))
+    if revolution.turns > 1:
+        faults.append(Reason(Code.SEVERAL_TURNS, turns=float(revolution.turns)))
     if missing > _MAX_MISSING_FRACTION:
         faults.append(Reason(Code.SAMPLES_LOST))
     if revolution.missing_samples > 0.0:

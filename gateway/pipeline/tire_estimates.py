@@ -339,6 +339,8 @@ class TireEstimates:
             pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
             temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
             pressure_std = max(pressure_std, pressure_error)
+        if pressure is not None:
+            pressure_std = max(pressure_std, self._setup.pressure_relative_std * pressure)
         return TireConditions(
             radius_m=self._setup.radius_m,
             load_n=self._setup.load_n,

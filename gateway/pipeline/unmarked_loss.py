@@ -3,7 +3,8 @@
 The mean of the radial axis is R Omega^2 of the true speed; the speed from the contacts is too high where samples are
 missing between them. So the mean times the square of the period, which no speed changes, falls in one revolution, and
 the period falls short of that of its neighbours by the same number of samples. A change of gain or radius changes the
-mean alone, braking or skidding the period alone.
+mean alone, braking or skidding the period alone. Where contacts between its own two were not seen, as of a wheel that
+lost its load, the product rises by the square of the number of turns.
 """
 
 from __future__ import annotations
@@ -30,6 +31,10 @@ _AGREEMENT: Final = 0.5
 _BY_CHANGE: Final = 0.25
 # Below, the mean is that of a wheel that hardly rolls, or of a sensor without a steady value.
 _LEAST_MEAN_MPS2: Final = 30.0
+# Root of the product over its reference from which more than one turn was made, and its greatest distance to a whole
+# number where it tells which.
+_SEVERAL_TURNS: Final = 1.5
+_WHOLE_WITHIN: Final = 0.35
 # Revolutions in a row that deviate alike from which the deviation is the new state, such as another gain.
 _CHANGED: Final = 3
 
@@ -49,6 +54,21 @@ class UnmarkedLossCheck:
         # The two latest periods as they should have been, the earlier one first.
         self._periods: tuple[float, ...] = ()
         self._deviating = 0
+
+    def turns(self, period: float, mean_mps2: float) -> int:
+        """Return the number of turns between the contacts of a revolution; 1 where nothing tells of more.
+
+        Args:
+            period: between its contacts in samples.
+            mean_mps2: mean of its radial axis, positive inward.
+        """
+        if len(self._products) < _LEAST or not mean_mps2 > _LEAST_MEAN_MPS2:
+            return 1
+        turns = math.sqrt(mean_mps2 * period * period / statistics.median(self._products))
+        # The mean of a wheel that slows down falls with the square of its speed, so the product stays.
+        if turns < _SEVERAL_TURNS or abs(turns - round(turns)) > _WHOLE_WITHIN:
+            return 1
+        return round(turns)
 
     def missing(self, period: float, mean_mps2: float) -> float:
         """Take a revolution; return the number of samples it is short of, negative for repeated ones, 0 for none.

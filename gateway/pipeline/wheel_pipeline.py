@@ -57,6 +57,16 @@ class _Decided(NamedTuple):
     sign: int
 
 
+class _Checked(NamedTuple):
+    """Samples that a revolution is short of without a mark, negative for repeated ones, and the turns it made."""
+
+    missing: float = 0.0
+    turns: int = 1
+
+
+_SOUND: Final = _Checked()
+
+
 class WheelPipeline:
     """The synchronous pipeline of one wheel. Not thread-safe; never reads a clock.
 
@@ -91,7 +101,7 @@ class WheelPipeline:
         self._samples = self._lost = self._saturated = self._revolutions = 0
         self._overwritten_before = self._looked_at = 0
         # Samples that the last revolution was short of without a mark.
-        self._missing_before = 0.0
+        self._checked_before = _SOUND
         self.blocks_before_hello = 0
         # The latest state for views, until something changes it.
         self._snapshot: WheelSnapshot | None = None
@@ -364,48 +374,52 @@ class WheelPipeline:
         )
         revolutions: list[TimedRevolution] = []
         ends_us: list[float] = []
-        missing = self._missing_samples(pairs, all_timed, sign)
-        before = self._missing_before
-        for pair, timed, rate_hz, lost in zip(pairs, all_timed, rates_hz, missing, strict=True):
-            if before and timed.previous_period is not None:
-                timed = timed._replace(previous_period=timed.previous_period + before)
-            before = lost
+        checked = self._checked(pairs, all_timed, sign)
+        before = self._checked_before
+        for pair, timed, rate_hz, own in zip(pairs, all_timed, rates_hz, checked, strict=True):
+            if before != _SOUND and timed.previous_period is not None:
+                timed = timed._replace(previous_period=(timed.previous_period + before.missing) / before.turns)
+            before = own
             end_us = clock.hub_us(timed.end.centre)
-            omega_radps = 2.0 * math.pi * rate_hz / (timed.end.centre - timed.start.centre)
+            omega_radps = 2.0 * math.pi * own.turns * rate_hz / (timed.end.centre - timed.start.centre)
             contribution, uncorrected = self._tire.contribution(
                 omega_radps, end_us, sensor_id=sensor.hello.sensor_id, ac_coupled=reading.ac_coupled
             )
             start_s = clock.hub_us(timed.start.centre) * 1e-6
             revolutions.append(
-                TimedRevolution(pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected, lost)
+                TimedRevolution(pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected, *own)
             )
             ends_us.append(end_us)
             self._revolutions += 1
-        self._missing_before = before
+        self._checked_before = before
         in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m)
         doubts = sensor.health.revolutions(in_angle.revolutions)
         self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
 
-    def _missing_samples(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[float]:
-        """Return the samples that each revolution is short of without a mark, negative for repeated ones."""
+    def _checked(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[_Checked]:
+        """Return what mean and period of each revolution say of its samples and contacts."""
         sensor, buffer = self._sensor, self._buffer
         assert sensor is not None
         assert buffer is not None
         reading = sensor.reading
         if reading.ac_coupled:
-            return [0.0] * len(pairs)
+            return [_SOUND] * len(pairs)
         column = reading.radial_column
         offset, scale = float(reading.offset_counts[column]), sign * float(reading.scale_mps2[column])
-        missing: list[float] = []
+        checked: list[_Checked] = []
         for pair, one in zip(pairs, timed, strict=True):
             start, end = one.start.centre, one.end.centre
             first, last = math.ceil(start), math.ceil(end)
             if pair.start.predicted or pair.end.predicted or buffer.missing_between(first, last):
-                missing.append(0.0)
+                checked.append(_SOUND)
                 continue
             total = int(buffer.view(first, last)[:, column].sum(dtype=np.int64))
-            missing.append(self._unmarked.missing(end - start, scale * (total / (last - first) - offset)))
-        return missing
+            mean_mps2 = scale * (total / (last - first) - offset)
+            if (turns := self._unmarked.turns(end - start, mean_mps2)) > 1:
+                checked.append(_Checked(0.0, turns))
+            else:
+                checked.append(_Checked(self._unmarked.missing(end - start, mean_mps2)))
+        return checked
 
     @property
     def average_mps2(self) -> FloatArray | None:

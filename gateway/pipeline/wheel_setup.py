@@ -9,6 +9,8 @@ from gateway.estimators.belt_laminate import StatedPly as StatedPly
 from gateway.estimators.sensor_claims import GAIN_STD as GAIN_STD
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M as HAND_MOUNTED_STD_M
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_RAD as HAND_MOUNTED_STD_RAD
+from gateway.estimators.sensor_claims import LOAD_STD as LOAD_STD
+from gateway.estimators.sensor_claims import PRESSURE_STD as PRESSURE_STD
 from gateway.estimators.sensor_claims import RADIUS_STD as RADIUS_STD
 from gateway.estimators.sensor_claims import ZERO_G_STD_MPS2 as ZERO_G_STD_MPS2
 from gateway.estimators.sensor_claims import SensorClaims as SensorClaims
@@ -40,6 +42,7 @@ class WheelSetup:
         load_std_n: its standard error.
         pressure_pa: stated inflation pressure, used until the sensor reports one; None when unknown.
         pressure_std_pa: its standard error.
+        pressure_relative_std: standard error of the pressure, stated or measured, over its value, where that is larger.
         temperature_degc: stated temperature, used until the sensor reports one.
         sensor: what is stated about the sensor.
         tire: the new tire's reference numbers, thickness, calibrations and laminate.
@@ -55,6 +58,7 @@ class WheelSetup:
     load_std_n: float = 0.0
     pressure_pa: float | None = None
     pressure_std_pa: float = 0.0
+    pressure_relative_std: float = 0.0
     temperature_degc: float | None = None
     sensor: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)

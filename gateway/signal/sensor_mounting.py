@@ -27,6 +27,8 @@ HIGHEST_ORDER: Final = 60
 _BANDS: Final = (0, 2, 4, 6, 9, 13, 18, 24, 31, 39, 48)
 # Products of e, tilt and left-hand side by band, three products with the zero-g offset, and the number of equations.
 MOUNTING_SIZE: Final = 6 * len(_BANDS) + 4
+_HUB_ORDER: Final = 2
+HUB_SIZE: Final = 7
 
 # Prior of the constant in the mean of the lateral axis: zero-g offset after the calibration in the hello (0.1 g) and
 # gravity times camber (1 m/s^2 is 6 deg).
@@ -75,9 +77,12 @@ class MountingRows:
         sums: (k, MOUNTING_SIZE) of k sets of equations. Products of the factors of e and tilt with each other and with
             the left-hand side, by band; products with the factor of the zero-g offset, which has an equation in order 0
             only; and the number of equations. Sets are combined by adding them.
+        hub: (k, HUB_SIZE) order 2 of the left-hand side and of the factors of e and tilt, real and imaginary parts, and
+            the number of sets. Order 2 is no part of the equations: it has motion of the hub at the wheel's frequency.
     """
 
     sums: FloatArray
+    hub: FloatArray
 
     def solve(self) -> tuple[FloatArray, FloatArray]:
         """Return the unknowns of each set and their standard errors, (k, 3) each; NaN for unknowns without equations.
@@ -229,6 +234,11 @@ def mounting_rows(
     count = np.minimum(HIGHEST_ORDER, order_max) + 1
     used = (np.arange(HIGHEST_ORDER + 1) < count[:, np.newaxis]).astype(np.float64)
     used[:, 0] = math.sqrt(0.5) if with_mean else 0.0
+    hub = np.empty((len(left), HUB_SIZE))
+    for place, factor in enumerate((left, by_offset, by_tilt)):
+        hub[:, place], hub[:, place + 3] = factor[:, _HUB_ORDER].real, factor[:, _HUB_ORDER].imag
+    hub[:, -1] = 1.0
+    used[:, _HUB_ORDER] = 0.0
     left *= used
     by_tilt *= used
     by_offset = by_offset * used
@@ -243,8 +253,24 @@ def mounting_rows(
     sums[:, -4] = by_tilt[:, 0].real * by_zero
     sums[:, -3] = by_zero**2
     sums[:, -2] = left[:, 0].real * by_zero
-    sums[:, -1] = 2 * count - 1 - (not with_mean)
-    return MountingRows(sums)
+    sums[:, -1] = 2 * count - 1 - (not with_mean) - 2 * (count > _HUB_ORDER)
+    return MountingRows(sums, hub)
+
+
+def hub_motion_mps2(hub: FloatArray, offset_m: FloatArray, tilt: FloatArray) -> FloatArray:
+    """Return the order 2 of the circumferential axis that neither the belt nor the mounting explains, (k,) m/s^2.
+
+    A hub that moves by a cos(Omega t) along any direction adds a / 2 to orders 0 and 2 of both axes in the plane of the
+    wheel, and so does what else turns unevenly. On a belt that rolls steadily it is below 1.5e-4 R Omega^2.
+
+    Args:
+        hub: (k, HUB_SIZE) sums of `MountingRows.hub`.
+        offset_m: (k,) sensor below the neutral layer.
+        tilt: (k,) tangent of the pitch.
+    """
+    left = hub[:, [0, 3]] - offset_m[:, np.newaxis] * hub[:, [1, 4]] - tilt[:, np.newaxis] * hub[:, [2, 5]]
+    result: FloatArray = np.hypot(left[:, 0], left[:, 1]) / np.maximum(hub[:, 6], 1.0)
+    return result
 
 
 class RollCalibration:

@@ -130,7 +130,7 @@ class ResultSummary:
             wheel.faults.update(revolution.faults)
         wheel.rolling_s += revolution.period_s
         wheel.missing_s += revolution.missing_fraction * revolution.period_s
-        wheel.distance_m += 2.0 * math.pi * result.conditions.radius_m
+        wheel.distance_m += 2.0 * math.pi * result.conditions.radius_m * revolution.turns
         speed_mps = revolution.omega_radps * result.conditions.radius_m
         wheel.speed_min_mps = min(wheel.speed_min_mps, speed_mps)
         wheel.speed_max_mps = max(wheel.speed_max_mps, speed_mps)

@@ -34,6 +34,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SAMPLES_LOST: "samples were lost on the link",
     Code.SAMPLES_LOST_UNMARKED: "about {count:.0f} samples short: samples were lost without being marked",
     Code.SAMPLES_REPEATED_UNMARKED: "about {count:.0f} samples too many: samples were repeated or inserted",
+    Code.SEVERAL_TURNS: (
+        "it spans {turns:.0f} turns: the contacts between its two were not seen, as of a wheel without its load"
+    ),
     Code.EFFECTS_OUTSIDE_LOADS: (
         "{load_n:.0f N} is outside the {low_n:.0f N} to {high_n:.0f N} at which the effects were found"
     ),
@@ -145,6 +148,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SPEED_OR_RADIUS_UNKNOWN: "the angular speed or the belt radius is not known",
     Code.TOO_FEW_ORDERS: "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed",
     # Of what the signal says against what is stated
+    Code.AXES_SWAPPED: (
+        "the lateral axis reads what the circumferential one should, and the other way round: the two are swapped"
+    ),
+    Code.AXIS_LATE: "the {axis} axis is {late_s:.2f ms} later than the radial one",
     Code.COUPLING_CONTRADICTED: (
         "the steady radial value is {share:.2f} ± {std:.2f} times what the contact shows: the sensor is AC-coupled and "
         "stated as DC-coupled; state its coupling as AC"
@@ -170,6 +177,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.RADIUS_WOULD_FIT: "a belt radius of {radius_m:.0f mm} would fit ({stated_m:.0f mm} stated)",
     Code.RATE_WOULD_FIT: "a sampling rate of {rate_hz:.0f Hz} would fit ({stated_hz:.0f Hz} stated)",
+    Code.SCALE_BY_WIDTH: (
+        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire, which knows load, pressure and belt radius together "
+        "within {error:.1%}, better than they are stated"
+    ),
     Code.STEADY_VALUE_CONTRADICTED: (
         "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
     ),

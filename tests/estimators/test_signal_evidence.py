@@ -170,7 +170,8 @@ def test_ratio_within_errors_changes_nothing(ratio: float) -> None:
     evidence = assess(measured(ratio), CONDITIONS, 1000.0, ac_coupled=False)
     assert evidence.contradictions == ()
     assert evidence.radius_m == CONDITIONS.radius_m
-    assert evidence.radius_std_m == pytest.approx(CONDITIONS.radius_std_m, rel=0.05)
+    share = math.sqrt(1.0 / 6.0) * abs(ratio - 1.0) * CONDITIONS.radius_m
+    assert evidence.radius_std_m == pytest.approx(math.hypot(CONDITIONS.radius_std_m, share), rel=0.05)
     assert evidence.qualified(SPEED) == SPEED
 
 

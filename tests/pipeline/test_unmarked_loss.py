@@ -93,3 +93,39 @@ def test_a_lasting_change_is_no_loss() -> None:
     found = [check.missing(period, 1950.0) for period in [772.0] * 5 + [740.0] * 10]
     assert found[5] == pytest.approx(32.0, rel=0.05)
     assert not any(found[8:])
+
+
+def test_product_of_several_turns_tells_how_many() -> None:
+    check = UnmarkedLossCheck()
+    assert check.turns(100.0, 900.0) == 1
+    for _ in range(4):
+        check.missing(100.0, 900.0)
+    assert check.turns(100.0, 900.0) == 1
+    assert check.turns(300.0, 100.0) == 1  # a third of the speed
+    assert check.turns(300.0, 900.0) == 3
+    assert check.turns(2000.0, 880.0) == 20
+    assert check.turns(155.0, 900.0) == 1  # no whole number
+
+
+def test_wheel_without_load_loses_neither_distance_nor_averages() -> None:
+    """A contact of 60 N is not seen for 1.5 s at 65 km/h: 13 turns in a few revolutions."""
+    load = "load_n = [[0, 5000], [3, 5000], [3.02, 60], [4.5, 60], [4.52, 5000]]"
+    names = ("kinematic", "distance", "self-calibration", "weak-form")
+    results, truth = simulated("[sensor]\nrange_g = 500\nrate_hz = 4800", 9.0, SETUP, names, load)
+    spanning = [result for result in results if result.revolution.turns > 1]
+    assert spanning
+    for result in spanning:
+        assert Code.SEVERAL_TURNS in [fault.code for fault in result.revolution.faults]
+        speed = result.estimates[0]
+        assert speed.status is Status.PROVISIONAL
+        assert speed.value == pytest.approx(truth.speed_mps(3.7), rel=0.02)
+    found = {estimate.name: estimate for estimate in results[-1].estimates}
+    first, end = results[0].revolution, results[-1].revolution
+    turns = len(truth.bottom_times_s(first.start_s - 0.02, end.start_s + end.period_s + 0.02)) - 1
+    assert found["distance_m"].value == pytest.approx(2.0 * math.pi * 0.32 * turns, rel=0.012)
+    numbers = truth.numbers(8.0)
+    for name in ("Bs/Cw", "Rs/Cw"):
+        true = getattr(numbers, name[:2]) / numbers.Cw
+        assert found[name].status is Status.VALID
+        assert abs(found[name].value - true) < 3.0 * found[name].std
+    assert found["contact_length_m"].std < 0.05 * found["contact_length_m"].value

@@ -49,12 +49,14 @@ def restated(
     unit_factor: float = 1.0,
     lost: tuple[tuple[int, int], ...] = (),
     repeated: tuple[tuple[int, int], ...] = (),
+    channels: tuple[int, int, int] = (0, 1, 2),
+    late: tuple[int, int, int] = (0, 0, 0),
     seed: int = 4,
 ) -> tuple[tuple[RevolutionResult, ...], WheelSnapshot]:
     """Return the results of the same samples with another sampling rate and unit stated, as an import may state them.
 
     The time stamps follow the stated rate. Ranges of samples (first, end) of the result may be lost or repeated without
-    a mark, the last one first.
+    a mark, the last one first. Each axis is taken from one of the `channels`, and is late by so many samples.
     """
     text = f"[scenario]\nseed = {seed}\n{tables}\n[[wheel]]\nposition = 'FL'\nwheel = 0\n"
     decoder = FrameDecoder()
@@ -71,6 +73,9 @@ def restated(
     size = len(blocks[0])
     whole = [block for block in blocks if len(block) == size]
     samples = np.concatenate(whole)
+    if channels != (0, 1, 2) or any(late):
+        samples = samples[:, channels]
+        samples = np.stack([np.roll(samples[:, axis], lag) for axis, lag in enumerate(late)], axis=1)[max(late) :]
     for first, end in lost:
         samples = np.delete(samples, slice(first, end), axis=0)
     for first, end in repeated:

@@ -21,7 +21,7 @@ QUICK = ("kinematic", "weak-form")
 
 
 def judged_of(tire: int) -> list[Judged]:
-    return judge_tire(Order(1, tire, tuple(named(["radius"])), QUICK))
+    return judge_tire(Order(1, tire, ("radius",), QUICK))
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +33,7 @@ def test_misstated_radius_is_judged_by_the_true_one(judged: list[Judged]) -> Non
     case = named(["radius"])[0]
     for tire in (0, 1):
         speeds = [one for one in judged if one.tire == tire and one.quantity == "speed_mps"]
-        assert len(speeds) == 3
+        assert len(speeds) > 40
         for one in speeds:
             assert one.truth == pytest.approx(draw_world(1, tire).speed_kmh / 3.6, rel=1e-9)
             assert one.value / one.truth == pytest.approx(1.0 + 0.01 * size_of(case, tire), rel=2e-3)
@@ -47,13 +47,13 @@ def test_same_seed_gives_same_judgement(judged: list[Judged]) -> None:
 
 def test_every_estimate_of_the_estimators_is_judged(judged: list[Judged]) -> None:
     assert {one.estimator for one in judged} == set(QUICK)
-    last = [one for one in judged if one.when == 2 and one.estimator == "weak-form"]
+    last = [one for one in judged if one.last and one.estimator == "weak-form"]
     assert {one.quantity for one in last} == {"Bs", "Cw", "Rs", "Ts", "Bs/Cw", "Rs/Cw", "Ts/Cw"}
     assert all(math.isfinite(one.truth) for one in last)
 
 
 def test_share_counts_false_and_missing_estimates() -> None:
-    right = Judged("plain", 0.0, 0, "car", 2, "weak-form", "Bs", 1.1, 0.1, 1.0, "valid", True, ())
+    right = Judged("plain", "true", 0.0, 0, "car", 40, True, "weak-form", "Bs", 1.1, 0.1, 1.0, "valid", True, ())
     wrong = replace(right, value=1.5)
     missing = replace(right, value=math.nan, std=math.nan, status="invalid")
     found = share([right, wrong, missing, replace(missing, determinable=False)])

@@ -13,7 +13,7 @@ import numpy as np
 from gateway.estimators.tire_data import LoadCalibration
 from gateway.estimators.tire_fit import TirePoint, fit_load_calibration
 from gateway.physics.rolling_ring import RingNotConvergedError
-from validity.cases import Case
+from validity.cases import Case, drawn, named
 from validity.independent import record_rolled, rolled_tires, rolled_world
 from validity.judging import Judged, judge
 from validity.runs import Run, Store, record, results_of
@@ -25,6 +25,8 @@ _CALIBRATED: Final = ((0.7, 1.0), (1.0, 1.0), (1.3, 1.0), (1.0, 1.15))
 _CALIBRATION_REVOLUTIONS: Final = 24
 # The first revolutions are timed without an average to compare them with.
 _SKIPPED: Final = 5
+# Of so many tires one has no reference.
+_WITHOUT_REFERENCE: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +36,8 @@ class Order:
     Attributes:
         seed: of the bench.
         tire: number of the tire.
-        cases: to run.
+        cases: names of those to run.
+        pairs: random pairs of misstatements to run beside them, and as many beside normal errors.
         estimators: to judge.
         store: folder of kept solutions, None for none.
         rolled: folder of kept independent tires; None for the exact ring.
@@ -42,9 +45,10 @@ class Order:
 
     seed: int
     tire: int
-    cases: tuple[Case, ...]
+    cases: tuple[str, ...]
     estimators: tuple[str, ...]
     store: Path | None = None
+    pairs: int = 0
     rolled: Path | None = None
 
 
@@ -66,10 +70,12 @@ def judge_tire(order: Order) -> list[Judged]:
         rolled = tires[order.tire % len(tires)]
         plain, record_world = rolled_world(rolled, order.seed, order.tire), partial(record_rolled, rolled)
     said = draw_statement(plain, np.random.default_rng([order.seed, order.tire, 1]))
+    if order.tire % _WITHOUT_REFERENCE == _WITHOUT_REFERENCE - 1:
+        said = replace(said, reference=None)
     judged: list[Judged] = []
     runs: dict[World, Run] = {}
     calibrations: dict[World, LoadCalibration | None] = {}
-    for case in order.cases:
+    for case in (*named(order.cases), *drawn(order.pairs, order.seed, order.tire)):
         if case.tire and order.rolled is not None:
             continue
         size = size_of(case, order.tire)

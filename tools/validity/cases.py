@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from validity.statements import Statement, known_exactly, moved_to
+from validity.statements import Statement, known_exactly, moved_to, without_errors
 from validity.tires import TREAD_PER_PRESSURE, World, ordinary, with_resistance
 
+Kind = Literal["true", "one", "two", "conditions", "normal", "hidden"]
 Change = Callable[[World, Statement, float, np.random.Generator], tuple[World, Statement]]
 
 
@@ -24,9 +25,9 @@ class Case:
         unit: of the sizes.
         sizes: each tire gets one of them, in turn.
         change: makes the case from a plain tire of which everything stated is true.
-        well: whether everything stated is true.
-        tire: whether it changes the tire, its load or its drive, which only the exact ring follows.
         about: one line.
+        kind: table that it belongs to.
+        tire: whether it changes the tire, its load or its drive, which only the exact ring follows.
     """
 
     name: str
@@ -34,8 +35,13 @@ class Case:
     sizes: tuple[float, ...]
     change: Change
     about: str
-    well: bool = False
+    kind: Kind = "one"
     tire: bool = False
+
+    @property
+    def well(self) -> bool:
+        """Whether everything stated is true."""
+        return self.kind == "true"
 
 
 def _plain(world: World, said: Statement, _: float, __: np.random.Generator) -> tuple[World, Statement]:
@@ -109,11 +115,73 @@ def _soft(world: World, said: Statement, size: float, _: np.random.Generator) ->
 
 
 def _load(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
-    return world, replace(said, load_n=world.load_n * (1.0 + 0.01 * size))
+    return world, replace(said, load_n=world.load_n * (1.0 + 0.01 * size), load_std_n=None)
 
 
 def _pressure(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
+    return world, replace(said, pressure_factor=1.0 + 0.01 * size, pressure_std_kpa=None)
+
+
+def _load_known(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
+    return world, replace(said, load_n=world.load_n * (1.0 + 0.01 * size))
+
+
+def _pressure_known(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
     return world, replace(said, pressure_factor=1.0 + 0.01 * size)
+
+
+def _swapped(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
+    first, second = ((0, 1), (1, 2), (0, 2))[int(size)]
+    axes = [0, 1, 2]
+    axes[first], axes[second] = second, first
+    return world, replace(said, axes=(axes[0], axes[1], axes[2]))
+
+
+def _late(axis: int) -> Change:
+    def change(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
+        late = [0.0, 0.0, 0.0]
+        late[axis] = 1e-3 * size
+        return world, replace(said, late_s=(late[0], late[1], late[2]))
+
+    return change
+
+
+def _tilt(world: World, said: Statement, size: float, rng: np.random.Generator) -> tuple[World, Statement]:
+    roll, pitch, yaw = (size * rng.choice([-1.0, 1.0], 3)).tolist()
+    return replace(world, tilt_deg=(roll, pitch, yaw)), said
+
+
+def _references(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
+    bs, cw, rs, ts = world.numbers
+    return world, replace(said, reference=(bs * (1.0 + 0.02 * size), cw * (1.0 + 0.01 * size), rs, ts))
+
+
+def _normal(world: World, said: Statement, _: float, rng: np.random.Generator) -> tuple[World, Statement]:
+    """Everything off by an error that a tire engineer would call normal, and none of the errors stated."""
+    radius, load, pressure, rate, depth, *zero = rng.standard_normal(8).tolist()
+    gain = (0.015 * rng.standard_normal(3)).tolist()
+    world = replace(world, gain_error=(gain[0], gain[1], gain[2]), zero_g_mps2=(zero[0], zero[1], zero[2]))
+    return world, replace(
+        without_errors(said),
+        radius_mm=1e3 * world.radius_m * (1.0 + 0.01 * radius),
+        load_n=world.load_n * (1.0 + 0.05 * load),
+        pressure_factor=1.0 + 0.03 * pressure,
+        rate_factor=1.0 + 1e-4 * rate,
+        offset_mm=1e3 * world.offset_m + depth,
+    )
+
+
+def _while_driving(*extra: tuple[str, str, Callable[[World, float], Any]]) -> Change:
+    """Return a change of the drive, which is stated rightly at its start."""
+
+    def change(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
+        return replace(world, extra=tuple((table, key, of(world, size)) for table, key, of in extra)), said
+
+    return change
+
+
+def _step(before: float, after: float) -> tuple[tuple[float, float], ...]:
+    return (0.0, before), (0.5, before), (0.51, after)
 
 
 def _conicity(world: World, said: Statement, size: float, rng: np.random.Generator) -> tuple[World, Statement]:
@@ -135,18 +203,18 @@ def _both(*sizes: float) -> tuple[float, ...]:
 
 
 CASES: Final[tuple[Case, ...]] = (
-    Case("plain", "", (0.0,), _plain, "everything true, on the ring that the estimators assume", well=True),
-    Case("known", "", (0.0,), _known, "everything stated without an error, and a perfect sensor", well=True),
+    Case("plain", "", (0.0,), _plain, "everything true, on the ring that the estimators assume", kind="true"),
+    Case("known", "", (0.0,), _known, "everything stated without an error, and a perfect sensor", kind="true"),
     Case(
         "ordinary",
         "",
         (0.0,),
         _ordinary,
         "everything true; losses, extension, road, drift",
-        well=True,
+        kind="true",
         tire=True,
     ),
-    Case("depth-unstated", "mm", (0.0, 2.0, 4.0, 6.0, 9.0, 12.0), _depth_unstated, "no depth stated", well=True),
+    Case("depth-unstated", "mm", (0.0, 2.0, 4.0, 6.0, 9.0, 12.0), _depth_unstated, "no depth stated", kind="true"),
     Case("depth", "mm", _both(1.0, 2.0, 4.0, 8.0), _depth, "another depth of the sensor stated"),
     Case("rate", "times", (0.5, 0.9, 0.95, 1.05, 2.0), _rate, "another sampling rate stated"),
     Case("radius", "%", _both(1.0, 2.0, 4.0, 7.0, 10.0), _radius, "another radius stated"),
@@ -159,14 +227,112 @@ CASES: Final[tuple[Case, ...]] = (
     Case("worn", "mm", (1.5, 3.0, 5.0), _worn, "worn tread, no wear estimator", tire=True),
     Case("worn-known", "mm", (1.5, 3.0, 5.0), _worn_known, "worn tread, with wear estimator", tire=True),
     Case("soft-rubber", "%", (5.0, 15.0, 30.0), _soft, "bending stiffness reduced by warmth", tire=True),
-    Case("load", "%", _both(5.0, 10.0, 20.0), _load, "another load stated"),
-    Case("pressure", "%", _both(5.0, 10.0, 20.0), _pressure, "pressure sensor in error"),
+    Case("load", "%", _both(5.0, 10.0, 20.0), _load, "another load stated, without an error"),
+    Case("pressure", "%", _both(5.0, 10.0, 20.0), _pressure, "pressure sensor in error, none stated"),
+    Case("references", "%", _both(2.0, 4.0, 8.0), _references, "Cw of the reference off, Bs by twice as much"),
+    Case("tilt", "deg", (1.0, 3.0, 6.0, 10.0), _tilt, "sensor askew about all axes"),
+    Case("swapped", "axes", (0.0, 1.0, 2.0), _swapped, "two axes swapped"),
+    Case("late-circumferential", "ms", (0.3, 1.0, 2.5), _late(0), "circumferential axis late"),
+    Case("late-lateral", "ms", (0.3, 1.0, 2.5), _late(1), "lateral axis late"),
     Case("conicity", "deg", (0.1, 0.3, 0.6), _conicity, "conicity in place of ply steer", tire=True),
     Case("light", "load number", (0.03, 0.05, 0.08), _light, "light load", tire=True),
     Case("tread", "MPa at 2.1 bar", (15.0, 30.0, 200.0, 400.0), _tread, "soft or stiff tread", tire=True),
+    # Off by many of the errors that are stated for them: nothing but another statement can say so.
+    Case("load-as-weighed", "%", _both(5.0, 10.0, 20.0), _load_known, "load off, its error stated as 1 %", "hidden"),
+    Case("pressure-as-checked", "%", _both(5.0, 10.0, 20.0), _pressure_known, "pressure off, 0.5 % stated", "hidden"),
+    Case(
+        "imbalance",
+        "m/s^2",
+        (0.3, 1.0, 3.0),
+        _while_driving(("vibration", "imbalance_mps2", lambda world, size: size * (65.0 / world.speed_kmh) ** 2)),
+        "motion of the hub at wheel order 1, at the wheel's speed",
+        "conditions",
+        tire=True,
+    ),
+    Case(
+        "ripple",
+        "%",
+        (0.1, 0.3, 1.0),
+        _while_driving(("vibration", "ripple_percent", lambda _, size: size)),
+        "rotation uneven at order 2",
+        "conditions",
+        tire=True,
+    ),
+    Case(
+        "shock",
+        "m/s^2",
+        (50.0, 200.0, 2000.0),
+        _while_driving(("impact", "amplitude_mps2", lambda _, size: size)),
+        "a shock in every revolution",
+        "conditions",
+        tire=True,
+    ),
+    Case(
+        "load-step",
+        "%",
+        _both(10.0, 30.0),
+        _while_driving(
+            ("wheel", "load_n", lambda world, size: _step(world.load_n, world.load_n * (1.0 + 0.01 * size)))
+        ),
+        "the load changes in the middle",
+        "conditions",
+        tire=True,
+    ),
+    Case(
+        "puncture",
+        "% of the pressure",
+        (10.0, 30.0),
+        _while_driving(
+            (
+                "wheel",
+                "pressure_kpa",
+                lambda world, size: (
+                    (0.0, 1e-3 * world.pressure_pa),
+                    (1.0, 1e-3 * world.pressure_pa * (1.0 - 0.01 * size)),
+                ),
+            )
+        ),
+        "the pressure falls",
+        "conditions",
+        tire=True,
+    ),
+    Case(
+        "slip-step",
+        "deg",
+        (0.3, 1.0, 2.0),
+        _while_driving(("wheel", "slip_angle_deg", lambda _, size: _step(0.0, size))),
+        "slip begins in the middle",
+        "conditions",
+        tire=True,
+    ),
 )
+NORMAL: Final = Case("normal", "", (0.0,), _normal, "everything off by its normal error", "normal")
 
 
-def named(names: list[str] | None) -> list[Case]:
+def together(first: Case, second: Case) -> Case:
+    """Return two misstatements of one tire at once; the second gets the size of a random tire."""
+
+    def change(world: World, said: Statement, size: float, rng: np.random.Generator) -> tuple[World, Statement]:
+        return second.change(*first.change(world, said, size, rng), float(rng.choice(second.sizes)), rng)
+
+    kind: Kind = "normal" if first is NORMAL else "two"
+    return Case(
+        f"{first.name} + {second.name}", first.unit, first.sizes, change, "both", kind, first.tire or second.tire
+    )
+
+
+def drawn(count: int, seed: int, tire: int) -> list[Case]:
+    """Return random cases of a tire: so many pairs of misstatements, and as many beside normal errors."""
+    rng = np.random.default_rng([seed, tire, 2])
+    single = [case for case in CASES if case.kind == "one"]
+    cases = []
+    for _ in range(count):
+        first, second = rng.choice(len(single), 2, replace=False).tolist()
+        # What replaces the statement comes first.
+        cases += [together(single[first], single[second]), together(NORMAL, single[second])]
+    return cases
+
+
+def named(names: Sequence[str] | None) -> list[Case]:
     """Return cases by name, all for None."""
     return [case for case in CASES if not names or case.name in names]

@@ -15,39 +15,28 @@ from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.kinematic import CENTRE_STD_RAD
 from gateway.estimators.registry import in_order
 from gateway.pipeline.results import RevolutionResult
+from gateway.quantity_catalogue import CATALOGUE
 from validity.cases import Case
 from validity.runs import Run, Store
 from validity.statements import Statement
 from validity.tires import ZERO_G_STD_MPS2
 
-# Estimators by the quantities that only they give; the numbers are those of the first that runs.
-OWNERS: Final = {
-    "speed_mps": "kinematic",
-    "leading_edge_rad": "kinematic",
-    "trailing_edge_rad": "kinematic",
-    "half_angle_rad": "kinematic",
-    "contact_length_m": "kinematic",
-    "gain": "self-calibration",
-    "zero_g_offset_mps2": "self-calibration",
-    "sensor_offset_m": "self-calibration",
-    "wear_mm": "wear",
-    "load_n": "load",
-    "load_by_angle_n": "load",
-    "load_by_width_n": "load",
-    "pressure_number": "load",
-    "ply_steer_peak_rad": "ply-steer",
-    "ply_steer_first_half_rad": "ply-steer",
-    "ply_steer_adhesion_line_rad": "ply-steer",
-    "ply_steer_contact_line_rad": "ply-steer",
-    "conicity_slope_rad": "ply-steer",
-}
+# Estimators whose quantities are judged, all of them of which the truth is there; the numbers are those of the first
+# that runs.
+_OWNED: Final = (
+    "kinematic", "distance", "self-calibration", "wear", "load", "longitudinal-force", "ply-steer", "water-wedge",
+)  # fmt: skip
 NUMBER_ESTIMATORS: Final = ("weak-form", "ring-modal", "ring-paper", "forward")
 # Their models are off by more than the data's errors, as they say: not valid is right where they do not know.
 REFERENCES: Final = ("ring-modal", "ring-paper")
+# The contact's half angle follows from its edges.
+OWNERS: Final = {quantity.name: owner for owner in _OWNED for quantity in CATALOGUE[owner]} | {
+    "half_angle_rad": "kinematic"
+}
 QUANTITIES: Final = (*OWNERS, *RING_NUMBERS, *RING_RATIOS)
-BEYOND: Final = 3.0
-# Results that are judged: one before averages settle, one just after, and the last.
-_JUDGED: Final = (3, 12, -1)
+BEYOND: Final = 3.5
+# The first revolutions have no neighbours to be compared with.
+_FIRST: Final = 3
 # A number counts as one that the data determine when the smallest possible error is this share of it.
 _DETERMINABLE: Final = 1.0 / 9.0
 # Slope of the first half per radian of roll, 0.13 to 0.15 on random tires: a zero of the lateral axis looks like a roll
@@ -65,10 +54,12 @@ class Judged:
 
     Attributes:
         case: name of the case.
+        table: that the case belongs to.
         size: of the misstatement.
         tire: number of the tire.
         kind: class of the vehicle, or name of the independent tire.
-        when: which of the judged results, 0 for the first.
+        revolution: number of the revolution in its run.
+        last: whether it is the last of its run, where averages have settled.
         estimator: that made it.
         quantity: name.
         value: estimate.
@@ -80,10 +71,12 @@ class Judged:
     """
 
     case: str
+    table: str
     size: float
     tire: int
     kind: str
-    when: int
+    revolution: int
+    last: bool
     estimator: str
     quantity: str
     value: float
@@ -111,14 +104,21 @@ class Judged:
     @property
     def falsely_valid(self) -> bool:
         """Whether it was called valid and is not true within its errors."""
-        return self.valid and not abs(self.pull) <= BEYOND
+        return self.is_false(BEYOND)
+
+    def is_false(self, errors: float) -> bool:
+        """Return whether it was called valid and is more than so many of its errors from the truth."""
+        return self.valid and not abs(self.pull) <= errors
 
 
 def judge(
     run: Run, statement: Statement, results: Sequence[RevolutionResult], case: Case, size: float, tire: int,
     estimators: Sequence[str],
 ) -> Iterator[Judged]:  # fmt: skip
-    """Yield the judged estimates of one run; a run without results yields invalid ones."""
+    """Yield the judged estimates of every revolution but the first; a run without results yields invalid ones.
+
+    A quantity is judged where its truth is there.
+    """
     running = in_order(name for name in estimators if name not in statement.left_out)
     able = determinable(run)
     if statement.calibration is None:
@@ -126,18 +126,41 @@ def judge(
     first = next((name for name in running if name in NUMBER_ESTIMATORS), "")
     expected = [(OWNERS[name], name) for name in OWNERS if OWNERS[name] in running]
     expected += [(own, name) for own in running if own in NUMBER_ESTIMATORS for name in (*RING_NUMBERS, *RING_RATIOS)]
-    for when, at in enumerate(_JUDGED):
-        result = results[at] if results and at < len(results) else None
-        found = {} if result is None else _by_owner(result, first)
-        truth = {} if result is None else truths(run, statement, result)
+    distance = _Distance(run, statement, results)
+    for index in range(_FIRST, max(len(results), _FIRST + 1)):
+        result = results[index] if index < len(results) else None
+        estimates = {} if result is None else _by_owner(result, first)
+        truth = dict.fromkeys(QUANTITIES, math.nan) if result is None else truths(run, statement, result)
+        if result is not None:
+            truth["distance_m"] = distance.to_end_of(result)
         for estimator, name in expected:
-            estimate = found.get((estimator, name)) or Estimate.invalid(name)
+            if name not in truth or (result is not None and math.isnan(truth[name])):
+                continue
+            estimate = estimates.get((estimator, name)) or Estimate.invalid(name)
             yield Judged(
-                case.name, size, tire, run.world.kind, when, estimator, name, estimate.value, estimate.std,
-                truth.get(name, math.nan), str(estimate.status),
+                case.name, case.kind, size, tire, run.world.kind, index, index >= len(results) - 1, estimator, name,
+                estimate.value, estimate.std, truth[name], str(estimate.status),
                 able.get(name, True) and estimator not in REFERENCES,
                 tuple(str(reason.code.name) for reason in estimate.reasons),
             )  # fmt: skip
+
+
+class _Distance:
+    """True distance from the first contact centre to the end of a revolution."""
+
+    def __init__(self, run: Run, statement: Statement, results: Sequence[RevolutionResult]) -> None:
+        self._run, self._statement = run, statement
+        self._first = _turn_of(run, statement, results[0]) if results else 0
+
+    def to_end_of(self, result: RevolutionResult) -> float:
+        turns = _turn_of(self._run, self._statement, result) + 1 - self._first
+        return 2.0 * math.pi * self._run.world.radius_m * turns
+
+
+def _turn_of(run: Run, statement: Statement, result: RevolutionResult) -> int:
+    """Return the number of the true turn that a revolution is; the program's time runs with the stated rate."""
+    begin_s = result.revolution.start_s * statement.rate_factor
+    return min(int(np.argmin(np.abs(run.bottoms_s - begin_s))), len(run.bottoms_s) - 2)
 
 
 def _by_owner(result: RevolutionResult, first: str) -> dict[tuple[str, str], Estimate]:
@@ -167,10 +190,9 @@ def _beyond_centre(edge_std_rad: float) -> float:
 def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str, float]:
     """Return the true value of every judged quantity in one revolution."""
     world, truth = run.world, run.truth
-    # The program's time runs with the stated rate.
     begin_s = result.revolution.start_s * statement.rate_factor
     bottoms = run.bottoms_s
-    turn = min(int(np.argmin(np.abs(bottoms - begin_s))), len(bottoms) - 2)
+    turn = _turn_of(run, statement, result)
     middle_s = 0.5 * float(bottoms[turn] + bottoms[turn + 1])
     leading, trailing = truth.contact_edges_rad(middle_s)
     half = 0.5 * (trailing - leading)
@@ -178,8 +200,13 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
     centre = result.revolution.omega_radps * (begin_s - float(bottoms[turn])) / statement.rate_factor
     numbers = truth.numbers(middle_s)
     slopes = run.slopes()
+    turns_hz = 1.0 / float(bottoms[turn + 1] - bottoms[turn])
+    load_n, pressure_pa = truth.load_n(middle_s), truth.pressure_pa(middle_s)
+    roll_rad, pitch_rad, _ = map(math.radians, world.tilt_deg)
     return {
-        "speed_mps": 2.0 * math.pi * world.radius_m / float(bottoms[turn + 1] - bottoms[turn]),
+        "speed_mps": 2.0 * math.pi * world.radius_m * turns_hz,
+        "angular_speed_radps": 2.0 * math.pi * turns_hz,
+        "rotation_rpm": 60.0 * turns_hz,
         "leading_edge_rad": leading - centre,
         "trailing_edge_rad": trailing - centre,
         "half_angle_rad": half,
@@ -188,10 +215,18 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         "zero_g_offset_mps2": world.zero_g_mps2[2] * statement.unit_factor,
         "sensor_offset_m": world.offset_m,
         "wear_mm": world.wear_mm,
-        "load_n": world.load_n,
-        "load_by_angle_n": world.load_n,
-        "load_by_width_n": world.load_n,
-        "pressure_number": world.load_n / (2.0 * world.pressure_pa * half * world.radius_m**2),
+        "roll_tilt_rad": roll_rad,
+        "pitch_tilt_rad": pitch_rad,
+        "wear_number": 1e-3 * world.wear_mm / world.radius_m,
+        "wear_drift_mm": 0.0,
+        "load_n": load_n,
+        "load_by_angle_n": load_n,
+        "load_by_width_n": load_n,
+        "pressure_number": load_n / (2.0 * pressure_pa * half * world.radius_m**2),
+        **_forces(run),
+        "sensor_roll_rad": roll_rad,
+        "lateral_offset_mps2": world.zero_g_mps2[1],
+        **dict.fromkeys(("leading_edge_shift_rad", "trailing_edge_shift_rad", "water_wedge_rad"), 0.0),
         "ply_steer_peak_rad": slopes.peak_rad,
         "ply_steer_first_half_rad": slopes.first_half_rad,
         "ply_steer_adhesion_line_rad": slopes.adhesion_line_rad,
@@ -200,6 +235,13 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         **{name: getattr(numbers, name) for name in RING_NUMBERS},
         **{name: getattr(numbers, name[:2]) / numbers.Cw for name in RING_RATIOS},
     }
+
+
+def _forces(run: Run) -> dict[str, float]:
+    """Return the horizontal forces of a wheel that rolls freely on a tire without losses; NaN of any other."""
+    none = run.world.damping_nspm2 == (0.0, 0.0) and not run.world.drift_per_s
+    names = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio")
+    return dict.fromkeys(names, 0.0 if none else math.nan)
 
 
 def determinable(run: Run) -> dict[str, bool]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 import numpy as np
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import Environment, Frame, Hello
+from firmware_protocol.messages import Environment, Frame, Hello, SampleBlock
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
@@ -211,9 +211,27 @@ def results_of(run: Run, statement: Statement, estimators: Sequence[str]) -> lis
     names = [name for name in estimators if name not in statement.left_out]
     pipeline = Pipeline(setups, WheelSetup("", 0, 0, setups[0].radius_m), names)
     results: list[RevolutionResult] = []
-    for frame in run.frames:
+    for frame in _channels(run.frames, run.world, statement):
         results += pipeline.frames(_LINK, (_as_stated(frame, statement),), _START_NS + 1000 * frame.tick_us)
     return results + pipeline.finish()
+
+
+def _channels(frames: Sequence[Frame], world: World, statement: Statement) -> Iterator[Frame]:
+    """Yield frames of a sensor whose axes are swapped or late."""
+    late = [round(seconds * world.rate_hz) for seconds in statement.late_s]
+    if statement.axes == (0, 1, 2) and not any(late):
+        yield from frames
+        return
+    before = np.zeros((max(late), 3), np.int16)
+    for frame in frames:
+        message = frame.message
+        if isinstance(message, SampleBlock):
+            counts = np.concatenate([before, message.counts[:, statement.axes]])
+            before, count = counts[len(counts) - len(before) :], len(message.counts)
+            begin = len(counts) - count
+            delayed = np.stack([counts[begin - lag : len(counts) - lag, axis] for axis, lag in enumerate(late)], axis=1)
+            frame = frame._replace(message=message._replace(counts=delayed))
+        yield frame
 
 
 def _as_stated(frame: Frame, statement: Statement) -> Frame:

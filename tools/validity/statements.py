@@ -30,11 +30,11 @@ class Statement:
         radius_mm: belt radius.
         radius_std_mm: its standard error; None for the default, 1 %.
         load_n: vertical load.
-        load_std_n: its standard error.
+        load_std_n: its standard error; None for the default.
         pressure_factor: reading of the pressure over the truth.
-        pressure_std_kpa: standard error of the reading.
+        pressure_std_kpa: standard error of the reading; None for the default.
         offset_mm: sensor below the neutral layer; None when it is not stated.
-        offset_std_mm: its standard error.
+        offset_std_mm: its standard error; None for the default.
         gain_std_percent: standard error of the sensor's gains; None for the default, 1.5 %.
         zero_g_std_mps2: standard error of its zero-g offsets; None for the default, 1 m/s^2.
         rate_factor: stated sampling rate over the true one; the stamps follow the stated one, as in an import.
@@ -43,17 +43,19 @@ class Statement:
         reference: numbers of the new tire; None for none.
         calibration: load from half angle and pressure; None for none.
         left_out: estimators that do not run.
+        axes: channel that each of the three axes is taken from; two are swapped where they are not in order.
+        late_s: delay of each axis.
     """
 
     radius_mm: float
     load_n: float
-    load_std_n: float
-    pressure_std_kpa: float
+    load_std_n: float | None
+    pressure_std_kpa: float | None
     offset_mm: float | None
     thickness_mm: float
     radius_std_mm: float | None = None
     pressure_factor: float = 1.0
-    offset_std_mm: float = OFFSET_STD_MM
+    offset_std_mm: float | None = OFFSET_STD_MM
     gain_std_percent: float | None = None
     zero_g_std_mps2: float | None = None
     rate_factor: float = 1.0
@@ -61,6 +63,8 @@ class Statement:
     reference: tuple[float, float, float, float] | None = None
     calibration: LoadCalibration | None = None
     left_out: tuple[str, ...] = ()
+    axes: tuple[int, int, int] = (0, 1, 2)
+    late_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def vehicle(self, world: World) -> VehicleConfig:
         """Return the configuration; what is None is left out."""
@@ -84,7 +88,8 @@ class Statement:
         }
         sensor = {"gain_std_percent": self.gain_std_percent, "zero_g_std_mps2": self.zero_g_std_mps2}
         wheel: dict[str, Any] = {"position": "W", "hub": 0, "wheel": 0, "load_n": self.load_n}
-        wheel["load_std_n"] = self.load_std_n
+        if self.load_std_n is not None:
+            wheel["load_std_n"] = self.load_std_n
         wheel["mounting"] = _stated(mounting)
         wheel["sensor"] = _stated(sensor)
         return parse_vehicle(toml_text({"tire": _stated(tire), "wheel": [wheel]}), "bench")
@@ -132,11 +137,19 @@ def known_exactly(world: World, statement: Statement) -> Statement:
     )
 
 
+def without_errors(statement: Statement) -> Statement:
+    """Return a statement that says nothing of its errors, so that the defaults count."""
+    return replace(
+        statement, radius_std_mm=None, load_std_n=None, pressure_std_kpa=None, gain_std_percent=None, offset_std_mm=None
+    )
+
+
 def moved_to(statement: Statement, before: World, after: World) -> Statement:
     """Return a true statement of another world, with the same errors of load and depth."""
     depth = None if statement.offset_mm is None else statement.offset_mm + 1e3 * (after.offset_m - before.offset_m)
     scale = after.load_n / before.load_n
-    return replace(statement, load_n=statement.load_n * scale, load_std_n=statement.load_std_n * scale, offset_mm=depth)
+    load_std_n = None if statement.load_std_n is None else statement.load_std_n * scale
+    return replace(statement, load_n=statement.load_n * scale, load_std_n=load_std_n, offset_mm=depth)
 
 
 def _stated(table: dict[str, Any]) -> dict[str, Any]:

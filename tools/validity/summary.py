@@ -12,11 +12,12 @@ import numpy as np
 from accuracy.tables import Table
 
 from validity.cases import CASES
-from validity.judging import REFERENCES, Judged
+from validity.judging import BEYOND, REFERENCES, Judged
 
 AIM_FALSE: Final = 0.01
 AIM_VALID: Final = 0.95
-_LAST: Final = 2
+# Limits of what counts as false, in the errors of the estimate: a widening that meets one shows at another.
+LIMITS: Final = (2.5, BEYOND, 5.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,7 @@ class Share:
     Attributes:
         judged: how many were.
         valid: called valid.
-        falsely_valid: called valid and beyond 3 errors.
+        falsely_valid: called valid and beyond 3.5 errors.
         able: judged last, where the data determine the quantity.
         falsely_invalid: of these, not called valid.
         rms: of the pulls of the valid.
@@ -47,7 +48,7 @@ def share(found: Iterable[Judged]) -> Share:
     entries = list(found)
     valid = [one for one in entries if one.valid]
     # Before the averages settle, nothing has to be valid.
-    able = [one for one in entries if one.when == _LAST and one.determinable]
+    able = [one for one in entries if one.last and one.determinable]
     pulls = np.array([one.pull for one in valid if math.isfinite(one.pull)])
     return Share(
         judged=len(entries),
@@ -65,6 +66,40 @@ def _grouped(judged: Iterable[Judged], key: Callable[[Judged], tuple[str, ...]])
     for one in judged:
         groups[key(one)].append(one)
     return groups
+
+
+def kind_table(judged: Sequence[Judged]) -> Table:
+    """Return the falsely valid shares of each kind of case, by the limit of what counts as false."""
+    rows = []
+    for (kind,), entries in _grouped(judged, lambda one: (one.table,)).items():
+        valid = [one for one in entries if one.valid]
+        pulls = np.array([one.pull for one in valid])
+        rows.append(
+            (kind, str(len({(one.case, one.tire) for one in entries})), str(len(entries)), str(len(valid)),
+             *(_share(sum(one.is_false(limit) for one in valid), len(valid)) for limit in LIMITS),
+             _number(float(np.sqrt(np.mean(np.square(pulls)))) if len(pulls) else math.nan))
+        )  # fmt: skip
+    heads = ("cases", "runs", "judged", "valid", *(f"false at {limit:g}" for limit in LIMITS), "rms pull")
+    return Table("By kind of case", "every revolution; false: valid and so many errors off", heads, tuple(rows))
+
+
+def quantity_table(judged: Sequence[Judged]) -> Table:
+    """Return the falsely valid share of each quantity in each kind of case."""
+    kinds = tuple(dict.fromkeys(one.table for one in judged))
+    rows = []
+    for (estimator, quantity), entries in _grouped(judged, lambda one: (one.estimator, one.quantity)).items():
+        cells = []
+        for kind in kinds:
+            valid = [one for one in entries if one.table == kind and one.valid]
+            false = sum(one.falsely_valid for one in valid)
+            cells.append(f"{_share(false, len(valid))} of {len(valid)}" if valid else "-")
+        rows.append((estimator, quantity, *cells))
+    heads = ("estimator", "quantity", *kinds)
+    return Table("By quantity", "falsely valid of the valid", heads, tuple(rows))
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{100.0 * part / whole:.2f} %" if whole else "-"
 
 
 def well_table(judged: Sequence[Judged]) -> Table:
@@ -87,7 +122,7 @@ def well_table(judged: Sequence[Judged]) -> Table:
     return Table(
         "Where all that is stated is true",
         "valid: share valid at the end where the data determine the quantity; rms and largest pull of the valid; "
-        "false: share of the valid beyond 3 errors",
+        "false: share of the valid beyond 3.5 errors",
         tuple(heads),
         tuple(rows),
     )
@@ -109,7 +144,7 @@ def _number(value: float) -> str:
 def misstatement_table(judged: Sequence[Judged]) -> Table:
     """Return the falsely valid share of every quantity in every case."""
     present = dict.fromkeys(one.case for one in judged)
-    names = [case.name for case in CASES if case.name in present and not case.well]
+    names = [case.name for case in CASES if case.name in present and case.kind == "one"]
     groups = _grouped(judged, lambda one: (one.estimator, one.quantity))
     rows = []
     for (estimator, quantity), found in groups.items():
@@ -129,8 +164,9 @@ def misstatement_table(judged: Sequence[Judged]) -> Table:
 def case_table(judged: Sequence[Judged]) -> Table:
     """Return the falsely valid by case over all quantities: at which sizes, and the quantities that are hit most."""
     rows = []
+    by_case = _grouped(judged, lambda one: (one.case,))
     for case in CASES:
-        found = [one for one in judged if one.case == case.name]
+        found = by_case.get((case.name,), [])
         if not found:
             continue
         here = share(found)
@@ -193,7 +229,7 @@ def reference_table(judged: Sequence[Judged]) -> Table:
     rows = []
     groups = _grouped((one for one in judged if one.estimator in REFERENCES), lambda one: (one.estimator, one.quantity))
     for (estimator, quantity), found in groups.items():
-        last = [one for one in found if one.case in well and one.when == _LAST]
+        last = [one for one in found if one.case in well and one.last]
         errors = np.array([one.value / one.truth - 1.0 for one in last if math.isfinite(one.value)])
         every = share(found)
         if len(errors):
@@ -210,7 +246,7 @@ def each_table(judged: Sequence[Judged]) -> Table:
     """Return every estimate at the end of its run."""
     rows = []
     for one in judged:
-        if one.when == _LAST:
+        if one.last:
             relative = f"{100.0 * (one.value / one.truth - 1.0):+.2f}" if one.truth else f"{one.value:.2g}"
             error = f"{100.0 * one.std / abs(one.truth):.2f}" if one.truth else f"{one.std:.2g}"
             rows.append(
@@ -226,7 +262,7 @@ def invalid_reasons(judged: Sequence[Judged], count: int) -> Table:
     well = {case.name for case in CASES if case.well}
     groups: dict[tuple[str, ...], int] = defaultdict(int)
     for one in judged:
-        if one.case in well and one.when == _LAST and one.determinable and not one.valid:
+        if one.case in well and one.last and one.determinable and not one.valid:
             groups[one.case, one.estimator, one.quantity, " ".join(one.reasons) or "no result"] += 1
     most = sorted(groups.items(), key=lambda item: -item[1])[:count]
     return Table(

@@ -84,6 +84,8 @@ class World:
         conicity_deg: of the belt.
         lateral: lateral stiffnesses of the belt, by the scenario's keys.
         revolutions: length of the run.
+        extra: what else the scenario states, as (table, key, value); a tuple of a value is a series of (share of the
+            run, value).
     """
 
     kind: str
@@ -115,6 +117,7 @@ class World:
     temperature_degc: float = REFERENCE_DEGC
     conicity_deg: float = 0.0
     revolutions: int = REVOLUTIONS
+    extra: tuple[tuple[str, str, Any], ...] = ()
 
     @property
     def load_number(self) -> float:
@@ -169,23 +172,22 @@ class World:
             "radial_sign": -1 if self.flipped else 1,
             "sign_declared": not self.flipped,
         }
-        text = toml_text(
-            {
-                "scenario": {"name": "validity", "duration_s": self.seconds},
-                "motion": {"speed_kmh": speed},
-                "road": {"rms_mps2": self.road_mps2, "bandwidth_hz": min(500.0, 0.4 * self.rate_hz)},
-                "tire": tire,
-                "sensor": sensor,
-                "wheel": [
-                    {
-                        **{"position": "W", "hub": 0, "wheel": 0, "load_n": self.load_n},
-                        "pressure_kpa": 1e-3 * self.pressure_pa,
-                        "temperature_degc": self.temperature_degc,
-                    }
-                ],
-            }
-        )
-        return wheel_plans(parse_scenario(text, "validity"))[0]
+        wheel: dict[str, Any] = {
+            **{"position": "W", "hub": 0, "wheel": 0, "load_n": self.load_n},
+            "pressure_kpa": 1e-3 * self.pressure_pa,
+            "temperature_degc": self.temperature_degc,
+        }
+        tables: dict[str, dict[str, Any]] = {
+            "scenario": {"name": "validity", "duration_s": self.seconds},
+            "motion": {"speed_kmh": speed},
+            "road": {"rms_mps2": self.road_mps2, "bandwidth_hz": min(500.0, 0.4 * self.rate_hz)},
+            "tire": tire,
+            "sensor": sensor,
+        }
+        for table, key, value in self.extra:
+            timed = [[at * self.seconds, v] for at, v in value] if isinstance(value, tuple) else value
+            (wheel if table == "wheel" else tables.setdefault(table, {}))[key] = timed
+        return wheel_plans(parse_scenario(toml_text({**tables, "wheel": [wheel]}), "validity"))[0]
 
 
 def with_resistance(world: World, coefficient: float) -> World:

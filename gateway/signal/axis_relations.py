@@ -1,0 +1,169 @@
+"""Relations between the axes of one sensor on a rolling belt: which axis is which, and whether one is late.
+
+A sensor e below the neutral layer, pitched by a small angle, reads -e Omega^2 d(kappa R)/dtheta along the belt, plus
+the radial axis times the tilt, plus gravity (`gateway.signal.sensor_mounting`). Nothing else has the orders of that
+axis, so an axis that follows the relation at another angle than the radial one is late by it, and one that another axis
+follows far better is not the one along the belt.
+
+The lateral deformation changes its slope at the contact edges, where the curvature changes. So the lateral axis is, in
+close approximation, a sum of the slope of the radial one at either edge, of the radial one by the roll, and of order 1.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.signal.angle_resampling import angle_grid
+from gateway.signal.sensor_mounting import BeltKinematics
+from gateway.types import ComplexArray, FloatArray
+
+_CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
+# Orders that the relations use. Order 2 has motion of the hub in it.
+_HIGHEST_ORDER: Final = 30
+_HUB_ORDER: Final = 2
+_LEAST_ORDERS: Final = 10
+# Lags that are tried: 2.5 ms are 0.5 rad at 240 km/h.
+_LAGS_RAD: Final[FloatArray] = np.linspace(-0.75, 0.75, 301)
+# Share of an axis that its relation must explain to tell of a lag. On rings and belts of random tires the
+# circumferential relation explains 0.998 and more, the lateral one 0.95, and 0.1 to 0.9 where there is hardly a ply
+# steer.
+_EXPLAINED: Final = 0.9
+# Factor by which the lag must lower what the relation leaves: 1.0 and 1.15 where nothing is late, 3 and 2.5 at 0.3 ms.
+_LEAST_FACTOR: Final = 2.0
+# Least lag that counts, and as a share of the half contact angle: where nothing is late the circumferential axis has
+# none, the lateral one up to 0.06 of it.
+_LEAST_LAG_RAD: Final = 0.012
+_LEAST_LAG_SHARE: Final = 0.1
+# Factor by which the lateral axis must follow the relation of the circumferential one better than that does itself: 500
+# and more where both are swapped, at most 0.03 where they are not, 9 where the wheel turns unevenly by 1 %.
+_SWAPPED_FACTOR: Final = 30.0
+
+
+class AxisRelations(NamedTuple):
+    """What the relations say.
+
+    Attributes:
+        circumferential_late_rad: lag of the circumferential axis behind the radial one; 0 where none is significant.
+        lateral_late_rad: likewise of the lateral axis.
+        is_swapped: whether the circumferential axis is the lateral one, and the other way round.
+        roll_rad: roll by the shape of the lateral axis; NaN where that is not known.
+    """
+
+    circumferential_late_rad: float = 0.0
+    lateral_late_rad: float = 0.0
+    is_swapped: bool = False
+    roll_rad: float = math.nan
+
+
+class _Fit(NamedTuple):
+    """Best lag of an axis, the square it leaves, that without a lag, the square of the axis, and the factors."""
+
+    lag_rad: float
+    least: float
+    without: float
+    whole: float
+    factors: FloatArray
+
+    def late_rad(self, least_rad: float) -> float:
+        """Return the lag where it is significant, else 0."""
+        is_late = (
+            abs(self.lag_rad) > max(least_rad, _LEAST_LAG_RAD)
+            and self.least < (1.0 - _EXPLAINED) * self.whole
+            and self.without > _LEAST_FACTOR * self.least
+        )
+        return self.lag_rad if is_late else 0.0
+
+
+def axis_relations(
+    axes_mps2: FloatArray,
+    belt: BeltKinematics,
+    edges_rad: tuple[float, float],
+    omega_radps: float,
+    reaction_mps2: float,
+    order_max: int,
+) -> AxisRelations:
+    """Return what the relations say of averaged axes.
+
+    Args:
+        axes_mps2: (3, n) average over revolutions, as measured on the angle grid; NaN rows for absent axes.
+        belt: kinematics of the belt.
+        edges_rad: of the contact.
+        omega_radps: mean angular speed.
+        reaction_mps2: angular acceleration times the belt radius.
+        order_max: highest order that the sampling carries.
+    """
+    count = min(_HIGHEST_ORDER, order_max)
+    n = axes_mps2.shape[1]
+    if count < _LEAST_ORDERS or not np.isfinite(axes_mps2[_RADIAL]).all():
+        return AxisRelations()
+    spectra = np.fft.rfft(axes_mps2, axis=1)[:, : count + 1] * (2.0 / n)
+    has_along, has_lateral = np.isfinite(spectra[:2, 0].real).tolist()
+    half_rad = 0.5 * (edges_rad[1] - edges_rad[0])
+    late_along = late_lateral = 0.0
+    is_swapped, roll_rad = False, math.nan
+    if has_along:
+        orders = np.delete(np.arange(1, count + 1), _HUB_ORDER - 1)
+        known = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
+        factors = np.array([omega_radps**2 * belt.along[orders], spectra[_RADIAL, orders]])
+        along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, known[orders])
+        late_along = along.late_rad(0.0)
+        if has_lateral:
+            other = _fit(spectra[_LATERAL, orders], factors, orders, known[orders])
+            is_swapped = (
+                other.without < (1.0 - _EXPLAINED) * other.whole
+                and along.least * other.whole > _SWAPPED_FACTOR * other.without * along.whole
+            )
+    if has_lateral and not is_swapped:
+        orders = np.arange(1, count + 1)
+        lateral = _fit(spectra[_LATERAL, orders], _lateral_factors(axes_mps2[_RADIAL], belt, edges_rad, count), orders)
+        late_lateral = lateral.late_rad(_LEAST_LAG_SHARE * half_rad)
+        if lateral.least < (1.0 - _EXPLAINED) * lateral.whole:
+            roll_rad = math.atan(float(lateral.factors[2]))
+    return AxisRelations(0.0 if is_swapped else late_along, late_lateral, is_swapped, roll_rad)
+
+
+def _lateral_factors(
+    radial_mps2: FloatArray, belt: BeltKinematics, edges_rad: tuple[float, float], count: int
+) -> ComplexArray:
+    """Return orders 1 to `count` of what the lateral axis is a sum of, (5, count)."""
+    n = len(radial_mps2)
+    weightless = radial_mps2 - STANDARD_GRAVITY_MPS2 * np.cos(belt.inclination_rad)
+    spectrum = np.fft.rfft(weightless)
+    spectrum[count + 1 :] = 0.0
+    slope = np.fft.irfft(1j * np.arange(len(spectrum)) * spectrum, n)
+    is_ahead = angle_grid(n) < 0.5 * (edges_rad[0] + edges_rad[1])
+    parts = np.stack([np.where(is_ahead, slope, 0.0), np.where(is_ahead, 0.0, slope), weightless])
+    factors = np.zeros((5, count), dtype=np.complex128)
+    factors[:3] = np.fft.rfft(parts, axis=1)[:, 1 : count + 1] * (2.0 / n)
+    factors[3, 0], factors[4, 0] = 1.0, 1j
+    return factors
+
+
+def _fit(
+    spectrum: ComplexArray, factors: ComplexArray, orders: NDArray[np.intp], known: ComplexArray | None = None
+) -> _Fit:
+    """Return the best fit of a spectrum, (m,), by factors, (j, m), over all lags; `known` is not fitted."""
+    columns = np.concatenate([factors.real, factors.imag], axis=1).T
+    basis, triangle = np.linalg.qr(columns)
+    shifted = spectrum * _shifts(tuple(orders.tolist()))
+    if known is not None:
+        shifted = shifted - known
+    rows = np.concatenate([shifted.real, shifted.imag], axis=1)
+    explained = rows @ basis
+    squares = np.maximum(np.sum(rows * rows, axis=1) - np.sum(explained * explained, axis=1), 0.0)
+    best = int(squares.argmin())
+    whole = float(np.sum(np.abs(spectrum) ** 2))
+    solution = np.linalg.lstsq(triangle, explained[best], rcond=None)[0]
+    return _Fit(float(_LAGS_RAD[best]), float(squares[best]), float(squares[len(_LAGS_RAD) // 2]), whole, solution)
+
+
+@lru_cache(maxsize=64)
+def _shifts(orders: tuple[int, ...]) -> ComplexArray:
+    """Return the factors that undo each lag, (lags, m)."""
+    return np.exp(1j * np.multiply.outer(_LAGS_RAD, np.array(orders, dtype=np.float64)))

@@ -1,0 +1,102 @@
+"""Axes that are swapped or late, motion of the hub, and a zero of the lateral axis, through the whole pipeline."""
+
+from __future__ import annotations
+
+import pytest
+
+from gateway.estimators.estimator import Status
+from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code
+from tests.testkit.simulated_wheel import last, restated, simulated
+
+SETUP = WheelSetup(
+    "FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, load_std_n=50.0, pressure_pa=210e3, pressure_std_pa=1e3
+)
+ESTIMATORS = ("kinematic", "self-calibration", "weak-form", "longitudinal-force", "ply-steer")
+SECONDS = 5.0
+SLOPES = ("ply_steer_peak_rad", "ply_steer_first_half_rad", "ply_steer_contact_line_rad")
+OF_AXES = (Code.AXES_SWAPPED, Code.AXIS_LATE, Code.GRAVITY_ABSENT)
+
+
+def tables(speed_kmh: float, sensor: str = "", others: str = "") -> str:
+    return (
+        f"[motion]\nspeed_kmh = {speed_kmh}\n[tire]\ncord_angle_deg = 22\nply_separation_mm = 1.4\n"
+        f"[sensor]\nrange_g = 1000\nrate_hz = 4800\noffset_mm = 2.0\n{sensor}\n{others}"
+    )
+
+
+def rolled(speed_kmh: float, **changes) -> tuple[tuple[RevolutionResult, ...], WheelSnapshot]:
+    return restated(tables(speed_kmh), SECONDS, SETUP, ESTIMATORS, **changes)
+
+
+def codes_of(snapshot: WheelSnapshot) -> list[Code]:
+    return [flag.reason.code for flag in snapshot.flags if flag.reason.code in OF_AXES]
+
+
+@pytest.mark.parametrize("speed_kmh", [40.0, 65.0, 120.0])
+def test_axes_in_order_and_in_time_raise_nothing(speed_kmh: float) -> None:
+    results, snapshot = rolled(speed_kmh)
+    assert codes_of(snapshot) == []
+    found = last(results)
+    assert found["ply_steer_contact_line_rad"].status is Status.VALID
+    assert found["sensor_offset_m"].status is Status.VALID
+
+
+@pytest.mark.parametrize("speed_kmh", [40.0, 120.0])
+def test_swapped_axes_are_seen_at_every_speed(speed_kmh: float) -> None:
+    results, snapshot = rolled(speed_kmh, channels=(1, 0, 2))
+    assert Code.AXES_SWAPPED in codes_of(snapshot)
+    found = last(results)
+    for name in (*SLOPES, "pitch_tilt_rad", "sensor_offset_m"):
+        assert found[name].status is Status.INVALID, name
+    assert found["speed_mps"].status is Status.VALID
+
+
+@pytest.mark.parametrize("samples", [5, 12])
+@pytest.mark.parametrize("speed_kmh", [65.0, 120.0])
+def test_late_lateral_axis_has_no_slopes(speed_kmh: float, samples: int) -> None:
+    results, snapshot = rolled(speed_kmh, late=(0, samples, 0))
+    (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is Code.AXIS_LATE)
+    assert reason["axis"] == "lateral"
+    assert reason["late_s"] == pytest.approx(samples / 4800.0, rel=0.15)
+    found = last(results)
+    for name in SLOPES:
+        assert found[name].status is Status.INVALID, name
+    assert found["sensor_offset_m"].status is Status.VALID
+
+
+@pytest.mark.parametrize("samples", [5, 12])
+def test_late_circumferential_axis_gives_no_depth(samples: int) -> None:
+    results, snapshot = rolled(65.0, late=(samples, 0, 0))
+    (reason,) = (flag.reason for flag in snapshot.flags if flag.reason.code is Code.AXIS_LATE)
+    assert reason["axis"] == "circumferential"
+    assert reason["late_s"] == pytest.approx(samples / 4800.0, rel=0.1)
+    found = last(results)
+    assert found["sensor_offset_m"].status is Status.INVALID
+    assert found["pitch_tilt_rad"].status is Status.INVALID
+    assert found["ply_steer_contact_line_rad"].status is Status.VALID
+
+
+@pytest.mark.parametrize("amplitude_mps2", [1.0, 3.0])
+def test_motion_of_the_hub_is_in_the_errors(amplitude_mps2: float) -> None:
+    hub = f"[vibration]\nimbalance_mps2 = {amplitude_mps2}"
+    still, _ = simulated(tables(65.0), SECONDS, SETUP, ESTIMATORS)
+    moved, truth = simulated(tables(65.0, others=hub), SECONDS, SETUP, ESTIMATORS)
+    conditions = moved[-1].conditions
+    assert conditions.hub_mps2 == pytest.approx(0.5 * amplitude_mps2, rel=0.2)
+    assert still[-1].conditions.hub_mps2 < 0.12
+    numbers, found, before = truth.numbers(1.0), last(moved), last(still)
+    for name in ("Bs/Cw", "Rs/Cw", "Ts/Cw"):
+        true = getattr(numbers, name[:2]) / numbers.Cw
+        assert abs(found[name].value - true) < 3.0 * found[name].std, name
+        assert found[name].std > before[name].std, name
+    assert abs(found["longitudinal_force_n"].value) < 3.0 * found["longitudinal_force_n"].std
+
+
+@pytest.mark.parametrize("zero_g", [1.0, 2.0])
+def test_zero_of_the_lateral_axis_is_in_the_error_of_the_roll(zero_g: float) -> None:
+    results, _ = simulated(tables(65.0, f"zero_g_offset_g = [0.0, {zero_g}, 0.0]"), SECONDS, SETUP, ESTIMATORS)
+    roll = last(results)["sensor_roll_rad"]
+    assert abs(roll.value) > 0.009
+    assert abs(roll.value) < 2.0 * roll.std
