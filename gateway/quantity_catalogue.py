@@ -25,6 +25,7 @@ class Basis(StrEnum):
     ALONG = "along"
     COUPLING = "coupling"
     GAIN = "gain"
+    HUB = "hub"
     OFFSET = "offset"
     RADIUS = "radius"
     RATE = "rate"
@@ -48,6 +49,7 @@ class Quantity:
         possible: least and greatest value that a tire, a sensor or a road can have.
         origin: value at which what the powers scale is zero.
         is_steady: whether it is of the tire or the sensor, so that driving does not change it.
+        memory_revolutions: of the running average that it is made of; 0 for none.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Quantity:
     possible: tuple[float, float] = (-inf, inf)
     origin: float = 0.0
     is_steady: bool = False
+    memory_revolutions: int = 0
 
     @property
     def is_radius_times_angle(self) -> bool:
@@ -69,9 +72,13 @@ _SIGNAL: Final = frozenset({Basis.SAMPLES})
 _LOCKED: Final = frozenset({Basis.SAMPLES, Basis.WAVEFORM, Basis.COUPLING})
 # A density over frequencies rests on the whole band.
 _BAND: Final = frozenset({Basis.SAMPLES, Basis.COUPLING})
-_SHAPE: Final = _LOCKED | {Basis.OFFSET, Basis.ZERO}
+_SHAPE: Final = _LOCKED | {Basis.OFFSET, Basis.ZERO, Basis.HUB}
+_FORCE: Final = _LOCKED | {Basis.HUB}
 _BY_PRESSURE: Final = _LOCKED | {Basis.PRESSURE}
 _POSITIVE: Final = (0.0, inf)
+# Memories of the running averages of the radial and of the lateral axis.
+_AVERAGE: Final = 50
+_LATERAL_AVERAGE: Final = 100
 # A lateral slope dy/dx with y = a / Omega^2 and x = R theta.
 _SLOPE: Final = {Basis.RADIUS: -1.0, Basis.RATE: -2.0, Basis.GAIN: -1.0, Basis.AXES: 1.0}
 _LATERAL_SHIFT: Final = {Basis.RATE: -2.0, Basis.GAIN: -1.0, Basis.AXES: 1.0}
@@ -101,6 +108,7 @@ _RING: Final = (
             rests_on=_SHAPE | {Basis.PRESSURE},
             possible=_POSITIVE,
             is_steady=True,
+            memory_revolutions=_AVERAGE,
         )
         for name in RING_NUMBERS
     ),
@@ -111,14 +119,19 @@ _RING: Final = (
             rests_on=_SHAPE,
             possible=_POSITIVE,
             is_steady=True,
+            memory_revolutions=_AVERAGE,
         )
         for name in RING_RATIOS
     ),
 )
 
 
-def _slope(name: str, description: str) -> Quantity:
-    return Quantity(name, description, powers=_SLOPE, rests_on=_LOCKED)
+def _slope(name: str, description: str, memory_revolutions: int = 0) -> Quantity:
+    return Quantity(name, description, powers=_SLOPE, rests_on=_LOCKED, memory_revolutions=memory_revolutions)
+
+
+def _ply_steer(name: str, description: str) -> Quantity:
+    return _slope(name, description, _LATERAL_AVERAGE)
 
 
 CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
@@ -236,22 +249,22 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         ),
     ),
     "longitudinal-force": (
-        Quantity("longitudinal_force_n", "force of the road on the tire, positive forward", rests_on=_LOCKED),
-        Quantity("axle_torque_nm", "torque at the axle, positive when it drives", rests_on=_LOCKED),
-        Quantity("longitudinal_ratio", "longitudinal force over load", rests_on=_LOCKED, possible=(-2.0, 2.0)),
-        Quantity("rolling_resistance", "coefficient of rolling resistance", rests_on=_LOCKED, possible=_POSITIVE),
+        Quantity("longitudinal_force_n", "force of the road on the tire, positive forward", rests_on=_FORCE),
+        Quantity("axle_torque_nm", "torque at the axle, positive when it drives", rests_on=_FORCE),
+        Quantity("longitudinal_ratio", "longitudinal force over load", rests_on=_FORCE, possible=(-2.0, 2.0)),
+        Quantity("rolling_resistance", "coefficient of rolling resistance", rests_on=_FORCE, possible=_POSITIVE),
         Quantity(
             "damping_loss",
             "part of the rolling resistance that the deformation of belt and sidewall loses",
-            rests_on=_LOCKED,
+            rests_on=_FORCE,
         ),
     ),
     "ply-steer": (
-        _slope("ply_steer_peak_rad", "steepest slope of the lateral shape of the belt in the contact"),
-        _slope("ply_steer_first_half_rad", "mean slope from the leading edge to the middle of the contact"),
-        _slope("ply_steer_adhesion_line_rad", "slope of a line through the part of the contact that adheres"),
-        _slope("ply_steer_contact_line_rad", "slope of a line through the whole contact"),
-        _slope("conicity_slope_rad", "half the change of slope from the first to the second half of the contact"),
+        _ply_steer("ply_steer_peak_rad", "steepest slope of the lateral shape of the belt in the contact"),
+        _ply_steer("ply_steer_first_half_rad", "mean slope from the leading edge to the middle of the contact"),
+        _ply_steer("ply_steer_adhesion_line_rad", "slope of a line through the part of the contact that adheres"),
+        _ply_steer("ply_steer_contact_line_rad", "slope of a line through the whole contact"),
+        _ply_steer("conicity_slope_rad", "half the change of slope from the first to the second half of the contact"),
         Quantity(
             "sensor_roll_rad",
             "roll of the sensor, from the means of two axes",
@@ -266,7 +279,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             rests_on=_LOCKED,
             possible=_ZEROS,
         ),
-        _slope(
+        _ply_steer(
             "ply_steer_ahead_rad", "steepest slope of the free belt ahead of the contact, which leans the other way"
         ),
         # Of the stated plies alone.

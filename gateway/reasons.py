@@ -99,6 +99,7 @@ class Code(StrEnum):
     NOT_POSSIBLE = "not_possible"
     NO_SINGLE_CAUSE = "no_single_cause"
     NOTHING_FOLLOWS = "nothing_follows"
+    HUB_MOVES = "hub_moves"
     OFFSET_CONTRADICTED = "offset_contradicted"
     OFFSET_UNKNOWN = "offset_unknown"
     RADIUS_WOULD_FIT = "radius_would_fit"

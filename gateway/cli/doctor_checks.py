@@ -236,6 +236,8 @@ def check_config(path: Path) -> Iterator[Check]:
     setups = config.wheel_setups()
     wheels = ", ".join(f"{setup.position} (hub {setup.hub}, wheel {setup.wheel})" for setup in setups)
     yield Check(name, Level.OK, f"{path}: {config.name or 'unnamed'}, wheels {wheels}")
+    if assumed := [f"{share} of the {what} ({', '.join(wheels)})" for what, share, wheels in config.assumed_errors()]:
+        yield Check(name, Level.OK, f"standard errors that are not stated and assumed: {'; '.join(assumed)}")
     for what, key, unknown in (
         ("load", "load_n or an [[axle]]", [setup.position for setup in setups if setup.load_n is None]),
         ("pressure", "pressure_kpa", [setup.position for setup in setups if setup.pressure_pa is None]),

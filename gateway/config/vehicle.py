@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Final
@@ -513,6 +513,19 @@ class VehicleConfig(Section):
             ),
             tire=tire.data(),
         )
+
+    def assumed_errors(self) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+        """Yield what is stated without a standard error: the quantity, its default with its unit, and the wheels."""
+        weighed = {position for axle in self.axle for position in axle.wheels}
+        tires = {wheel.position: self.tire_of(wheel) for wheel in self.wheel}
+        loads = [wheel for wheel in self.wheel if wheel.load_n is not None and wheel.position not in weighed]
+        for what, default, wheels in (
+            ("belt radius", RADIUS_STD, [position for position, tire in tires.items() if tire.radius_std_mm is None]),
+            ("load", LOAD_STD, [wheel.position for wheel in loads if wheel.load_std_n is None]),
+            ("pressure", PRESSURE_STD, [where for where, tire in tires.items() if tire.pressure_std_kpa is None]),
+        ):
+            if wheels:
+                yield what, f"{100.0 * default:g} %", tuple(wheels)
 
     def notices(self) -> tuple[Notice, ...]:
         """Return a notice for each assumption."""

@@ -75,6 +75,8 @@ _SHARE_OF_ONE: Final = math.sqrt(0.5 / 3.0)
 _ZERO_MEASURED: Final = 0.3
 
 
+# Order 2 by motion of the hub from which it is noted, over R Omega^2.
+_NOTABLE_HUB: Final = 3e-4
 # Difference of the rolls by the means of two axes and by the shape of the lateral one, on belts of random tires.
 _ROLL_BY_SHAPE_RAD: Final = 6e-3
 
@@ -141,6 +143,7 @@ class Evidence(NamedTuple):
         disagreement: of the steady value with what is stated, where it is most of the radius's error; None elsewhere.
         hub_mps2: order 2 by motion of the hub.
         roll_std_rad: error of the roll from means at one speed.
+        hub_motion: that motion where it is notable; None elsewhere.
     """
 
     sensor_offset_m: float
@@ -155,6 +158,7 @@ class Evidence(NamedTuple):
     disagreement: Reason | None = None
     hub_mps2: float = 0.0
     roll_std_rad: float = 0.0
+    hub_motion: Reason | None = None
 
     def applied_to(
         self, conditions: TireConditions, given: Mapping[str, Mapping[str, Estimate]] | None = None
@@ -185,7 +189,12 @@ class Evidence(NamedTuple):
     @property
     def says_anything(self) -> bool:
         """Whether `qualified` changes any estimate."""
-        return bool(self.contradictions) or not self.offset_is_known or self.disagreement is not None
+        return (
+            bool(self.contradictions)
+            or not self.offset_is_known
+            or self.disagreement is not None
+            or self.hub_motion is not None
+        )
 
     @property
     def _is_coupled(self) -> bool:
@@ -222,7 +231,9 @@ class Evidence(NamedTuple):
             return estimate._replace(reasons=(*estimate.reasons, self.disagreement))
         if not self.offset_is_known and Basis.OFFSET in quantity_of(estimate.name).rests_on:
             unknown = Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m)
-            return estimate._replace(reasons=(*estimate.reasons, unknown))
+            estimate = estimate._replace(reasons=(*estimate.reasons, unknown))
+        if self.hub_motion is not None and Basis.HUB in quantity_of(estimate.name).rests_on:
+            return estimate._replace(reasons=(*estimate.reasons, self.hub_motion))
         return estimate
 
 
@@ -333,6 +344,9 @@ def assess(
         unsure=unsure,
         disagreement=disagreement,
         hub_mps2=hub_mps2,
+        hub_motion=Reason(Code.HUB_MOVES, amplitude_mps2=2.0 * hub_mps2)
+        if hub_mps2 > _NOTABLE_HUB * steady_mps2
+        else None,
         roll_std_rad=0.0 if measured is None else _roll_std(measured),
     )
 

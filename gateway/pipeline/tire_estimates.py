@@ -17,6 +17,7 @@ from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
 from gateway.pipeline.old_pressure import old_pressure_s
+from gateway.pipeline.own_drift import OwnDrift
 from gateway.pipeline.qualification import provisional_where, qualified
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -159,6 +160,7 @@ class _Series:
         common = {made.name: made for made in (other.estimators if other else ()) if rests_on_times_alone(made.name)}
         known: dict[str, Estimator] = {**own, **common}
         self.estimators: list[Estimator] = [known.get(name) or make_estimator(name) for name in in_order(estimators)]
+        self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
         # Asked once: the test of a protocol takes as long as an estimator's update.
         self.of_blocks = frozenset(
             estimator.name for estimator in self.estimators if isinstance(estimator, BlockEstimator)
@@ -170,6 +172,7 @@ class _Series:
         self.calibration.reset()
         for estimator in self.estimators:
             estimator.reset()
+            self.drifts[estimator.name].reset()
 
 
 class TireEstimates:
@@ -280,8 +283,11 @@ class TireEstimates:
                     for index, revolution in enumerate(revolutions)
                 ]
             name = estimator.name
+            drift = series.drifts[name]
             for index, raw in enumerate(made):
                 final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
+                if drift.applies:
+                    final = drift.widened(final)
                 given[index].add(name, final)
                 estimates[index] += final
         results = []

@@ -168,6 +168,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.NOT_POSSIBLE: "{errors:.1f} standard errors beyond what is possible",
     Code.NO_SINGLE_CAUSE: "no single cause fits",
     Code.NOTHING_FOLLOWS: "not determined: {why}",
+    Code.HUB_MOVES: (
+        "the hub moves by {amplitude_mps2:.2g m/s²} at the wheel's frequency, or the wheel turns unevenly: the error "
+        "includes it"
+    ),
     Code.OFFSET_CONTRADICTED: (
         "the sensor is stated {stated_m:.1f mm} ± {stated_std_m:.1f mm} below the neutral layer, the circumferential "
         "axis gives {offset_m:.2f mm} ± {std_m:.2f mm}"
