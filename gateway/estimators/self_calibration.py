@@ -246,8 +246,10 @@ class SelfCalibrationEstimator:
         self._with_gravity: FloatArray = np.zeros(4)
         self._along_gravity: AlongGravity | None = None
         self._hub: FloatArray = np.zeros(HUB_SIZE)
-        # Sum of the axes, their weight, and what their relations said at the last renewal.
-        self._axes: tuple[FloatArray | float, float] = 0.0, 0.0
+        # Sums of the axes, and of 1, the square of the speed and the reaction to angular acceleration; what the
+        # relations of the axes said at the last renewal.
+        self._axes: FloatArray = np.zeros((0, 0))
+        self._axes_with: FloatArray = np.zeros(3)
         self._relations = AxisRelations()
         self._roll_by_mean = math.nan
         self._last = _START
@@ -359,21 +361,20 @@ class SelfCalibrationEstimator:
 
     def _relate(self, block: RevolutionBlock, index: int, edges_rad: tuple[float, float]) -> None:
         """Compare the axes with each other, over the latest revolutions."""
-        total, weight = self._axes
-        if weight < _LEAST_OF_RELATIONS or isinstance(total, float):
+        weight, square, reaction = self._axes_with.tolist()
+        if weight < _LEAST_OF_RELATIONS:
             return
         assert self._belt is not None
-        revolution, radius_m = block.revolutions[index], block.conditions[index].radius_m
-        axes = total / weight
+        axes = self._axes / weight
         if self._last.against:
             axes[_CIRCUMFERENTIAL] = -axes[_CIRCUMFERENTIAL]
         self._relations = axis_relations(
             axes,
             self._belt,
             edges_rad,
-            revolution.omega_radps,
-            revolution.omega_dot_radps2 * radius_m,
-            revolution.order_max,
+            square / weight,
+            reaction / weight,
+            block.revolutions[index].order_max,
         )
         means = axes.mean(axis=1)
         self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))
@@ -413,7 +414,7 @@ class SelfCalibrationEstimator:
         if turned or self._is_absent is not absent:
             self._last = _START._replace(against=against is not turned, floor=self._last.floor)
             self._is_calibrated = self._has_along = False
-            self._hub, self._axes = np.zeros(HUB_SIZE), (0.0, 0.0)
+            self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._relations = AxisRelations()
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
@@ -479,7 +480,11 @@ class SelfCalibrationEstimator:
         hub = powers[:, np.newaxis] * self._hub + decay @ hub
         axes = block.arrays.axes_mps2[at]
         total = (decay[-1] @ axes.reshape(len(taken), -1)).reshape(axes.shape[1:])
-        self._axes = powers[-1] * self._axes[0] + total, float(powers[-1] * self._axes[1] + decay[-1].sum())
+        self._axes = total + powers[-1] * self._axes if self._axes.size else total
+        reaction = omega_dot * first_conditions.radius_m
+        self._axes_with = (
+            powers[-1] * self._axes_with + decay[-1] @ np.array([np.ones(len(taken)), omega**2, reaction]).T
+        )
         self._hub = hub[-1]
         return self._record(block, taken, belt, sums, hub, warm, expected.tolist())
 

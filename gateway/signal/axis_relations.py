@@ -30,10 +30,10 @@ _HUB_ORDER: Final = 2
 _LEAST_ORDERS: Final = 10
 # Lags that are tried: 2.5 ms are 0.5 rad at 240 km/h.
 _LAGS_RAD: Final[FloatArray] = np.linspace(-0.75, 0.75, 301)
-# Share of an axis that its relation must explain to tell of a lag. On rings and belts of random tires the
-# circumferential relation explains 0.998 and more, the lateral one 0.95, and 0.1 to 0.9 where there is hardly a ply
-# steer.
-_EXPLAINED: Final = 0.9
+# Share of the square of an axis that its relation may leave to tell of a lag. On rings and belts of random tires the
+# circumferential relation leaves 0.002 at most, the lateral one 0.05, and 0.1 to 0.9 where there is hardly a ply steer.
+_LEFT_ALONG: Final = 0.02
+_LEFT_LATERAL: Final = 0.1
 # Factor by which the lag must lower what the relation leaves: 1.0 and 1.15 where nothing is late, 3 and 2.5 at 0.3 ms.
 _LEAST_FACTOR: Final = 2.0
 # Least lag that counts, and as a share of the half contact angle: where nothing is late the circumferential axis has
@@ -70,11 +70,11 @@ class _Fit(NamedTuple):
     whole: float
     factors: FloatArray
 
-    def late_rad(self, least_rad: float) -> float:
-        """Return the lag where it is significant, else 0."""
+    def late_rad(self, least_rad: float, most_left: float) -> float:
+        """Return the lag where it is significant, else 0; `most_left` is the share that the relation may leave."""
         is_late = (
             abs(self.lag_rad) > max(least_rad, _LEAST_LAG_RAD)
-            and self.least < (1.0 - _EXPLAINED) * self.whole
+            and self.least < most_left * self.whole
             and self.without > _LEAST_FACTOR * self.least
         )
         return self.lag_rad if is_late else 0.0
@@ -84,7 +84,7 @@ def axis_relations(
     axes_mps2: FloatArray,
     belt: BeltKinematics,
     edges_rad: tuple[float, float],
-    omega_radps: float,
+    square_radps2: float,
     reaction_mps2: float,
     order_max: int,
 ) -> AxisRelations:
@@ -94,8 +94,8 @@ def axis_relations(
         axes_mps2: (3, n) average over revolutions, as measured on the angle grid; NaN rows for absent axes.
         belt: kinematics of the belt.
         edges_rad: of the contact.
-        omega_radps: mean angular speed.
-        reaction_mps2: angular acceleration times the belt radius.
+        square_radps2: mean square of the angular speed of these revolutions.
+        reaction_mps2: their mean angular acceleration times the belt radius.
         order_max: highest order that the sampling carries.
     """
     count = min(_HIGHEST_ORDER, order_max)
@@ -110,20 +110,20 @@ def axis_relations(
     if has_along:
         orders = np.delete(np.arange(1, count + 1), _HUB_ORDER - 1)
         known = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
-        factors = np.array([omega_radps**2 * belt.along[orders], spectra[_RADIAL, orders]])
+        factors = np.array([square_radps2 * belt.along[orders], spectra[_RADIAL, orders]])
         along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, known[orders])
-        late_along = along.late_rad(0.0)
+        late_along = along.late_rad(0.0, _LEFT_ALONG)
         if has_lateral:
             other = _fit(spectra[_LATERAL, orders], factors, orders, known[orders])
             is_swapped = (
-                other.without < (1.0 - _EXPLAINED) * other.whole
+                other.without < _LEFT_ALONG * other.whole
                 and along.least * other.whole > _SWAPPED_FACTOR * other.without * along.whole
             )
     if has_lateral and not is_swapped:
         orders = np.arange(1, count + 1)
         lateral = _fit(spectra[_LATERAL, orders], _lateral_factors(axes_mps2[_RADIAL], belt, edges_rad, count), orders)
-        late_lateral = lateral.late_rad(_LEAST_LAG_SHARE * half_rad)
-        if lateral.least < (1.0 - _EXPLAINED) * lateral.whole:
+        late_lateral = lateral.late_rad(_LEAST_LAG_SHARE * half_rad, _LEFT_LATERAL)
+        if lateral.least < _LEFT_LATERAL * lateral.whole:
             roll_rad = math.atan(float(lateral.factors[2]))
     return AxisRelations(0.0 if is_swapped else late_along, late_lateral, is_swapped, roll_rad)
 
