@@ -65,6 +65,8 @@ _FURTHER_PASSES: Final = 2
 # Relative change of the scatter's variance from which the solution is renewed. Until then it scales the errors by noise
 # and is taken to leave the weights of the orders among each other.
 _SCATTER_CHANGE: Final = 0.5
+# Order 2 by motion of the hub, over R Omega^2, whose changes do not renew the solution.
+_NEGLIGIBLE_HUB: Final = 3e-4
 # Relative changes of scatter, errors of the sensor, and speed from which the solution is renewed.
 _SCATTER: Final = 2
 _STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, *[SHARE_OF_STD] * 5])
@@ -144,8 +146,11 @@ class _Series:
     def __init__(self, block: RevolutionBlock) -> None:
         averages, at = block.averages, block.condition_arrays
         edges = np.array(averages.edges_rad)
-        sensor = (at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std, at.hub_mps2)
-        self.states: FloatArray = np.array([*edges.T, averages.scatters, *sensor, block.arrays.omega_radps]).T
+        omega = block.arrays.omega_radps
+        # A small motion of the hub may change by any share of itself.
+        hub = np.hypot(at.hub_mps2, _NEGLIGIBLE_HUB * at.radius_m * np.square(omega))
+        sensor = (at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std, hub)
+        self.states: FloatArray = np.array([*edges.T, averages.scatters, *sensor, omega]).T
         self.orders = relative_orders(averages.spectra, edges)
         self.effective_counts: FloatArray = np.array(averages.effective_counts)
         self.load_numbers: FloatArray = np.array([load_number(conditions) for conditions in block.conditions])
