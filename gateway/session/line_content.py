@@ -17,6 +17,7 @@ _UBLOX_SYNC: Final = b"\xb5\x62"
 _CHANCE_OF_TWO_BYTES: Final = 1 / 65536
 _QUOTED_CHARACTERS: Final = 40
 _HEADER: Final = re.compile(re.escape(wire.SYNC) + b"(.)", re.DOTALL)
+_SWAPPED_HEADER: Final = re.compile(re.escape(wire.SYNC[::-1]) + b"(.)", re.DOTALL)
 _SERIAL_SCHEME: Final = "serial:"
 
 
@@ -37,12 +38,19 @@ def identify_content(link: str, sample: bytes) -> Reason:
         return Reason(Code.LINE_TEXT, line=_first_line(sample), remedy=remedy)
     if sample.count(_UBLOX_SYNC) > 2 + 5 * _CHANCE_OF_TWO_BYTES * len(sample):
         return Reason(Code.LINE_UBLOX_RECEIVER, remedy=remedy)
+    if swapped_syncs(sample) > 3 + 5 * _CHANCE_OF_TWO_BYTES / 16 * len(sample):
+        return Reason(Code.LINE_SYNC_SWAPPED)
     starts = sum(match[1][0] >> 4 == wire.VERSION_MAJOR for match in _HEADER.finditer(sample))
     if starts > 3 + 5 * _CHANCE_OF_TWO_BYTES / 16 * len(sample):
         return Reason(Code.LINE_ALL_FRAMES_DAMAGED)
     if is_serial:
         return Reason(Code.LINE_WRONG_BAUD_RATE, default_baud=DEFAULT_BAUDRATE)
     return Reason(Code.LINE_NOT_A_HUB, remedy=remedy)
+
+
+def swapped_syncs(data: bytes) -> int:
+    """Return how many headers of this major version begin with the sync's bytes in the wrong order."""
+    return sum(match[1][0] >> 4 == wire.VERSION_MAJOR for match in _SWAPPED_HEADER.finditer(data))
 
 
 def other_major_versions(data: bytes) -> set[int]:

@@ -6,6 +6,7 @@ and clock only, so that a recording gives the same counts as the session.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
@@ -32,6 +33,7 @@ from firmware_protocol.sample_numbers import apart_s, is_jump
 from firmware_protocol.wheel_limit import MOST_WHEELS, WheelLimit
 from gateway.constants import AXIS_NAMES
 from gateway.pipeline.possible_readings import is_possible_pressure, is_possible_temperature
+from gateway.pipeline.sample_content import SampleContent, chosen
 from gateway.reasons import Code, Level, Notice, Reason, Value
 
 # Jitter of the hub's stamps is far below this; a wrong rate is far above.
@@ -58,7 +60,8 @@ _LAST_HELLOS: Final = (1 << 10) - 1
 _MOST_CHANGES: Final = 4
 
 _Source = tuple[str, int, int]
-_Block = tuple[int, int, int, int]
+_ChosenBlock = tuple[int, int, NDArray[np.int16]]
+"""Place in the batch, axis mask and samples."""
 
 
 class _Blocks(NamedTuple):
@@ -75,7 +78,7 @@ class _Blocks(NamedTuple):
 class _Wheel:
     """State of one wheel: its hello, the last blocks, and the span over which the rate is measured."""
 
-    __slots__ = ("below", "changes", "former_sensor", "hello", "last", "pending", "recent", "since")
+    __slots__ = ("below", "changes", "content", "former_sensor", "hello", "last", "pending", "recent", "since")
 
     def __init__(self) -> None:
         self.hello: Hello | None = None
@@ -83,6 +86,7 @@ class _Wheel:
         self.changes = 0
         self.former_sensor: int | None = None
         self.pending: list[tuple[int, int, int]] = []
+        self.content = SampleContent()
         self.restart()
 
     def restart(self) -> None:
@@ -128,13 +132,21 @@ class _Finding:
 class StatementWatch:
     """Watch over the frames of all links of a session or recording. Memory is bounded by the limit of wheels."""
 
-    def __init__(self, positions: Mapping[tuple[int, int], str] | None = None, limit: WheelLimit | None = None) -> None:
+    def __init__(
+        self,
+        positions: Mapping[tuple[int, int], str] | None = None,
+        limit: WheelLimit | None = None,
+        *,
+        review_blocks: int = _REVIEW_BLOCKS,
+    ) -> None:
         """Start without frames.
 
         Args:
             positions: names of the configured wheels by (hub, wheel).
             limit: admission of wheels, shared with a pipeline; a new one when None.
+            review_blocks: blocks of a wheel that are reviewed together; with 1, a finding follows its frame at once.
         """
+        self._review_blocks = review_blocks
         self._positions = positions or {}
         self._limit = limit if limit is not None else WheelLimit(self._positions)
         self._links: set[str] = set()
@@ -158,9 +170,11 @@ class StatementWatch:
                 self._find(source, Code.HUB_SENDS_AS_WHEEL)
             else:
                 wheel = wheel or self._wheel(source)
-                first_sample, axes, _ = message
+                first_sample, axes, counts = message
+                if chosen(first_sample):
+                    self._content(source, wheel, axes, counts)
                 wheel.pending.append((first_sample, tick_us, axes))
-                if len(wheel.pending) >= _REVIEW_BLOCKS:
+                if len(wheel.pending) >= self._review_blocks:
                     self._review_pending(source, wheel)
 
     def batch(self, link: str, batch: FrameBatch) -> None:
@@ -170,16 +184,19 @@ class StatementWatch:
             self._limit.admits(link, hub, wheel)
         blocks, places = self._blocks_of(link, batch)
         done = dict.fromkeys(blocks, 0)
+        looked_at = self._chosen_blocks(link, batch)
         for at in np.flatnonzero(batch.type != MessageType.SAMPLES).tolist():
             source = link, int(batch.hub[at]), int(batch.wheel[at])
             if not self._limit.admits(*source):
                 continue
             if batch.type[at] == MessageType.HELLO and source in blocks:
                 stop = int(np.searchsorted(places[source], at))
+                self._contents(source, looked_at, at)
                 self._review(source, self._wheel(source), blocks[source].part(done[source], stop))
                 done[source] = stop
             self._slow(source, int(batch.type[at]), int(batch.tick_us[at]), batch.message(at))
         for source, begin in done.items():
+            self._contents(source, looked_at, len(batch.type))
             self._review(source, self._wheel(source), blocks[source].part(begin, len(places[source])))
 
     def counters(self, link: str, counters: LinkCounters) -> None:
@@ -246,6 +263,30 @@ class StatementWatch:
             places[source] = rows[0]
             blocks[source] = _Blocks(*rows[1:])
         return blocks, places
+
+    def _chosen_blocks(self, link: str, batch: FrameBatch) -> dict[_Source, deque[_ChosenBlock]]:
+        """Return the blocks of every admitted wheel whose samples are looked at, in the order of the stream."""
+        blocks: dict[_Source, list[_ChosenBlock]] = {}
+        for group in batch.sample_groups():
+            source = link, group.hub, group.wheel
+            if group.wheel != HUB_ITSELF and self._limit.admits(*source):
+                for row in np.flatnonzero(chosen(group.first_sample.astype(np.int64))).tolist():
+                    block = int(group.frame_index[row]), group.axes, group.counts[row]
+                    blocks.setdefault(source, []).append(block)
+        return {source: deque(sorted(rows, key=lambda row: row[0])) for source, rows in blocks.items()}
+
+    def _contents(self, source: _Source, blocks: Mapping[_Source, deque[_ChosenBlock]], end: int) -> None:
+        """Look at the chosen blocks of a wheel up to a place in the batch."""
+        rest = blocks.get(source)
+        while rest and rest[0][0] < end:
+            _, axes, counts = rest.popleft()
+            self._content(source, self._wheel(source), axes, counts)
+
+    def _content(self, source: _Source, wheel: _Wheel, axes: int, counts: NDArray[np.int16]) -> None:
+        """Compare the samples of a block with the wheel's hello."""
+        if wheel.hello is not None and axes == wheel.hello.axes:
+            for code, values in wheel.content.block(wheel.hello, counts):
+                self._find(source, code, 1, **values)
 
     def _wheel(self, source: _Source) -> _Wheel:
         wheel = self._wheels.get(source)

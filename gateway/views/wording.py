@@ -518,6 +518,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.LINE_GPS_RECEIVER: "this is a GPS receiver (NMEA text), not a hub. {remedy}",
     Code.LINE_NOT_A_HUB: "this is not a hub. {remedy}",
+    Code.LINE_SYNC_SWAPPED: (
+        "this is not a hub as it is: the two sync bytes of its frames are swapped (5A A5 instead of A5 5A). A fault"
+        " of the firmware"
+    ),
     Code.LINE_TEXT: "this is another device, which sends text: '{line}'. {remedy}",
     Code.LINE_UBLOX_RECEIVER: "this is a u-blox receiver, not a hub. {remedy}",
     Code.LINE_WRONG_BAUD_RATE: (
@@ -537,6 +541,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
     ),
     # - False statements of a hub
+    Code.HELLO_AC_WITH_STEADY_VALUE: (
+        "HELLO states AC coupling, but the {axis} axis has a steady value of {steady_mps2:.0f m/s²} ({count} so "
+        "far): the sensor passes it. State DC coupling: without it, swapped axes and wrong signs are not seen "
+        "either"
+    ),
     Code.HELLO_AXES_DIFFER: (
         "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
     ),
@@ -597,6 +606,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.PRESSURE_IMPOSSIBLE: (
         "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has: these readings are not used"
+    ),
+    Code.SAMPLES_BYTES_SWAPPED: (
+        "the two bytes of its samples seem to be swapped ({count} so far): the other way round, the steps from "
+        "sample to sample are {ratio:.0f} times smaller. int16 is sent little endian. A fault of the firmware"
     ),
     Code.SAMPLES_REPEATED: ("sends the same samples again: {count} blocks are not used. A fault of the firmware"),
     Code.SAMPLE_NUMBERS_JUMP: (
@@ -883,6 +896,137 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SIGNER_HUB: "hub {identity}",
     Code.SIGNER_SENSOR: "sensor {identity}",
     Code.SIGNER_UNKNOWN: "an unknown sensor",
+    # Bring-up of a firmware
+    Code.BLOCKS_NOT_FULL: (
+        "a block holds {samples:.0f} samples on average, {full} fit: the link carries {more:.0%} more bytes than it"
+        " must"
+    ),
+    Code.BOOT_COUNT_GOES_BACK: (
+        "the hub has restarted, and boot_count went from {before:.0f} back to {after:.0f}: it must be higher after "
+        "every start"
+    ),
+    Code.BOOT_COUNT_STANDS: (
+        "the hub has restarted, but boot_count is {after:.0f} as before: count every start, where it survives a "
+        "loss of power"
+    ),
+    Code.BYTES_BETWEEN_FRAMES: (
+        "{bytes} bytes between {frames} frames: frames are sent back to back, with nothing between them"
+    ),
+    Code.CHECK_AC_HAS_NO_SCALE: (
+        "the sensor is AC-coupled, so that its steady value, and the scale with it, cannot be seen"
+    ),
+    Code.CHECK_AT_REST: (
+        "the wheel does not roll; at rest its axes read {share:.2f} g together, where 1 g and the zero errors are "
+        "expected"
+    ),
+    Code.CHECK_DOES_NOT_ROLL: "the wheel does not roll: roll it, or move the sensor on a turntable, at 10 m/s or more",
+    Code.CHECK_FRAMES_LOST: (
+        "{lost} frames are missing by their counters ({damaged} of them beside damaged bytes), {frames} arrived"
+    ),
+    Code.CHECK_HUB_TAKES_NO_COMMANDS: "the hub answered no command, as one that takes none",
+    Code.CHECK_NO_COMMANDS: "no command can be sent: a file, or a source that is only read",
+    Code.CHECK_NO_COMMANDS_WANTED: "commands were left out, as asked for",
+    Code.CHECK_NO_KEY: "there is no key of {identity}: give --keys FILE",
+    Code.CHECK_NO_RADIAL_AXIS: "the sensor has no radial axis",
+    Code.CHECK_ONLY_ONE_RATE: "the sensor keeps its rate: it supports no other one",
+    Code.CHECK_STOPPED_EARLY: "the check ended before it came to this: give it more time with --for",
+    Code.CHECK_TOO_SHORT: "{duration_s:.1f s} are too short: {needed_s:g s} are needed",
+    Code.COMMAND_ANSWERED_DAMAGED: "a command with a wrong CRC was answered: it must be dropped without an answer",
+    Code.COMMAND_ANSWER_LATE: "no answer to {command} within {waited_s:g s}, although the hub answers commands",
+    Code.COMMAND_ANSWER_NOT_OF_HUB: "COMMAND_RESULT comes from wheel {wheel}: it is sent by the hub itself (wheel 255)",
+    Code.COMMAND_OUTCOME_WRONG: "{command} was answered with outcome {outcome}; {expected} is right here",
+    Code.COMMAND_REPLY_MISMATCH: (
+        "COMMAND_RESULT states command {command} and seq {seq}; the command sent was {sent}, seq {sent_seq}"
+    ),
+    Code.DROPS_NOT_NUMBERED: (
+        "frames_dropped rose by {dropped:.0f}, but only {missing:.0f} numbers are missing: a frame that cannot be "
+        "sent must use its number"
+    ),
+    Code.SOME_FRAMES_DAMAGED: (
+        "{damaged} times a frame was damaged, {frames} are intact: a bad cable or ground, an overrun, or a buffer "
+        "that is overwritten while it is sent"
+    ),
+    Code.FRAME_CRC_VARIANT: "the CRC of the frames is {how}: CRC-32 of zlib over all bytes before it, little endian",
+    Code.FRAME_CRC_WRONG: (
+        "frames start, but the CRC of none is right: CRC-32 of zlib over all bytes before it, little endian "
+        "(`treadlink protocol vectors`)"
+    ),
+    Code.FRAME_FLAGS_UNKNOWN: "flags are {flags}: only bit 0 is defined, all others are 0",
+    Code.FRAME_LENGTH_COUNTS: "length counts {how}: it is that of the payload alone",
+    Code.FRAME_TYPE_UNKNOWN: "type {type} is not defined",
+    Code.FRAME_VERSION_WRONG: (
+        "the version byte is {version}: 0x10, the version in which the layout of the frame appeared"
+    ),
+    Code.FRAME_WITHOUT_TAG: "bit 0 of flags is set, but the payload has no room for a tag",
+    Code.HELLO_ABSENT_AXES_FILLED: "range, scale and zero of axes that the mask lacks should be 0: {axes}",
+    Code.HELLO_OTHER_MAJOR: "HELLO states protocol {major}.{minor}, its frame 1.0",
+    Code.LINK_NEARLY_FULL: (
+        "the samples take {needed:.0f} bytes/s, {share:.0%} of the {capacity:.0f} bytes/s that the link carries"
+    ),
+    Code.LOG_HAS_CONTROLS: "a log text has control characters; it should be one line",
+    Code.LOG_LEVEL_RESERVED: "log level {level} is reserved",
+    Code.LOG_NOT_UTF8: "a log text is not UTF-8",
+    Code.LOG_TOO_OFTEN: "{lines} log texts within a second, at most 10 are allowed",
+    Code.MESSAGE_TOO_OFTEN: "{type} came {count} times in {span_s:.1f s}, {due:.0f} are due",
+    Code.MESSAGE_TOO_RARE: "{type} came {count} times in {span_s:.1f s}, {due:.0f} are due",
+    Code.PAYLOAD_LENGTH_WRONG: (
+        "the payload of {type} has {length} bytes, its layout {layout}: a C struct must be packed"
+    ),
+    Code.PAYLOAD_VALUE_WRONG: "{field} of {type} is outside its range",
+    Code.RATE_NOT_EXACT: (
+        "samples come at {measured_hz:.2f Hz} by the hub's clock, {share:+.2%} from the {stated_hz:g Hz} of HELLO; "
+        "0.1 % is recommended"
+    ),
+    Code.SAMPLES_BEFORE_HELLO: "SAMPLES come before the first HELLO of the wheel",
+    Code.SAMPLES_DROPPED_BY_HUB: "the hub has dropped {holes:.0f} samples, as first_sample and HUB_STATUS say",
+    Code.SAMPLES_NOT_STARTED: "no SAMPLES within {waited_s:g s} after SET_STREAM 1 was done",
+    Code.SAMPLES_NOT_STOPPED: "SAMPLES still come {waited_s:g s} after SET_STREAM 0 was done",
+    Code.SAMPLE_NUMBERS_HOLES: (
+        "first_sample leaves out {holes:.0f} samples, but no frame is missing and samples_dropped of HUB_STATUS "
+        "does not rise"
+    ),
+    Code.SAMPLE_NUMBERS_OVERLAP: (
+        "first_sample rose by {step:.0f} after a block of {samples:.0f} samples: it counts samples"
+    ),
+    Code.SCALE_OFF_BY_POWER_OF_TWO: (
+        "the steady radial value is {level_mps2:.0f m/s²}, {ratio:.2f} times R Omega² = {expected_mps2:.0f m/s²} (R"
+        " = {radius_m:.0f mm}, --radius): is the scale wrong by a factor of 2 to the power of {power}? Check how "
+        "many bits a word of the sensor has, and how they are aligned"
+    ),
+    Code.SEQ_BIG_ENDIAN: "seq counts in the wrong order of bytes: it is sent little endian",
+    Code.SEQ_GOES_BACK: "seq {seq:.0f} is lower than before, without a restart: it has 32 bits and does not go back",
+    Code.SEQ_JUMPS: "seq jumped over {gap:.0f} numbers to {seq:.0f}",
+    Code.SEQ_NOT_FROM_ZERO: "the first seq after the start is {seq:.0f}: it counts from 0 at every start",
+    Code.SEQ_REPEATED: "seq {seq:.0f} came again: it counts the frames of every type, and a reader drops repeated ones",
+    Code.SEQ_SHARED: "all sources share one seq: every wheel, and the hub itself, has a counter of its own",
+    Code.SEQ_STANDS: "seq is {seq:.0f} in every frame",
+    Code.SET_RATE_NOT_STATED: (
+        "HELLO states {stated_hz:g Hz} still, {waited_s:g s} after SET_RATE was done: it follows at once when the "
+        "rate changes"
+    ),
+    Code.SOURCE_SIGNS_SOME_FRAMES: "some frames are signed and some are not: a source signs all of its frames or none",
+    Code.STATUS_FRAMES_SENT_WRONG: "frames_sent rose by {stated:.0f} while {arrived:.0f} frames arrived or are missing",
+    Code.STATUS_UPTIME_WRONG: "uptime_s is {uptime_s:.0f} when the clock is at {clock_s:.1f s}",
+    Code.TAG_WRONG: "the tag is not that of the key of {identity} and boot_count {boot_count}",
+    Code.TICK_GOES_BACK: (
+        "tick_us went back by {back_us:.0f} to {tick_us:.0f}: it has 32 bits, is never set, and wraps every 71.6 "
+        "minutes"
+    ),
+    Code.TICK_IN_OTHER_UNIT: (
+        "tick_us counts {unit}, not us: it advanced {pace:.4g} times as far as {duration_s:.1f s} of this "
+        "computer's clock"
+    ),
+    Code.TICK_JITTERS: (
+        "tick_us of the blocks scatters over {spread_s:.1f ms} about an even rate ({std_s:.2f ms} standard "
+        "deviation): take it in the sensor's interrupt"
+    ),
+    Code.TICK_NOT_OF_FIRST_SAMPLE: (
+        "frames sent after a block have tick_us {tick_us:.0f}, before the block's last sample: tick_us of SAMPLES "
+        "is that of the first sample"
+    ),
+    Code.TICK_PACE_WRONG: "tick_us advanced {pace:.4f} times as far as {duration_s:.1f s} of this computer's clock",
+    Code.TICK_STANDS: "tick_us is {tick_us:.0f} in two messages in a row",
+    Code.TIME_NOT_ECHOED: "host_ns of TIME_SYNC is {host_ns}, not the {sent_ns} of SET_TIME",
     # Files and configuration
     Code.RECORDING_CHANNEL_UNDECLARED: (
         "'{recording}' has messages of the undeclared channel {channel:d}, which are skipped. `treadlink repair` may "

@@ -91,22 +91,28 @@ def right(duration_s: float = DURATION_S, hello: Hello = HELLO, *, rate_hz: floa
             begin_s = 0.001 + k * BLOCK / rate_hz
             send(begin_s + BLOCK / rate_hz, wheel, MessageType.SAMPLES, block(BLOCK * k), begin_s)
     for k in range(math.ceil(duration_s)):
-        send(k + 0.2, HUB_ITSELF, MessageType.HUB_STATUS, HubStatus(k, 90, 3.7, 0.08, -60, 10 * k, 0, 0, 0))
+        send(k + 0.2, HUB_ITSELF, MessageType.HUB_STATUS, HubStatus(k, 90, 3.7, 0.08, -60, 0, 0, 0, 0))
         send(k + 0.3, HUB_ITSELF, MessageType.TIME_SYNC, TimeSync(round((k + 0.3) * 1e6), 0))
     send(0.4, HUB_ITSELF, MessageType.LOG_TEXT, LogText(1, "awake"))
     return sorted(sent)
+
+
+def _with_frames_sent(message: Sent, frames_sent: int) -> Sent:
+    if message.type != MessageType.HUB_STATUS:
+        return message
+    return message._replace(payload=message.payload[:4] + struct.pack("<I", frames_sent) + message.payload[8:])
 
 
 def frames(sent: Iterable[Sent], *, boot: Callable[[Sent], bool] = lambda _: False) -> Stream:
     """Return the messages as frames, each source with a counter of its own; `boot` starts the counters anew."""
     seq: dict[int, int] = {}
     stream = []
-    for message in sent:
+    for place, message in enumerate(sent):
         if boot(message):
             seq.clear()
         number = seq.get(message.wheel, 0)
         seq[message.wheel] = number + 1
-        stream.append((message.time_s, _frame(message, number)))
+        stream.append((message.time_s, _frame(_with_frames_sent(message, place), number)))
     return stream
 
 
@@ -158,7 +164,7 @@ def _counters(count: Callable[[Sent, int, dict[int, int]], int]) -> Stream:
     stream = []
     for place, sent in enumerate(right()):
         seq = count(sent, place, own)
-        stream.append((sent.time_s, _frame(sent, seq)))
+        stream.append((sent.time_s, _frame(_with_frames_sent(sent, place), seq)))
     return stream
 
 
@@ -268,7 +274,7 @@ def _dropped_in_silence() -> Stream:
     kept = [
         sent
         for place, sent in enumerate(right())
-        if sent.type != MessageType.SAMPLES or place % 50 or not 1.0 < sent.time_s
+        if sent.type != MessageType.SAMPLES or place % 50 or not sent.time_s > 1.0
     ]
     return frames(_status(frames_dropped=5 * int(s.time_s))(s) if s.type == MessageType.HUB_STATUS else s for s in kept)
 
@@ -369,7 +375,10 @@ WRONG: Final[dict[str, tuple[str, Callable[[], Stream]]]] = {
         "once",
         lambda: frames(s for sent in right() for s in (sent, sent)[: 2 if sent.type == MessageType.SAMPLES else 1]),
     ),
-    "other axes than HELLO's": ("axes", lambda: _hello(axes=3)),
+    "other axes than HELLO's": (
+        "axes",
+        lambda: _hello(axes=3, range_mps2=[4096.0, 4096.0, 0.0], scale_mps2=[0.128, 0.128, 0.0]),
+    ),
     "int16 big endian": ("byte-order", lambda: _samples(_swapped_bytes)),
     "AC stated, DC sent": ("coupling", lambda: _hello(coupling=1)),
     "scale four times too great": (

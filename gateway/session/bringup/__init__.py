@@ -1,0 +1,1 @@
+"""Check of a firmware under development against the specification of the protocol."""

@@ -1,0 +1,119 @@
+"""Diagnosis of bytes in which no frame is intact although frames were meant."""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from typing import Final
+from zlib import crc32
+
+from firmware_protocol import wire
+from gateway.reasons import Code, Reason
+from gateway.session.bringup.clauses import Clause
+from gateway.session.line_content import swapped_syncs
+
+_MASK: Final = 0xFFFF_FFFF
+_HEADER: Final = re.compile(re.escape(wire.SYNC) + rb"[\x10-\x1f]", re.DOTALL)
+# As many damaged frames are tried at most, and so many must agree.
+_MOST_TRIED: Final = 40
+_LEAST_ALIKE: Final = 3
+
+
+def _reflected(polynomial: int, start: int, data: bytes) -> int:
+    for byte in data:
+        start ^= byte
+        for _ in range(8):
+            start = start >> 1 ^ polynomial if start & 1 else start >> 1
+    return start
+
+
+def _forward(data: bytes) -> int:
+    """Return the CRC with the polynomial's bits not reflected (MPEG-2), as many CRC units compute it."""
+    crc = _MASK
+    for byte in data:
+        crc ^= byte << 24
+        for _ in range(8):
+            crc = (crc << 1 ^ 0x04C11DB7 if crc >> 31 else crc << 1) & _MASK
+    return crc
+
+
+def _words(data: bytes) -> bytes:
+    """Return whole words of 32 bits with their bytes reversed, as an STM32's CRC unit takes them."""
+    return b"".join(data[at : at + 4][::-1] for at in range(0, len(data), 4))
+
+
+def _swapped(value: int) -> int:
+    return int.from_bytes(value.to_bytes(4, "little"), "big")
+
+
+_VARIANTS: Final[Mapping[str, Callable[[bytes], int]]] = {
+    "big endian": lambda data: _swapped(crc32(data)),
+    "without the final inversion": lambda data: crc32(data) ^ _MASK,
+    "with the initial value 0": lambda data: crc32(data, _MASK),
+    "with the initial value 0 and without the final inversion": lambda data: crc32(data, _MASK) ^ _MASK,
+    "without the sync": lambda data: crc32(data[2:]),
+    "over the payload only": lambda data: crc32(data[wire.HEADER_BYTES :]),
+    "over the header only": lambda data: crc32(data[: wire.HEADER_BYTES]),
+    "not reflected (CRC-32/MPEG-2)": _forward,
+    "not reflected, inverted (CRC-32/BZIP2)": lambda data: _forward(data) ^ _MASK,
+    "not reflected, over words (the default of an STM32's CRC unit)": lambda data: _forward(_words(data)),
+    "CRC-32C (Castagnoli)": lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
+    "always 0": lambda _: 0,
+}
+_LENGTHS: Final = {
+    "header, payload and CRC": wire.OVERHEAD_BYTES,
+    "header and payload": wire.HEADER_BYTES,
+    "payload and CRC": wire.CRC_BYTES,
+}
+
+
+def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
+    """Return what is wrong with all frames in bytes that hold none: clause, reason, example and its place.
+
+    None where nothing looks like a frame.
+    """
+    first: tuple[int, bytes] | None = None
+    alike: dict[tuple[Clause, str], int] = {}
+    for tried, (at, frame) in enumerate(_candidates(data)):
+        if tried == _MOST_TRIED:
+            break
+        if first is None:
+            first = at, frame
+        for key in (*_length_faults(data, at), *_crc_faults(frame)):
+            alike[key] = alike.get(key, 0) + 1
+            if alike[key] >= _LEAST_ALIKE:
+                code = Code.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else Code.FRAME_CRC_VARIANT
+                return key[0], Reason(code, how=key[1]), frame, at
+    if swapped_syncs(data) >= _LEAST_ALIKE:
+        at = data.find(wire.SYNC[::-1])
+        return Clause.SYNC, Reason(Code.LINE_SYNC_SWAPPED), data[at : at + wire.MAX_FRAME_BYTES], at
+    if first is not None:
+        return Clause.CRC, Reason(Code.FRAME_CRC_WRONG), first[1], first[0]
+    return None
+
+
+def _candidates(data: bytes) -> Iterator[tuple[int, bytes]]:
+    for match in _HEADER.finditer(data):
+        at = match.start()
+        if at + wire.LENGTH_KNOWN_BYTES <= len(data):
+            end = at + wire.OVERHEAD_BYTES + data[at + wire.LENGTH_OFFSET]
+            yield at, data[at:end]
+
+
+def _length_faults(data: bytes, at: int) -> Iterator[tuple[Clause, str]]:
+    for how, more in _LENGTHS.items():
+        length = data[at + wire.LENGTH_OFFSET] - more
+        end = at + wire.OVERHEAD_BYTES + length
+        if length >= 0 and end <= len(data) and crc32(data[at:end]) == wire.CRC_RESIDUE:
+            yield Clause.LENGTH, how
+
+
+def _crc_faults(frame: bytes) -> Iterator[tuple[Clause, str]]:
+    if len(frame) < wire.OVERHEAD_BYTES or len(frame) != wire.OVERHEAD_BYTES + frame[wire.LENGTH_OFFSET]:
+        return
+    body = frame[: -wire.CRC_BYTES]
+    (stated,) = struct.unpack("<I", frame[-wire.CRC_BYTES :])
+    for how, crc in _VARIANTS.items():
+        if crc(body) == stated:
+            yield Clause.CRC, how
