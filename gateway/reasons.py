@@ -522,7 +522,6 @@ class Code(StrEnum):
     CHECK_NO_COMMANDS_WANTED = "check_no_commands_wanted"
     CHECK_NO_KEY = "check_no_key"
     CHECK_NO_RADIAL_AXIS = "check_no_radial_axis"
-    CHECK_ONLY_ONE_RATE = "check_only_one_rate"
     CHECK_STOPPED_EARLY = "check_stopped_early"
     CHECK_TOO_SHORT = "check_too_short"
     COMMAND_ANSWERED_DAMAGED = "command_answered_damaged"

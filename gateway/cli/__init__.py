@@ -49,7 +49,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "keys": ("gateway.cli.keys:keys", "Manage sensor signing keys."),
     "doctor": ("gateway.cli.doctor:doctor", "Check packages, ports, permissions and configuration."),
     "completion": ("gateway.cli.completion:completion", "Print the completion script of a shell."),
-    "protocol": ("gateway.cli.protocol:protocol", "Generate C code, test vectors, parsers, DBC file and schema."),
+    "protocol": ("gateway.cli.protocol:protocol", "Check a firmware; generate C code, vectors, parsers, schema."),
 }
 
 _logger = logging.getLogger(__name__)

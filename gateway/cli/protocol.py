@@ -1,13 +1,14 @@
-"""`treadlink protocol`: files generated from the declarations of the wire protocol and of the live outputs."""
+"""`treadlink protocol`: check of a firmware, and files generated from the declarations of protocol and live outputs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
 import click
 
-from gateway.cli.options import config_option, force_option
+from gateway.cli.options import FiniteRange, config_option, force_option, keys_option
 from gateway.errors import TreadlinkError
 from gateway.views.output_file import write_whole
 
@@ -19,9 +20,98 @@ _OUT = click.option(
 )
 
 
+_CHECK_S: Final = 30.0
+
+
 @click.group()
 def protocol() -> None:
-    """Generate C code, test vectors and descriptions for other programs."""
+    """Check a firmware; generate C code, test vectors and descriptions for other programs."""
+
+
+@protocol.command()
+@click.argument("source", metavar="URI|FILE")
+@click.option(
+    "--for",
+    "shown_duration",
+    metavar="TIME",
+    help="Check for this long, such as 60s or 2min.  [default: 30s of a hub, all of a file]",
+)
+@click.option(
+    "--radius",
+    "radius_mm",
+    type=FiniteRange(min=10.0, max=5000.0),
+    default=320.0,
+    show_default=True,
+    metavar="MM",
+    help="Belt radius of the wheel, or radius of the turntable, that the sensor rolls on.",
+)
+@click.option("--no-commands", is_flag=True, help="Send the hub nothing; its answers are not exercised.")
+@click.option("--junit", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write JUnit XML.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per link.")
+@keys_option
+@force_option
+def check(
+    source: str,
+    shown_duration: str | None,
+    radius_mm: float,
+    no_commands: bool,
+    junit: Path | None,
+    as_json: bool,
+    key_file: Path | None,
+    force: bool,
+) -> None:
+    """Check a firmware against the specification of the protocol, clause by clause.
+
+    URI is a hub (serial:PORT, tcp://HOST:PORT, ble://NAME), FILE a recording or a raw dump (.bin). Each clause has
+    passed, failed (with bytes and reason), or was not exercised. Commands are sent to a hub: its samples stop for two
+    seconds, and its rate changes twice.
+
+    The exit status is 1 if a clause failed, or no frame arrived.
+    """
+    import json
+
+    from gateway.cli import exit_status
+    from gateway.cli.clause_report import junit_xml, report_json, report_lines
+    from gateway.cli.protocol_check import check_link, duration_s, is_file
+    from gateway.clock import SystemClock
+    from gateway.security.key_file import command_keys
+    from gateway.session.bringup.clauses import Verdict
+
+    for_s = None if shown_duration is None else duration_s(shown_duration)
+    reports = check_link(
+        source,
+        for_s=_CHECK_S if for_s is None and not is_file(source) else for_s,
+        keys=command_keys(key_file),
+        radius_m=radius_mm * 1e-3,
+        sends_commands=not no_commands,
+        clock=SystemClock(),
+    )
+    for report in reports:
+        if as_json:
+            click.echo(json.dumps(report_json(report)))
+        else:
+            for line in report_lines(report):
+                click.echo(line)
+    if junit is not None:
+        write_whole(junit, junit_xml(reports), force=force)
+    if any(report.count(Verdict.FAILED) or not report.frames for report in reports):
+        raise SystemExit(exit_status.NO_RESULT)
+
+
+@protocol.command()
+@click.argument("source", metavar="URI|FILE")
+@click.option("--for", "shown_duration", metavar="TIME", help="Stop after this time, such as 60s or 2min.")
+def dump(source: str, shown_duration: str | None) -> None:
+    """Print the frames of a hub, or of a recording or raw dump, as lines while they arrive.
+
+    A line has the time since the first byte, the source, the type, the counter, the hub's clock and the content. A line
+    with `!` counts what was no readable frame. The hub is sent nothing.
+    """
+    from gateway.cli.protocol_check import dump_frames, duration_s
+    from gateway.clock import SystemClock
+
+    for_s = None if shown_duration is None else duration_s(shown_duration)
+    dump_frames(source, for_s=for_s, clock=SystemClock(), write=click.echo)
 
 
 @protocol.command()

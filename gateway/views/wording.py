@@ -928,7 +928,6 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.CHECK_NO_COMMANDS_WANTED: "commands were left out, as asked for",
     Code.CHECK_NO_KEY: "there is no key of {identity}: give --keys FILE",
     Code.CHECK_NO_RADIAL_AXIS: "the sensor has no radial axis",
-    Code.CHECK_ONLY_ONE_RATE: "the sensor keeps its rate: it supports no other one",
     Code.CHECK_STOPPED_EARLY: "the check ended before it came to this: give it more time with --for",
     Code.CHECK_TOO_SHORT: "{duration_s:.1f s} are too short: {needed_s:g s} are needed",
     Code.COMMAND_ANSWERED_DAMAGED: "a command with a wrong CRC was answered: it must be dropped without an answer",

@@ -155,6 +155,11 @@ class ClockRules:
         if source in self._blocks:
             self._blocks[source].lost = True
 
+    def may_pause(self, number: int) -> None:
+        """Note that a hub may leave out samples before its next blocks: a command has stopped or started them."""
+        for source, blocks in self._blocks.items():
+            blocks.lost |= source[0] == number
+
     def _behind_blocks(self, clock: _Clock, seen: SeenFrame) -> None:
         """Compare a frame's clock with the last sample of every block sent before it."""
         for (hub, _), blocks in self._blocks.items():

@@ -241,6 +241,10 @@ class FirmwareCheck:
         elif isinstance(seen.message, Hello):
             self.ledger.check(Clause.BOOT_COUNT)
 
+    def may_pause(self, hub: int) -> None:
+        """Note that a hub may leave out samples before its next blocks: a command has stopped or started them."""
+        self._clock.may_pause(hub)
+
     def finish(self) -> CheckReport:
         """Judge what the whole stream shows, and return the results."""
         self._judge_noise()

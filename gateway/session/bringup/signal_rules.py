@@ -16,8 +16,13 @@ from gateway.session.bringup.clauses import Clause, Ledger
 from gateway.session.bringup.seen_frame import SeenFrame, SourceKey, signed_step, source_name
 from gateway.types import FloatArray
 
-# Length of the stretches without a gap that are looked at.
-_WINDOW_S: Final = 4.0
+# Length of the stretches without a gap that are looked at: a few revolutions, in which the speed hardly changes.
+_WINDOW_S: Final = 1.5
+# So many of them, and so many of those that roll, must agree.
+_LEAST_WINDOWS: Final = 3
+_AGREEING_SHARE: Final = 0.8
+# No wheel turns faster.
+_LEAST_PERIOD_S: Final = 0.02
 _ROLLING_MPS2: Final = 30.0
 # Ratio of the mean radial value to R Omega^2 that no radius within the usual range of tires explains.
 _LEAST_RATIO: Final = 1.8
@@ -44,6 +49,8 @@ class SignalRules:
         self._ledger = ledger
         self._radius_m = radius_m
         self._stretches: dict[SourceKey, _Stretch] = {}
+        # Level and R Omega^2 of every stretch that rolls.
+        self._levels: dict[SourceKey, list[tuple[float, float]]] = {}
 
     def frame(self, seen: SeenFrame) -> None:
         """Take a frame."""
@@ -61,6 +68,8 @@ class SignalRules:
         """Judge the stretches that are left."""
         for source in list(self._stretches):
             self._judge(source)
+        for source, levels in self._levels.items():
+            self._scale(source, np.array(levels))
 
     def _samples(self, source: SourceKey, stretch: _Stretch, hello: Hello, block: SampleBlock) -> None:
         if block.axes != hello.axes:
@@ -92,29 +101,34 @@ class SignalRules:
             return
         radial = values[:, axes.index(Axis.RADIAL)]
         period_s = rotation_period_s(radial, hello.rate_hz)
-        rolls = period_s is not None and float(radial.std()) > _ROLLING_MPS2
-        if not rolls or period_s is None:
+        if period_s is None or period_s < _LEAST_PERIOD_S or float(radial.std()) < _ROLLING_MPS2:
             self._at_rest(values, mean)
             return
         self._ledger.check(Clause.COUPLING)
         if hello.coupling == Coupling.AC:
             self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_AC_HAS_NO_SCALE))
             return
-        self._scale(source, abs(float(radial.mean())), period_s)
-
-    def _scale(self, source: SourceKey, level_mps2: float, period_s: float) -> None:
         expected = self._radius_m * (2.0 * math.pi / period_s) ** 2
-        ratio = level_mps2 / expected
-        self._ledger.check(Clause.SCALE)
-        if level_mps2 < _ROLLING_MPS2 or 1.0 / _LEAST_RATIO < ratio < _LEAST_RATIO:
+        self._levels.setdefault(source, []).append((abs(float(radial.mean())), expected))
+
+    def _scale(self, source: SourceKey, levels: FloatArray) -> None:
+        """Judge the ratios of all stretches, (k, 2) levels and R Omega^2."""
+        if len(levels) < _LEAST_WINDOWS:
             return
-        power = round(math.log2(ratio))
+        self._ledger.check(Clause.SCALE, len(levels))
+        ratio = levels[:, 0] / levels[:, 1]
+        middle = int(np.argsort(ratio)[len(ratio) // 2])
+        if 1.0 / _LEAST_RATIO < ratio[middle] < _LEAST_RATIO:
+            return
+        alike = np.abs(np.log2(ratio / ratio[middle])) < 0.5
+        if alike.mean() < _AGREEING_SHARE:
+            return
         reason = Reason(
             Code.SCALE_OFF_BY_POWER_OF_TWO,
-            level_mps2=level_mps2,
-            expected_mps2=expected,
-            ratio=ratio,
-            power=power,
+            level_mps2=float(levels[middle, 0]),
+            expected_mps2=float(levels[middle, 1]),
+            ratio=float(ratio[middle]),
+            power=round(math.log2(ratio[middle])),
             radius_m=self._radius_m,
         )
         self._ledger.fail(Clause.SCALE, source_name(source), reason)
