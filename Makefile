@@ -1,4 +1,4 @@
-# From a fresh clone: `make demo` shows treadlink, `make test` checks it, `make docs` builds its documentation.
+# From a fresh clone: `make demo` shows treadlink, `make hub` is a hub to connect to, `make test` checks it, `make docs` builds its documentation.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -9,7 +9,7 @@ DOCS_STAMP := $(DOCS_VENV)/.installed
 # Of `make nightly`: another one every day.
 SEED ?= $(shell date +%Y%m%d)
 
-.PHONY: demo test nightly lint types bench firmware firmware-packages docs docs-pages docs-serve clean
+.PHONY: demo hub test nightly lint types bench firmware firmware-packages docs docs-pages docs-serve clean
 
 $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -22,6 +22,15 @@ $(STAMP): requirements.lock pyproject.toml
 demo: $(STAMP)
 	@mkdir -p recordings
 	$(BIN)/treadlink live sim:demo --duration 30 --record recordings/
+
+# A hub on this computer: the reference collector behind a TCP port, a wheel played from a file as its sensor.
+PORT ?= 5000
+CC ?= cc
+
+hub: $(STAMP)
+	$(BIN)/treadlink protocol collector --force --out build/hub > /dev/null
+	$(CC) -std=c11 -O2 -D_POSIX_C_SOURCE=200809L -Ibuild/hub build/hub/*.c build/hub/ports/host/host_collector.c -o build/hub/host_collector
+	build/hub/host_collector --tcp $(PORT) --sensor build/hub/ports/host/wheel.csv --flash build/hub/flash
 
 test: lint types
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"

@@ -154,7 +154,7 @@ def collector(out: Path, force: bool) -> None:
     files = {
         str(path.relative_to(root)): path.read_text("utf-8")
         for path in sorted(root.rglob("*"))
-        if path.suffix in (".c", ".h", ".ld", ".md")
+        if path.suffix in (".c", ".csv", ".h", ".ld", ".md")
     }
     _write({HEADER_NAME: c_header(), ENCODER_NAME: c_encoder(), **files}, out, force=force)
 
