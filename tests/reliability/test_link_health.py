@@ -131,6 +131,14 @@ def test_tcp_link_gets_no_baud_rate_advice() -> None:
     assert content == Reason(Code.LINE_NOT_A_HUB, remedy=Reason(Code.CHECK_SOURCE_ADDRESS))
 
 
+def test_swapped_sync_is_named(hub) -> None:
+    chunks, vehicle = hub
+    data = b"".join(chunk.data for chunk in chunks[:200]).replace(b"\xa5\x5a\x10", b"\x5a\xa5\x10")
+    notices = of_links(SessionCore(vehicle), paced(data))
+    (notice,) = [notice for notice in notices if notice.reason.code is Code.NO_FRAMES]
+    assert notice.reason["content"] == Reason(Code.LINE_SYNC_SWAPPED)
+
+
 def test_stray_bytes_give_no_notice(hub) -> None:
     chunks, vehicle = hub
     stray = [Chunk(LINK, chunks[0].host_ns - 3 * SECOND_NS + i, b"\x00\xff") for i in range(60)]

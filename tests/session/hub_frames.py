@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from firmware_protocol.codec import encode_payload, encode_raw
 from firmware_protocol.messages import Coupling, Environment, Hello, Message, MessageType, SampleBlock
@@ -46,9 +49,10 @@ class HubFrames:
         start_us: float = 0.0,
         rate_hz: float = RATE_HZ,
         axes: int = 7,
+        change: Callable[[NDArray[np.int16]], NDArray[np.int16]] = lambda counts: counts,
     ) -> tuple[int, float]:
-        """Append sample blocks; return the next sample number and its hub time in us."""
-        counts = _COUNTS[:, : axes.bit_count()]
+        """Append sample blocks, with changed words; return the next sample number and its hub time in us."""
+        counts = change(_COUNTS[:, : axes.bit_count()])
         for _ in range(round(seconds * rate_hz) // BLOCK):
             block = SampleBlock(first & 0xFFFFFFFF, axes, counts)
             self.send(MessageType.SAMPLES, block, wheel, round(start_us))

@@ -164,6 +164,16 @@ def looped_back(hub: HubFrames) -> None:
     hub.send(MessageType.SET_STREAM, SetStream(True), 3)
 
 
+def swapped_bytes(hub: HubFrames) -> None:
+    hub.hello()
+    hub.samples(4.0, change=lambda counts: counts.byteswap())
+
+
+def steady_value_with_ac(hub: HubFrames) -> None:
+    hub.hello(coupling=Coupling.AC)
+    hub.samples(4.0, change=lambda counts: counts + np.array([0, 0, 8000], "<i2"))
+
+
 CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = [
     (other_axes, "FL", Code.HELLO_AXES_DIFFER, {"stated": ("radial",), "count": 26}),
     (other_rate, "FL", Code.HELLO_RATE_DIFFERS, {"stated_hz": 4800.0, "measured_hz": 9600, "count": 4}),
@@ -184,6 +194,8 @@ CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = 
     (repeated_stretch, "FL", Code.SAMPLES_REPEATED, {"count": 20}),
     (looped_back, "hub 0", Code.HUB_SENDS_COMMANDS, {"count": 2}),
     (impossible_pressure, "FL", Code.PRESSURE_IMPOSSIBLE, {"pressure_pa": -2e9, "count": 1}),
+    (swapped_bytes, "FL", Code.SAMPLES_BYTES_SWAPPED, {"count": 2}),
+    (steady_value_with_ac, "FL", Code.HELLO_AC_WITH_STEADY_VALUE, {"axis": "radial", "count": 2}),
     (impossible_temperature, "FL", Code.TEMPERATURE_IMPOSSIBLE, {"count": 1}),
 ]
 
