@@ -16,17 +16,20 @@ from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Value
 from gateway.types import FloatArray
 
-# One block in sixteen is looked at, by a multiplicative hash of its first sample (2^32 over the golden ratio).
+# One block in 32 is looked at, by a multiplicative hash of its first sample (2^32 over the golden ratio).
 _HASH: Final = 2_654_435_761
-_HASH_SHIFT: Final = 28
+_HASH_SHIFT: Final = 27
 # Blocks that are judged together.
-_WINDOW_BLOCKS: Final = 24
+_WINDOW_BLOCKS: Final = 16
 # Steps from sample to sample are so many times smaller with the bytes the other way round. In the right order they are
 # smaller by far; of noise over the full scale neither is.
 _SWAPPED_RATIO: Final = 4.0
-# A steady value above these is no error of an AC-coupled sensor's zero: the wheel rolls, and turns past its contacts.
+# A steady value above this is no error of an AC-coupled sensor's zero: the wheel rolls.
 _STEADY_MPS2: Final = 30.0
-_STEADY_SHARE: Final = 1.0
+# Contacts must be among the blocks, or the level between them looks steady with AC coupling, too: the values span at
+# least this share of the steady value. It is nine tenths of what they span with DC coupling, one tenth with AC.
+_LEAST_SPAN: Final = 0.5
+_STEADY_SHARE: Final = 0.4
 # A high-pass this low passes what is steady over a window.
 _LOWEST_CORNER_HZ: Final = 0.2
 
@@ -43,7 +46,7 @@ Contradiction = tuple[Code, dict[str, Value]]
 class SampleContent:
     """Chosen blocks of one sensor."""
 
-    __slots__ = ("_blocks", "_samples", "_squares", "_stated", "_steps", "_sum", "_varied")
+    __slots__ = ("_blocks", "_highest", "_lowest", "_samples", "_stated", "_steps", "_sum", "_varied")
 
     def __init__(self) -> None:
         self._stated: tuple[object, ...] | None = None
@@ -52,7 +55,8 @@ class SampleContent:
     def _begin(self, channels: int) -> None:
         self._blocks = self._samples = 0
         self._sum: FloatArray = np.zeros(channels)
-        self._squares: FloatArray = np.zeros(channels)
+        self._lowest: FloatArray = np.full(channels, np.inf)
+        self._highest: FloatArray = np.full(channels, -np.inf)
         # Sums of the steps as sent, and with the bytes the other way round.
         self._steps: FloatArray = np.zeros((2, channels))
         self._varied = 0
@@ -70,7 +74,8 @@ class SampleContent:
         self._blocks += 1
         self._samples += len(values)
         self._sum += values.sum(axis=0)
-        self._squares += np.square(values).sum(axis=0)
+        self._lowest = np.minimum(self._lowest, values.min(axis=0))
+        self._highest = np.maximum(self._highest, values.max(axis=0))
         self._steps[0] += np.abs(np.diff(values, axis=0)).sum(axis=0)
         self._steps[1] += np.abs(np.diff(counts.byteswap().astype(np.float64), axis=0)).sum(axis=0)
         self._varied |= int(np.bitwise_or.reduce(counts, axis=None)) & 0xFF
@@ -88,12 +93,11 @@ class SampleContent:
         if hello.coupling != Coupling.AC or 0.0 < hello.highpass_hz < _LOWEST_CORNER_HZ:
             return ()
         axes = [axis for axis in Axis if hello.axes >> axis & 1]
-        mean = self._sum / self._samples
-        std = np.sqrt(np.maximum(self._squares / self._samples - np.square(mean), 0.0))
         scale = np.abs([hello.scale_mps2[axis] for axis in axes])
-        steady = np.abs(mean - [hello.offset_counts[axis] for axis in axes]) * scale
+        steady = np.abs(self._sum / self._samples - [hello.offset_counts[axis] for axis in axes]) * scale
         worst = int(np.argmax(steady))
-        if steady[worst] < _STEADY_MPS2 or steady[worst] < _STEADY_SHARE * std[worst] * scale[worst]:
+        span = (self._highest[worst] - self._lowest[worst]) * scale[worst]
+        if steady[worst] < max(_STEADY_MPS2, _STEADY_SHARE * span) or span < _LEAST_SPAN * steady[worst]:
             return ()
         values: dict[str, Value] = {"axis": AXIS_NAMES[axes[worst]], "steady_mps2": float(steady[worst])}
         return ((Code.HELLO_AC_WITH_STEADY_VALUE, values),)

@@ -13,7 +13,7 @@ from gateway.pipeline.sample_content import SampleContent, chosen
 from gateway.reasons import Code
 from tests.session.hub_frames import HELLO
 
-BLOCKS = 24
+BLOCKS = 16
 Words = NDArray[np.int16]
 
 
@@ -73,8 +73,16 @@ def test_ac_coupled_wheel_and_gravity_alone_pass() -> None:
     assert found(wheel(1, 2.0, 9.81 / 0.125), coupling=Coupling.AC) == set()
 
 
-def test_one_block_in_sixteen_is_chosen_at_distances_that_differ() -> None:
+def test_the_level_between_contacts_is_no_steady_value() -> None:
+    """Of an AC-coupled sensor, and no block has met a contact."""
+    words = wheel(1, 20.0, 7600.0).astype(float)
+    between = (words - words.mean(axis=0))[words[:, 2] > 7500]
+    assert between[:, 2].mean() > 300
+    assert found(np.round(between), coupling=Coupling.AC) == set()
+
+
+def test_one_block_in_32_is_chosen_at_distances_that_differ() -> None:
     places = np.flatnonzero(chosen(np.arange(0, 36 * 100_000, 36)))
-    assert len(places) == pytest.approx(100_000 / 16, rel=0.05)
+    assert len(places) == pytest.approx(100_000 / 32, rel=0.05)
     assert len(set(np.diff(places).tolist())) > 2
     assert [bool(chosen(int(first))) for first in range(0, 36 * 50, 36)] == chosen(np.arange(0, 36 * 50, 36)).tolist()

@@ -166,12 +166,13 @@ def looped_back(hub: HubFrames) -> None:
 
 def swapped_bytes(hub: HubFrames) -> None:
     hub.hello()
-    hub.samples(4.0, change=lambda counts: counts.byteswap())
+    hub.samples(5.0, change=lambda counts: counts.byteswap())
 
 
 def steady_value_with_ac(hub: HubFrames) -> None:
     hub.hello(coupling=Coupling.AC)
-    hub.samples(4.0, change=lambda counts: counts + np.array([0, 0, 8000], "<i2"))
+    contact = np.arange(BLOCK) < 4
+    hub.samples(5.0, change=lambda counts: counts + np.where(contact[:, None], 0, [0, 0, 8000]).astype("<i2"))
 
 
 CASES: list[tuple[Callable[[HubFrames], None], str, Code, dict[str, object]]] = [
