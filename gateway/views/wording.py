@@ -937,13 +937,21 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.COMMAND_REPLY_MISMATCH: (
         "COMMAND_RESULT states command {command} and seq {seq}; the command sent was {sent}, seq {sent_seq}"
     ),
+    Code.CRC_ALWAYS_ZERO: "always 0",
+    Code.CRC_BIG_ENDIAN: "big endian",
+    Code.CRC_BZIP2: "not reflected (CRC-32/BZIP2)",
+    Code.CRC_CASTAGNOLI: "CRC-32C (Castagnoli)",
+    Code.CRC_FROM_ZERO: "with the initial value 0",
+    Code.CRC_FROM_ZERO_NOT_INVERTED: "with the initial value 0 and without the final inversion",
+    Code.CRC_MPEG2: "not reflected (CRC-32/MPEG-2)",
+    Code.CRC_NOT_INVERTED: "without the final inversion",
+    Code.CRC_OF_HEADER: "over the header only",
+    Code.CRC_OF_PAYLOAD: "over the payload only",
+    Code.CRC_OF_WORDS: "not reflected, over words (the default of an STM32's CRC unit)",
+    Code.CRC_WITHOUT_SYNC: "without the sync",
     Code.DROPS_NOT_NUMBERED: (
         "frames_dropped rose by {dropped:.0f}, but only {missing:.0f} numbers are missing: a frame that cannot be "
         "sent must use its number"
-    ),
-    Code.SOME_FRAMES_DAMAGED: (
-        "{damaged} times a frame was damaged, {frames} are intact: a bad cable or ground, an overrun, or a buffer "
-        "that is overwritten while it is sent"
     ),
     Code.FRAME_CRC_VARIANT: "the CRC of the frames is {how}: CRC-32 of zlib over all bytes before it, little endian",
     Code.FRAME_CRC_WRONG: (
@@ -959,6 +967,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.FRAME_WITHOUT_TAG: "bit 0 of flags is set, but the payload has no room for a tag",
     Code.HELLO_ABSENT_AXES_FILLED: "range, scale and zero of axes that the mask lacks should be 0: {axes}",
     Code.HELLO_OTHER_MAJOR: "HELLO states protocol {major}.{minor}, its frame 1.0",
+    Code.LENGTH_OF_FRAME: "header, payload and CRC",
+    Code.LENGTH_WITH_CRC: "payload and CRC",
+    Code.LENGTH_WITH_HEADER: "header and payload",
     Code.LINK_NEARLY_FULL: (
         "the samples take {needed:.0f} bytes/s, {share:.0%} of the {capacity:.0f} bytes/s that the link carries"
     ),
@@ -1002,6 +1013,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.SET_RATE_NOT_STATED: (
         "HELLO states {stated_hz:g Hz} still, {waited_s:g s} after SET_RATE was done: it follows at once when the "
         "rate changes"
+    ),
+    Code.SOME_FRAMES_DAMAGED: (
+        "{damaged} times a frame was damaged, {frames} are intact: a bad cable or ground, an overrun, or a buffer "
+        "that is overwritten while it is sent"
     ),
     Code.SOURCE_SIGNS_SOME_FRAMES: "some frames are signed and some are not: a source signs all of its frames or none",
     Code.STATUS_FRAMES_SENT_WRONG: "frames_sent rose by {stated:.0f} while {arrived:.0f} frames arrived or are missing",

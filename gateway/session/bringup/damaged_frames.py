@@ -47,24 +47,24 @@ def _swapped(value: int) -> int:
     return int.from_bytes(value.to_bytes(4, "little"), "big")
 
 
-_VARIANTS: Final[Mapping[str, Callable[[bytes], int]]] = {
-    "big endian": lambda data: _swapped(crc32(data)),
-    "without the final inversion": lambda data: crc32(data) ^ _MASK,
-    "with the initial value 0": lambda data: crc32(data, _MASK),
-    "with the initial value 0 and without the final inversion": lambda data: crc32(data, _MASK) ^ _MASK,
-    "without the sync": lambda data: crc32(data[2:]),
-    "over the payload only": lambda data: crc32(data[wire.HEADER_BYTES :]),
-    "over the header only": lambda data: crc32(data[: wire.HEADER_BYTES]),
-    "not reflected (CRC-32/MPEG-2)": _forward,
-    "not reflected, inverted (CRC-32/BZIP2)": lambda data: _forward(data) ^ _MASK,
-    "not reflected, over words (the default of an STM32's CRC unit)": lambda data: _forward(_words(data)),
-    "CRC-32C (Castagnoli)": lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
-    "always 0": lambda _: 0,
+_VARIANTS: Final[Mapping[Code, Callable[[bytes], int]]] = {
+    Code.CRC_BIG_ENDIAN: lambda data: _swapped(crc32(data)),
+    Code.CRC_NOT_INVERTED: lambda data: crc32(data) ^ _MASK,
+    Code.CRC_FROM_ZERO: lambda data: crc32(data, _MASK),
+    Code.CRC_FROM_ZERO_NOT_INVERTED: lambda data: crc32(data, _MASK) ^ _MASK,
+    Code.CRC_WITHOUT_SYNC: lambda data: crc32(data[2:]),
+    Code.CRC_OF_PAYLOAD: lambda data: crc32(data[wire.HEADER_BYTES :]),
+    Code.CRC_OF_HEADER: lambda data: crc32(data[: wire.HEADER_BYTES]),
+    Code.CRC_MPEG2: _forward,
+    Code.CRC_BZIP2: lambda data: _forward(data) ^ _MASK,
+    Code.CRC_OF_WORDS: lambda data: _forward(_words(data)),
+    Code.CRC_CASTAGNOLI: lambda data: _reflected(0x82F63B78, _MASK, data) ^ _MASK,
+    Code.CRC_ALWAYS_ZERO: lambda _: 0,
 }
-_LENGTHS: Final = {
-    "header, payload and CRC": wire.OVERHEAD_BYTES,
-    "header and payload": wire.HEADER_BYTES,
-    "payload and CRC": wire.CRC_BYTES,
+_LENGTHS: Final[Mapping[Code, int]] = {
+    Code.LENGTH_OF_FRAME: wire.OVERHEAD_BYTES,
+    Code.LENGTH_WITH_HEADER: wire.HEADER_BYTES,
+    Code.LENGTH_WITH_CRC: wire.CRC_BYTES,
 }
 
 
@@ -74,7 +74,7 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
     None where nothing looks like a frame.
     """
     first: tuple[int, bytes] | None = None
-    alike: dict[tuple[Clause, str], int] = {}
+    alike: dict[tuple[Clause, Code], int] = {}
     for tried, (at, frame) in enumerate(_candidates(data)):
         if tried == _MOST_TRIED:
             break
@@ -84,7 +84,7 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
             alike[key] = alike.get(key, 0) + 1
             if alike[key] >= _LEAST_ALIKE:
                 code = Code.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else Code.FRAME_CRC_VARIANT
-                return key[0], Reason(code, how=key[1]), frame, at
+                return key[0], Reason(code, how=Reason(key[1])), frame, at
     if swapped_syncs(data) >= _LEAST_ALIKE:
         at = data.find(wire.SYNC[::-1])
         return Clause.SYNC, Reason(Code.LINE_SYNC_SWAPPED), data[at : at + wire.MAX_FRAME_BYTES], at
@@ -101,7 +101,7 @@ def _candidates(data: bytes) -> Iterator[tuple[int, bytes]]:
             yield at, data[at:end]
 
 
-def _length_faults(data: bytes, at: int) -> Iterator[tuple[Clause, str]]:
+def _length_faults(data: bytes, at: int) -> Iterator[tuple[Clause, Code]]:
     for how, more in _LENGTHS.items():
         length = data[at + wire.LENGTH_OFFSET] - more
         end = at + wire.OVERHEAD_BYTES + length
@@ -109,7 +109,7 @@ def _length_faults(data: bytes, at: int) -> Iterator[tuple[Clause, str]]:
             yield Clause.LENGTH, how
 
 
-def _crc_faults(frame: bytes) -> Iterator[tuple[Clause, str]]:
+def _crc_faults(frame: bytes) -> Iterator[tuple[Clause, Code]]:
     if len(frame) < wire.OVERHEAD_BYTES or len(frame) != wire.OVERHEAD_BYTES + frame[wire.LENGTH_OFFSET]:
         return
     body = frame[: -wire.CRC_BYTES]
