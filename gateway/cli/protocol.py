@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -85,6 +86,7 @@ def check(
         radius_m=radius_mm * 1e-3,
         sends_commands=not no_commands,
         clock=SystemClock(),
+        say=partial(click.echo, err=True),
     )
     for report in reports:
         if as_json:

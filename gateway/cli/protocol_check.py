@@ -31,6 +31,8 @@ from gateway.session.bringup.command_trial import CLAUSES, CommandTrial
 from gateway.session.bringup.firmware_check import FirmwareCheck
 from gateway.session.commands import TwoWaySource
 from gateway.views.frame_lines import FrameLines
+from gateway.views.text import escaped
+from gateway.views.wording import text
 
 # A serial byte takes ten bits: a start bit and a stop bit beside its own.
 _BITS_PER_BYTE: Final = 10
@@ -46,10 +48,11 @@ def check_link(
     radius_m: float,
     sends_commands: bool,
     clock: Clock,
+    say: Callable[[str], None],
 ) -> list[CheckReport]:
     """Check the firmware behind a URI, or a recording or raw dump.
 
-    A signal ends it with a report of what there was.
+    A signal, or a link that breaks, ends it with a report of what there was.
 
     Returns:
         Reports by link.
@@ -73,6 +76,7 @@ def check_link(
             if isinstance(item, LinkEvent) and item.kind is LinkEventKind.LOST:
                 if not checks:
                     raise LinkLostError(item.text, "Is the firmware running?")
+                say(f"{escaped(item.link)}: {text(item.reason)}")
                 break
             if isinstance(item, LinkEvent) and item.kind is LinkEventKind.CONNECTED and two_way and sends_commands:
                 trial = CommandTrial(of_link(item.link).ledger, keys)

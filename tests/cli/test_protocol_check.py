@@ -40,15 +40,15 @@ def wrong_dump(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 @contextmanager
-def served(data: bytes) -> Iterator[str]:
-    """Serve bytes to one client, and end when it leaves."""
+def served(data: bytes, *, waits: bool = True) -> Iterator[str]:
+    """Serve bytes to one client, and end when it leaves or, without waiting, at once."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
             client, _ = server.accept()
             with client:
                 client.sendall(data)
-                while client.recv(4096):
+                while waits and client.recv(4096):
                     pass
 
         thread = threading.Thread(target=serve)
@@ -124,6 +124,14 @@ def test_a_hub_over_tcp_is_checked_for_the_time_asked(right_dump: str) -> None:
     assert clauses[Clause.CRC] == Verdict.PASSED
     # It hears the command and does not answer.
     assert clauses[Clause.COMMAND_ANSWER] == Verdict.NOT_EXERCISED
+
+
+def test_a_link_that_breaks_ends_the_check_with_its_report(right_dump: str) -> None:
+    with served(Path(right_dump).read_bytes(), waits=False) as uri:
+        result = run("check", uri, "--for", "60s")
+    assert result.exit_code == 0, result.output
+    assert "connection lost: " in result.stderr
+    assert "1591 frames" in result.stdout
 
 
 def test_a_silent_hub_does_not_keep_the_check() -> None:

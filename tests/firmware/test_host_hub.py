@@ -123,7 +123,7 @@ def test_a_bad_sensor_file_is_named(program: Path, tmp_path: Path, text: str | N
 
 @pytest.mark.slow
 def test_hub_passes_the_check_with_its_commands(uri: str) -> None:
-    [report] = check_link(uri, for_s=14.0, keys={}, radius_m=0.32, sends_commands=True, clock=SystemClock())
+    [report] = check_link(uri, for_s=14.0, keys={}, radius_m=0.32, sends_commands=True, clock=SystemClock(), say=print)
     verdicts = {result.clause: result.verdict for result in report.clauses}
     assert Verdict.FAILED not in verdicts.values()
     assert {clause for clause in CLAUSES if verdicts[clause] is not Verdict.PASSED} == {Clause.COMMAND_VERIFIED}
