@@ -41,14 +41,16 @@ def wrong_dump(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 @contextmanager
 def served(data: bytes, *, waits: bool = True) -> Iterator[str]:
-    """Serve bytes to one client, and end when it leaves or, without waiting, at once."""
+    """Serve bytes to one client, and end when it leaves or, without waiting, hang up first."""
     with socket.create_server(("127.0.0.1", 0)) as server:
 
         def serve() -> None:
             client, _ = server.accept()
             with client:
                 client.sendall(data)
-                while waits and client.recv(4096):
+                if not waits:
+                    client.shutdown(socket.SHUT_WR)
+                while client.recv(4096):
                     pass
 
         thread = threading.Thread(target=serve)
