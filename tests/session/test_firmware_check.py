@@ -5,13 +5,18 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 from pathlib import Path
+from zlib import crc32
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from firmware_protocol.declaration import PAYLOADS
 from firmware_protocol.messages import MessageType
 from firmware_protocol.reference_cmac import aes_cmac
 from firmware_protocol.signing import sign
+from gateway.cli.clause_report import report_lines
 from gateway.io.source import Chunk
 from gateway.reasons import Code
 from gateway.security.cmac import Key
@@ -199,3 +204,20 @@ def test_without_the_key_the_tag_is_not_exercised() -> None:
     assert result.verdict is Verdict.NOT_EXERCISED
     assert result.why is not None
     assert result.why.code is Code.CHECK_NO_KEY
+
+
+@given(st.binary(max_size=2000), st.integers(0, 2**31))
+@settings(max_examples=60)
+def test_any_bytes_give_a_report(noise: bytes, seed: int) -> None:
+    """Whatever a firmware sends: noise, and intact frames with any content."""
+    rng = np.random.default_rng(seed)
+    stream = [(0.01 * k, data) for k, (_, data) in enumerate(right_stream()[:: max(1, seed % 37)][:120])]
+    for _ in range(40):
+        k = int(rng.integers(len(stream)))
+        body = bytearray(stream[k][1][:-4])
+        body[int(rng.integers(2, len(body)))] = int(rng.integers(256))
+        stream[k] = stream[k][0], bytes(body) + crc32(bytes(body)).to_bytes(4, "little")
+    stream.insert(int(rng.integers(len(stream))), (0.5, noise))
+    report = check(stream, keys=KEYS)
+    assert len(report.clauses) == len(Clause)
+    assert list(report_lines(report))
