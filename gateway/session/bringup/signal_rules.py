@@ -113,7 +113,8 @@ class SignalRules:
 
     def _scale(self, source: SourceKey, levels: FloatArray) -> None:
         """Judge the ratios of all stretches, (k, 2) levels and R Omega^2."""
-        if len(levels) < _LEAST_WINDOWS:
+        # Levels from before those were found may be among them.
+        if len(levels) < _LEAST_WINDOWS or self._ledger.has_failed(Clause.BYTE_ORDER, Clause.COUPLING):
             return
         self._ledger.check(Clause.SCALE, len(levels))
         ratio = levels[:, 0] / levels[:, 1]
