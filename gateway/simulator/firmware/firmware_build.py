@@ -43,6 +43,7 @@ class Port(StrEnum):
 
     HOST = "host"
     BOARD = "mps2"
+    STM32F405 = "stm32f405"
 
 
 def missing_packages() -> list[str]:
@@ -115,6 +116,27 @@ def build_board(folder: Path, options: tuple[str, ...] = ("-Os",), main: str = "
     sources = [*library_sources(), port / "board.c", port / main]
     if main == "main.c":
         sources.append(COLLECTOR / "ports" / "bench" / "bench.c")
+    page = f"-DTL_BOOT_PAGE_BYTES={BENCH_PAGE_BYTES}u"
+    return _compile_image(folder, port, sources, Path(main).with_suffix(".elf").name, (page, *options))
+
+
+def build_stm32f405(folder: Path, options: tuple[str, ...] = ("-Os",)) -> Path:
+    """Build the image of the STM32F405; return the ELF file.
+
+    Args:
+        folder: for the generated code and the image.
+        options: of the compiler; `-DBOARD_BUS_ON_USART2` puts models of the sensors behind USART 2, for the emulator.
+
+    Raises:
+        SourceError: there is no compiler, or it reports a warning.
+    """
+    port = COLLECTOR / "ports" / Port.STM32F405
+    parts = COLLECTOR / "ports" / "parts"
+    sources = [*library_sources(), *sorted(parts.glob("*.c")), port / "board.c", port / "main.c"]
+    return _compile_image(folder, port, sources, "stm32f405.elf", (f"-I{parts}", *options))
+
+
+def _compile_image(folder: Path, port: Path, sources: list[Path], name: str, options: tuple[str, ...]) -> Path:
     flags = (
         *CORTEX_M4,
         "-ffunction-sections",
@@ -122,12 +144,11 @@ def build_board(folder: Path, options: tuple[str, ...] = ("-Os",), main: str = "
         "-Wl,--gc-sections",
         "-nostartfiles",
         "--specs=nano.specs",
-        f"-DTL_BOOT_PAGE_BYTES={BENCH_PAGE_BYTES}u",
         "-T",
-        str(port / "mps2.ld"),
+        str(port / f"{port.name}.ld"),
         f"-I{port}",
     )
-    return _compile(folder, "arm-none-eabi-gcc", sources, Path(main).with_suffix(".elf").name, (*flags, *options))
+    return _compile(folder, "arm-none-eabi-gcc", sources, name, (*flags, *options))
 
 
 def _compile(folder: Path, compiler: str, sources: list[Path], name: str, options: tuple[str, ...]) -> Path:
