@@ -16,6 +16,7 @@
 #define FIFO_OVERRUN (1u << 3)
 #define FIFO_BYPASS 0u
 #define FIFO_STREAM_XYZ (1u << 1)
+#define BEGINS_ROW 1u /* bit 0 of a word */
 #define RATE_AT 5u
 #define RESET_CODE 0x52u
 #define STANDBY 0u
@@ -87,6 +88,9 @@ adxl372_outcome adxl372_read(unsigned part, int16_t *counts, uint32_t *rows, uin
     }
     for (uint32_t i = 0; i < taken * AXES; i++) {
         uint16_t word = (uint16_t)(bytes[1u + 2u * i] << 8 | bytes[2u + 2u * i]);
+        if ((word & BEGINS_ROW) != (i % AXES == 0 ? BEGINS_ROW : 0u)) {
+            return ADXL372_TORN;
+        }
         counts[i] = (int16_t)((int16_t)word >> 4);
     }
     *rows = taken;

@@ -15,6 +15,7 @@ typedef enum {
     ADXL372_OK,
     ADXL372_NO_ANSWER, /* the bus failed, or the part is another one */
     ADXL372_OVERRUN,   /* the FIFO has lost samples: start again */
+    ADXL372_TORN,      /* a row did not begin with x, axes would be swapped: start again */
 } adxl372_outcome;
 
 /* Resets the part, checks that it is one, and leaves it in standby. The next call may come after 1 ms. */

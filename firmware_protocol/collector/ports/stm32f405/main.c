@@ -68,9 +68,13 @@ static void take_samples(void) {
     uint32_t now_us = tl_port_clock_us();
     adxl372_outcome outcome = adxl372_read(BOARD_ACCELEROMETER, counts, &rows, &left);
     if (outcome != ADXL372_OK) {
-        static const char overrun[] = "ADXL372: FIFO overrun, samples lost";
-        static const char silent[] = "ADXL372: no answer";
-        tl_collector_log(&collector, TL_LOG_ERROR, outcome == ADXL372_OVERRUN ? overrun : silent);
+        static const char *const texts[] = {
+            [ADXL372_OK] = "",
+            [ADXL372_NO_ANSWER] = "ADXL372: no answer",
+            [ADXL372_OVERRUN] = "ADXL372: FIFO overrun, samples lost",
+            [ADXL372_TORN] = "ADXL372: rows of the FIFO torn, samples lost",
+        };
+        tl_collector_log(&collector, TL_LOG_ERROR, texts[outcome]);
         (void)adxl372_start(BOARD_ACCELEROMETER, rate_hz, &rate_hz);
     } else if (rows > 0) {
         uint32_t age_us = (uint32_t)((float)(rows + left - 1u) * 1e6f / rate_hz);
