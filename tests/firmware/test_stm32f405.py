@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import Environment, Hello, LogText, SampleBlock
+from firmware_protocol.messages import CommandResult, Environment, Hello, LogText, Outcome, SampleBlock, SetTime
 from gateway.simulator.firmware.firmware_build import COLLECTOR, WARNINGS, build_stm32f405, missing_packages
 from tests.firmware.conftest import require
+from tests.testkit.collector_bench import command_bytes
 from tests.testkit.sensor_parts import Adxl372, Ms5803, prom_check
 
 PARTS = COLLECTOR / "ports" / "parts"
@@ -284,12 +285,16 @@ def test_samples_of_the_part_arrive_from_the_emulated_chip(image: Path) -> None:
         def enough(frames: list) -> bool:
             samples = sum(len(f.message.counts) for f in frames if isinstance(f.message, SampleBlock))
             measured = [f.message.pressure_pa for f in frames if isinstance(f.message, Environment)]
-            return samples >= 1900 and any(value is not None and np.isfinite(value) for value in measured)
+            answered = any(isinstance(f.message, CommandResult) for f in frames)
+            return answered and samples >= 1900 and any(value is not None and np.isfinite(value) for value in measured)
 
+        link.sendall(command_bytes(SetTime(5), 100))
         messages = frames_until(link, enough)
     blocks = [message for message in messages if isinstance(message, SampleBlock)]
     counts = np.concatenate([block.counts for block in blocks])
     np.testing.assert_array_equal(counts, rows[: len(counts)])
+    result = next(message for message in messages if isinstance(message, CommandResult))
+    assert result.outcome == Outcome.DONE
     hello = next(message for message in messages if isinstance(message, Hello))
     assert hello.rate_hz == 6400
     environment = [message for message in messages if isinstance(message, Environment)][-1]

@@ -163,7 +163,7 @@ __attribute__((section(".vectors"), used)) static const struct {
                  [15u + LINK_INTERRUPT] = link_interrupt,
              }};
 
-static bool becomes(volatile uint32_t *status, uint32_t mask, uint32_t wanted) {
+static bool becomes(const volatile uint32_t *status, uint32_t mask, uint32_t wanted) {
     for (uint32_t i = 0; i < PATIENCE; i++) {
         if ((*status & mask) == wanted) {
             return true;
@@ -250,13 +250,15 @@ void board_open(void) {
 }
 
 uint32_t tl_port_clock_us(void) {
-    for (;;) {
-        uint32_t before_ms = uptime_ms;
-        uint32_t passed = BOARD_HZ / 1000u - 1u - SYSTICK_VALUE;
-        if (before_ms == uptime_ms) {
-            return before_ms * 1000u + passed / (BOARD_HZ / 1000000u);
-        }
-    }
+    uint32_t begin_ms;
+    uint32_t end_ms = uptime_ms;
+    uint32_t passed;
+    do {
+        begin_ms = end_ms;
+        passed = BOARD_HZ / 1000u - 1u - SYSTICK_VALUE;
+        end_ms = uptime_ms;
+    } while (begin_ms != end_ms);
+    return begin_ms * 1000u + passed / (BOARD_HZ / 1000000u);
 }
 
 void board_wait_ms(uint32_t duration_ms) {
