@@ -288,6 +288,7 @@ def test_samples_of_the_part_arrive_from_the_emulated_chip(image: Path) -> None:
             answered = any(isinstance(f.message, CommandResult) for f in frames)
             return answered and samples >= 1900 and any(value is not None and np.isfinite(value) for value in measured)
 
+        link.recv(1, socket.MSG_PEEK)  # the receiver is not open before
         link.sendall(command_bytes(SetTime(5), 100))
         messages = frames_until(link, enough)
     blocks = [message for message in messages if isinstance(message, SampleBlock)]
