@@ -223,13 +223,14 @@ def series_estimates(
         if lacking:
             numbers = [Estimate.invalid(name, *lacking) for name in RING_NUMBERS]
         else:
-            numbers_doubts, numbers_notes = own, notes
-            if width is not None and width.reason is not None:
-                if width.reason.code is Code.WIDTH_CONTRADICTED:
-                    numbers_doubts = (*own, width.reason)
-                else:
-                    numbers_notes = (*notes, width.reason)
-            numbers = _estimates(fitted, index, rows[index], range(_COUNT), numbers_doubts, numbers_notes)
+            reason = None if width is None else width.reason
+            code = None if reason is None else reason.code
+            of_all = () if reason is None or code is Code.SCALE_BY_WIDTH else (reason,)
+            doubted = (*own, *of_all) if code is Code.WIDTH_CONTRADICTED else own
+            noted = (*notes, *of_all) if code is Code.WIDTH_DISAGREES else notes
+            numbers = _estimates(fitted, index, rows[index], range(_COUNT), doubted, noted)
+            if reason is not None and code is Code.SCALE_BY_WIDTH and numbers[_CW].status is not Status.INVALID:
+                numbers[_CW] = numbers[_CW]._replace(reasons=(*numbers[_CW].reasons, reason))
         made.append((*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), own, notes)))
     return made
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
+from typing import Final
 
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import nearest, parse_document, read_text
@@ -47,6 +48,10 @@ def load_scenario(name: str) -> Scenario:
     return parse_scenario(read_text(path, "the scenario"), str(path))
 
 
+# Relative standard error of a load from a scale and of a pressure from a calibrated sensor.
+_MEASURED_STD: Final = 0.005
+
+
 def parse_scenario(text: str, origin: str) -> Scenario:
     """Return the scenario in a TOML text; `origin` names it in messages.
 
@@ -59,24 +64,28 @@ def parse_scenario(text: str, origin: str) -> Scenario:
 def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
     """Return the vehicle configuration that a user would write: the known values, not the simulated errors.
 
-    Loads and pressures are the initial ones. The numbers are those of the new tire, without wear. Values that the
-    scenario misstates are written as misstated. A sensor mounted upside down is not mentioned. Sensors that sign are
-    required to.
+    Loads and pressures are the initial ones, as a scale and a calibrated sensor give them. The numbers are those of the
+    new tire, without wear. Values that the scenario misstates are written as misstated. A sensor mounted upside down is
+    not mentioned. Sensors that sign are required to.
     """
     wheels = []
     for wheel, plan in zip(scenario.wheels(), wheel_plans(scenario), strict=True):
         tire, sensor, stated = wheel.tire, wheel.sensor, wheel.stated
+        load_n = _said(stated.load_n, wheel.load_n.at(0.0))
+        pressure_kpa = _said(stated.pressure_kpa, wheel.pressure_kpa.at(0.0))
         wheels.append(
             {
                 "position": wheel.position,
                 "hub": wheel.hub,
                 "wheel": wheel.wheel,
                 "sensor_id": f"{plan.sensor_id:08x}",
-                "load_n": _said(stated.load_n, wheel.load_n.at(0.0)),
+                "load_n": load_n,
+                "load_std_n": round(_MEASURED_STD * load_n, 3),
                 "tire": {
                     **({"size": tire.size} if tire.size else {}),
                     "radius_mm": _said(stated.radius_mm, tire.radius_mm),
-                    "pressure_kpa": _said(stated.pressure_kpa, wheel.pressure_kpa.at(0.0)),
+                    "pressure_kpa": pressure_kpa,
+                    "pressure_std_kpa": round(_MEASURED_STD * pressure_kpa, 3),
                     "temperature_degc": wheel.temperature_degc.at(0.0),
                     "ring_thickness_mm": tire.ring_thickness_mm,
                     "reference": {

@@ -93,7 +93,9 @@ def test_power_cut_that_tears_pages(recorded, tmp_path: Path, content: str) -> N
         reader = RecordingReader(target)
         got = [item for item in reader.items() if isinstance(item, Chunk)]
         begin = link_bytes(got)
-        assert begin[: first * PAGE // 2] == sent[: first * PAGE // 2]
+        # Results take a part of every page.
+        whole_part = int(0.8 * first * PAGE * len(sent) / len(whole))
+        assert begin[:whole_part] == sent[:whole_part]
         assert reader.damage is not None
         fixed = tmp_path / f"{content}{number}.fixed.mcap"
         repair_recording(target, fixed)

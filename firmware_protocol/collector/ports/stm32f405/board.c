@@ -250,15 +250,13 @@ void board_open(void) {
 }
 
 uint32_t tl_port_clock_us(void) {
-    uint32_t begin_ms;
-    uint32_t end_ms = uptime_ms;
-    uint32_t passed;
-    do {
-        begin_ms = end_ms;
-        passed = BOARD_HZ / 1000u - 1u - SYSTICK_VALUE;
-        end_ms = uptime_ms;
-    } while (begin_ms != end_ms);
-    return begin_ms * 1000u + passed / (BOARD_HZ / 1000000u);
+    for (;;) {
+        const uint32_t begin_ms = uptime_ms;
+        const uint32_t passed = BOARD_HZ / 1000u - 1u - SYSTICK_VALUE;
+        if (uptime_ms == begin_ms) {
+            return begin_ms * 1000u + passed / (BOARD_HZ / 1000000u);
+        }
+    }
 }
 
 void board_wait_ms(uint32_t duration_ms) {
