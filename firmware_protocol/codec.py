@@ -14,6 +14,8 @@ from firmware_protocol import wire
 from firmware_protocol.checks import fixed, integer, is_zero_f32, real, reject, require_length, triple
 from firmware_protocol.messages import (
     Axis,
+    Challenge,
+    ChallengeAnswer,
     CommandResult,
     Coupling,
     Environment,
@@ -57,6 +59,8 @@ _TIME_SYNC: Final = struct.Struct("<QQ")
 _RESULT: Final = struct.Struct("<IBB")
 _RATE: Final = struct.Struct("<f")
 _TIME: Final = struct.Struct("<Q")
+_CHALLENGE: Final = struct.Struct("<Q")
+_CHALLENGE_ANSWER: Final = struct.Struct("<QII")
 
 _U8: Final = 0xFF
 _U16: Final = 0xFFFF
@@ -344,6 +348,28 @@ def _decode_time(payload: bytes) -> SetTime:
     return SetTime(*_TIME.unpack(payload))
 
 
+def _encode_challenge(message: Challenge) -> bytes:
+    return _CHALLENGE.pack(integer("nonce", message.nonce, 0, _U64))
+
+
+def _decode_challenge(payload: bytes) -> Challenge:
+    require_length("challenge", payload, _CHALLENGE.size)
+    return Challenge(*_CHALLENGE.unpack(payload))
+
+
+def _encode_challenge_answer(message: ChallengeAnswer) -> bytes:
+    return _CHALLENGE_ANSWER.pack(
+        integer("nonce", message.nonce, 0, _U64),
+        integer("boot_count", message.boot_count, 0, _U32),
+        integer("highest_seq", message.highest_seq, 0, _U32),
+    )
+
+
+def _decode_challenge_answer(payload: bytes) -> ChallengeAnswer:
+    require_length("challenge answer", payload, _CHALLENGE_ANSWER.size)
+    return ChallengeAnswer(*_CHALLENGE_ANSWER.unpack(payload))
+
+
 _ENCODERS: Final[dict[type, tuple[MessageType, Callable[..., bytes]]]] = {
     Hello: (MessageType.HELLO, _encode_hello),
     SampleBlock: (MessageType.SAMPLES, _encode_samples),
@@ -355,6 +381,8 @@ _ENCODERS: Final[dict[type, tuple[MessageType, Callable[..., bytes]]]] = {
     SetStream: (MessageType.SET_STREAM, _encode_stream),
     SetRate: (MessageType.SET_RATE, _encode_rate),
     SetTime: (MessageType.SET_TIME, _encode_time),
+    Challenge: (MessageType.CHALLENGE, _encode_challenge),
+    ChallengeAnswer: (MessageType.CHALLENGE_ANSWER, _encode_challenge_answer),
 }
 
 DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
@@ -368,6 +396,8 @@ DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
     MessageType.SET_STREAM: _decode_stream,
     MessageType.SET_RATE: _decode_rate,
     MessageType.SET_TIME: _decode_time,
+    MessageType.CHALLENGE: _decode_challenge,
+    MessageType.CHALLENGE_ANSWER: _decode_challenge_answer,
 }
 """Payload decoder per type byte; each raises ValueError when the payload breaks its layout."""
 
@@ -376,5 +406,7 @@ FIXED_LENGTHS: Final[dict[int, int]] = {
     MessageType.TIME_SYNC: _TIME_SYNC.size,
     MessageType.COMMAND_RESULT: _RESULT.size,
     MessageType.SET_TIME: _TIME.size,
+    MessageType.CHALLENGE: _CHALLENGE.size,
+    MessageType.CHALLENGE_ANSWER: _CHALLENGE_ANSWER.size,
 }
 """Types of which every payload of this length is valid, whatever it holds."""

@@ -35,6 +35,7 @@ _SENSOR_KEY: Final = bytes(range(16))
 _HUB_KEY: Final = bytes(range(0xF0, 0x100))
 _SENSOR: Final = 0x0000A001
 _HUB: Final = 0x0123456789ABCDEF
+_NONCE: Final = 0xFEDCBA9876543210
 
 
 def _three_axes(n: int) -> dict[str, Any]:
@@ -78,7 +79,7 @@ def signed_vectors() -> dict[str, list[dict[str, Any]]]:
 
 
 def _command_vectors() -> list[dict[str, Any]]:
-    """Return commands in the order in which one hub receives them, each with the outcome and counter of its reply.
+    """Return commands in the order in which one hub receives them, each with type and payload of its reply.
 
     The hub and its wheel 1 have keys; it is their start 41. Every party has a counter of its own.
     """
@@ -88,26 +89,32 @@ def _command_vectors() -> list[dict[str, Any]]:
     def command(seq: int, wheel: int = HUB_ITSELF) -> WireFrame:
         return WireFrame(MessageType.SET_STREAM, 0, wheel, seq, 0, stop)
 
+    def challenge(number: int) -> bytes:
+        return build(WireFrame(MessageType.CHALLENGE, number, HUB_ITSELF, 0, 0, {"nonce": _NONCE}))
+
     def signed(frame: WireFrame, key: bytes, identity: int, boot_count: int) -> bytes:
         return sign(build(frame), identity, boot_count, partial(aes_cmac, key))
 
     first = signed(command(1000), *hub)
     rate = WireFrame(MessageType.SET_RATE, EVERY_HUB, HUB_ITSELF, 1005, 0, {"rate_hz": 9600.0})
-    unknown = build_raw(b"", WireFrame(63, 0, HUB_ITSELF, 1006, 0, {}))
-    steps: list[tuple[str, bytes, Outcome, int]] = [
+    unknown = build_raw(b"", WireFrame(63, 0, HUB_ITSELF, 1007, 0, {}))
+    steps: list[tuple[str, bytes, Outcome | None, int]] = [
         ("not signed", build(command(1)), Outcome.NOT_VERIFIED, 1),
-        ("signed, any first counter", first, Outcome.DONE, 1000),
+        ("challenge before any command", challenge(255), None, 1),
+        ("signed, above the counter of the challenge", first, Outcome.DONE, 1000),
         ("the same again", first, Outcome.REPEATED, 1000),
         ("a lower counter", signed(command(999), *hub), Outcome.REPEATED, 1000),
         ("the next counter", signed(command(1001), *hub), Outcome.DONE, 1001),
         ("a gap", signed(command(1004), *hub), Outcome.DONE, 1004),
         ("in the gap, thus late", signed(command(1003), *hub), Outcome.REPEATED, 1004),
         ("to every hub", signed(rate, *hub), Outcome.DONE, 1005),
+        ("challenge, which takes a counter", challenge(0), None, 1006),
+        ("signed before the challenge", signed(command(1006), *hub), Outcome.REPEATED, 1006),
         (
             "unknown command",
             sign(unknown, _HUB, 41, partial(aes_cmac, _HUB_KEY)),
             Outcome.UNKNOWN_COMMAND,
-            1006,
+            1007,
         ),
         ("of the start before", signed(command(2000), _HUB_KEY, _HUB, 40), Outcome.NOT_VERIFIED, 2000),
         ("key of the wheel", signed(command(2001), _SENSOR_KEY, _SENSOR, 41), Outcome.NOT_VERIFIED, 2001),
@@ -118,9 +125,25 @@ def _command_vectors() -> list[dict[str, Any]]:
         ("counter wrapped", signed(command(0), *hub), Outcome.REPEATED, 2**32 - 1),
     ]
     return [
-        {"name": name, "hex": frame.hex(), "outcome": int(outcome), "reply_seq": seq}
+        {
+            "name": name,
+            "hex": frame.hex(),
+            "reply_type": int(reply.type),
+            "reply_payload": build(reply)[wire.HEADER_BYTES : -wire.CRC_BYTES].hex(),
+        }
         for name, frame, outcome, seq in steps
+        for reply in [_reply_to(frame, outcome, seq)]
     ]
+
+
+def _reply_to(command: bytes, outcome: Outcome | None, seq: int) -> WireFrame:
+    """Return the reply to a command, or to a challenge where there is no outcome; its own counter and tick are 0."""
+    fields: dict[str, int]
+    if outcome is None:
+        fields = {"nonce": _NONCE, "boot_count": 41, "highest_seq": seq}
+        return WireFrame(MessageType.CHALLENGE_ANSWER, 0, HUB_ITSELF, 0, 0, fields)
+    fields = {"seq": seq, "command": command[wire.TYPE_OFFSET], "outcome": int(outcome)}
+    return WireFrame(MessageType.COMMAND_RESULT, 0, HUB_ITSELF, 0, 0, fields)
 
 
 def _signed_frame(name: str, frame: WireFrame, key: bytes, identity: int, boot_count: int) -> dict[str, Any]:
@@ -251,6 +274,15 @@ _FRAMES: Final[dict[str, WireFrame]] = {
     "command result, outcome of a later version": WireFrame(
         MessageType.COMMAND_RESULT, 0, HUB_ITSELF, 84, 9, {"seq": 2**32 - 1, "command": 99, "outcome": 250}
     ),
+    "challenge answer": WireFrame(
+        MessageType.CHALLENGE_ANSWER,
+        0,
+        HUB_ITSELF,
+        85,
+        9,
+        {"nonce": 2**64 - 2, "boot_count": 41, "highest_seq": 1006},
+    ),
+    "command: challenge": WireFrame(MessageType.CHALLENGE, 0, HUB_ITSELF, 4, 0, {"nonce": 0x0123456789ABCDEF}),
     "command: start the stream": WireFrame(MessageType.SET_STREAM, EVERY_HUB, HUB_ITSELF, 0, 0, {"running": 1}),
     "command: stop the stream of one wheel": WireFrame(MessageType.SET_STREAM, 0, 3, 1, 0, {"running": 0}),
     "command: set the rate": WireFrame(
@@ -506,6 +538,8 @@ def _refused_payloads() -> list[tuple[str, MessageType, bytes]]:
         ("rate below the minimum", MessageType.SET_RATE, bytes.fromhex("00e0f944")),
         ("rate not a number", MessageType.SET_RATE, bytes.fromhex("0000c07f")),
         ("time too long", MessageType.SET_TIME, bytes(9)),
+        ("challenge too long", MessageType.CHALLENGE, bytes(9)),
+        ("challenge answer cut short", MessageType.CHALLENGE_ANSWER, bytes(15)),
     ]
 
 

@@ -16,6 +16,8 @@ import numpy as np
 from firmware_protocol import wire
 from firmware_protocol.checks import MAX_F32
 from firmware_protocol.messages import (
+    Challenge,
+    ChallengeAnswer,
     CommandResult,
     Coupling,
     Environment,
@@ -144,6 +146,13 @@ COMMAND_RESULT: Final = c.Struct(
     c.Terminated,
 )
 
+CHALLENGE_ANSWER: Final = c.Struct(
+    "nonce" / c.Int64ul * "nonce of the challenge",
+    "boot_count" / c.Int32ul * "the hub's present start; the tag is under it",
+    "highest_seq" / c.Int32ul * "highest accepted seq under the hub's key in this start, 0 before the first",
+    c.Terminated,
+)
+
 SET_STREAM: Final = c.Struct(
     "running" / Limited(c.Int8ul, 0, 1) * "1: send samples, 0: send none; all other messages continue",
     c.Terminated,
@@ -161,6 +170,11 @@ SET_TIME: Final = c.Struct(
     c.Terminated,
 )
 
+CHALLENGE: Final = c.Struct(
+    "nonce" / c.Int64ul * "random number, never used before",
+    c.Terminated,
+)
+
 PAYLOADS: Final[dict[MessageType, c.Struct]] = {
     MessageType.HELLO: HELLO,
     MessageType.SAMPLES: SAMPLES,
@@ -169,9 +183,11 @@ PAYLOADS: Final[dict[MessageType, c.Struct]] = {
     MessageType.TIME_SYNC: TIME_SYNC,
     MessageType.LOG_TEXT: LOG_TEXT,
     MessageType.COMMAND_RESULT: COMMAND_RESULT,
+    MessageType.CHALLENGE_ANSWER: CHALLENGE_ANSWER,
     MessageType.SET_STREAM: SET_STREAM,
     MessageType.SET_RATE: SET_RATE,
     MessageType.SET_TIME: SET_TIME,
+    MessageType.CHALLENGE: CHALLENGE,
 }
 
 PURPOSES: Final[dict[MessageType, str]] = {
@@ -182,9 +198,11 @@ PURPOSES: Final[dict[MessageType, str]] = {
     MessageType.TIME_SYNC: "full count of the hub's clock",
     MessageType.LOG_TEXT: "a line of the hub's log",
     MessageType.COMMAND_RESULT: "the hub's answer to a command; tick_us is the time of execution",
+    MessageType.CHALLENGE_ANSWER: "the hub's answer to a challenge",
     MessageType.SET_STREAM: "command: start or stop sending samples",
     MessageType.SET_RATE: "command: sample at another rate",
     MessageType.SET_TIME: "command: the host's time, echoed by TIME_SYNC",
+    MessageType.CHALLENGE: "command: prove that the hub is there now; never signed",
 }
 
 
@@ -250,12 +268,16 @@ def to_message(type_: int, fields: Mapping[str, Any]) -> Message:
             return LogText(fields["level"], fields["text"].decode(errors="replace"))
         case MessageType.COMMAND_RESULT:
             return CommandResult(**fields)
+        case MessageType.CHALLENGE_ANSWER:
+            return ChallengeAnswer(**fields)
         case MessageType.SET_STREAM:
             return SetStream(bool(fields["running"]))
         case MessageType.SET_RATE:
             return SetRate(**fields)
         case MessageType.SET_TIME:
             return SetTime(**fields)
+        case MessageType.CHALLENGE:
+            return Challenge(**fields)
 
 
 def to_frame(frame: WireFrame) -> Frame:

@@ -26,12 +26,14 @@ class MessageType(IntEnum):
     TIME_SYNC = 5
     LOG_TEXT = 6
     COMMAND_RESULT = 7
+    CHALLENGE_ANSWER = 8
     SET_STREAM = 32
     SET_RATE = 33
     SET_TIME = 34
+    CHALLENGE = 35
 
 
-COMMANDS = (MessageType.SET_STREAM, MessageType.SET_RATE, MessageType.SET_TIME)
+COMMANDS = (MessageType.SET_STREAM, MessageType.SET_RATE, MessageType.SET_TIME, MessageType.CHALLENGE)
 """Types that go from the gateway to the hub; all others come from the hub."""
 
 
@@ -195,6 +197,20 @@ class CommandResult(NamedTuple):
     outcome: int
 
 
+class ChallengeAnswer(NamedTuple):
+    """The hub's answer to a challenge, signed with the hub's key: what a command must be signed for now.
+
+    Attributes:
+        nonce: of the challenge.
+        boot_count: the present start of the hub.
+        highest_seq: highest counter of a command accepted under the hub's key in this start, 0 before the first.
+    """
+
+    nonce: int
+    boot_count: int
+    highest_seq: int
+
+
 class SetStream(NamedTuple):
     """Command: send samples, or stop sending them; everything else goes on."""
 
@@ -216,16 +232,23 @@ class SetTime(NamedTuple):
     host_ns: int
 
 
-Command = SetStream | SetRate | SetTime
+class Challenge(NamedTuple):
+    """Command: prove that the hub is there now, by repeating this random number of 64 bit under its key."""
+
+    nonce: int
+
+
+Command = SetStream | SetRate | SetTime | Challenge
 
 COMMAND_TYPES: dict[type, MessageType] = {
     SetStream: MessageType.SET_STREAM,
     SetRate: MessageType.SET_RATE,
     SetTime: MessageType.SET_TIME,
+    Challenge: MessageType.CHALLENGE,
 }
 """Type byte of a command by its class."""
 
-Message = Hello | SampleBlock | Environment | HubStatus | TimeSync | LogText | CommandResult | Command
+Message = Hello | SampleBlock | Environment | HubStatus | TimeSync | LogText | CommandResult | ChallengeAnswer | Command
 
 
 class Frame(NamedTuple):

@@ -195,6 +195,14 @@ void tl_frames_result(tl_collector *collector, const tl_command_result *result) 
     }
 }
 
+void tl_frames_challenge_answer(tl_collector *collector, const tl_challenge_answer *answer) {
+    uint8_t *frame = room_for(collector, &collector->hub, 0);
+    if (frame != NULL) {
+        size_t size = tl_encode_challenge_answer(frame, &collector->hub.source, tick(collector), answer);
+        queue_frame(collector, &collector->hub, frame, size);
+    }
+}
+
 void tl_collector_log(tl_collector *collector, uint8_t level, const char *text) {
     uint8_t *frame = room_for(collector, &collector->hub, TL_QUEUE_RESERVED);
     if (frame != NULL) {

@@ -51,8 +51,7 @@ typedef struct {
     tl_source source;
     tl_signer signer;
     bool has_key;
-    bool commanded;           /* whether a signed command was accepted since the start */
-    uint32_t highest_command; /* its counter */
+    uint32_t highest_command; /* counter of the last signed command or challenge since the start, 0 before */
 } tl_party;
 
 typedef struct {

@@ -55,11 +55,10 @@ static bool admit(tl_collector *collector, uint8_t *frame) {
         refuse(collector, seq, frame[3], TL_OUTCOME_NOT_VERIFIED);
         return false;
     }
-    if (party->commanded && seq <= party->highest_command) {
+    if (seq <= party->highest_command) {
         refuse(collector, party->highest_command, frame[3], TL_OUTCOME_REPEATED);
         return false;
     }
-    party->commanded = true;
     party->highest_command = seq;
     return true;
 }
@@ -122,10 +121,32 @@ static uint8_t set_time(tl_collector *collector, const uint8_t *frame) {
     return TL_OUTCOME_DONE;
 }
 
+/* Proves to a gateway which start this is. It takes a counter, so that commands signed before it are no longer new. */
+static void answer_challenge(tl_collector *collector, const uint8_t *frame) {
+    tl_challenge challenge;
+    tl_party *hub = &collector->hub;
+    if (collector->answers_left == 0 || !tl_decode_challenge(frame, &challenge)) {
+        return;
+    }
+    collector->answers_left--;
+    if (hub->highest_command < UINT32_MAX) {
+        hub->highest_command++;
+    }
+    tl_challenge_answer answer = {challenge.nonce, hub->signer.boot_count, hub->highest_command};
+    tl_frames_challenge_answer(collector, &answer);
+}
+
 static void take(tl_collector *collector, uint8_t *frame) {
     bool readable = frame[2] == TL_VERSION_BYTE && (frame[7] & ~TL_FLAG_SIGNED) == 0;
     bool ours = frame[5] == collector->hub.source.hub || frame[5] == TL_EVERY_HUB;
-    if (frame[3] < FIRST_COMMAND || !readable || !ours || !admit(collector, frame)) {
+    if (frame[3] < FIRST_COMMAND || !readable || !ours) {
+        return;
+    }
+    if (frame[3] == TL_TYPE_CHALLENGE && frame[7] == 0 && collector->hub.has_key) {
+        answer_challenge(collector, frame);
+        return;
+    }
+    if (!admit(collector, frame)) {
         return;
     }
     uint8_t outcome = TL_OUTCOME_UNKNOWN_COMMAND;

@@ -12,4 +12,6 @@ void tl_frames_samples(tl_collector *collector, tl_wheel *wheel);
 
 void tl_frames_result(tl_collector *collector, const tl_command_result *result);
 
+void tl_frames_challenge_answer(tl_collector *collector, const tl_challenge_answer *answer);
+
 #endif

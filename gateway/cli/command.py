@@ -17,65 +17,75 @@ if TYPE_CHECKING:
     from gateway.session.commands import Executed
 
 _clock = SystemClock()
+_unsigned_option = click.option(
+    "--unsigned",
+    is_flag=True,
+    help="Send unsigned to a hub that does not sign. Whoever can write to the link can pass for one.",
+)
 
 
 @click.group()
 def command() -> None:
     """Send a command to a hub and print its reply.
 
-    SOURCE is a hub: serial:PORT, tcp://HOST:PORT or ble://NAME-or-ADDRESS. A hub that signs its frames gets signed
-    commands and needs its key. The commands `live` and `record` start their hubs and set their clocks automatically.
+    SOURCE is a hub: serial:PORT, tcp://HOST:PORT or ble://NAME-or-ADDRESS. Where there are keys,
+    commands are signed, and go only to a hub that proves that it has the same key; --unsigned also allows others.
+    `live` and `record` start their hubs and set their clocks automatically.
     """
 
 
 @command.command()
 @click.argument("source")
 @keys_option
-def start(source: str, key_file: Path | None) -> None:
+@_unsigned_option
+def start(source: str, key_file: Path | None, unsigned: bool) -> None:
     """Start sending samples."""
     from firmware_protocol.messages import SetStream
 
-    _send(source, SetStream(True), key_file)
+    _send(source, SetStream(True), key_file, unsigned)
 
 
 @command.command()
 @click.argument("source")
 @keys_option
-def stop(source: str, key_file: Path | None) -> None:
+@_unsigned_option
+def stop(source: str, key_file: Path | None, unsigned: bool) -> None:
     """Stop sending samples until started again or restarted.
 
     The hub continues to send its status.
     """
     from firmware_protocol.messages import SetStream
 
-    _send(source, SetStream(False), key_file)
+    _send(source, SetStream(False), key_file, unsigned)
 
 
 @command.command()
 @click.argument("source")
 @click.argument("rate_hz", type=FiniteRange(MIN_RATE_HZ, MAX_RATE_HZ), metavar="HZ")
 @keys_option
-def rate(source: str, rate_hz: float, key_file: Path | None) -> None:
+@_unsigned_option
+def rate(source: str, rate_hz: float, key_file: Path | None, unsigned: bool) -> None:
     """Set the sampling rate to HZ until the hub restarts.
 
     The hub uses the nearest rate that it supports.
     """
     from firmware_protocol.messages import SetRate
 
-    _send(source, SetRate(rate_hz), key_file)
+    _send(source, SetRate(rate_hz), key_file, unsigned)
 
 
 @command.command()
 @click.argument("source")
 @keys_option
-def time(source: str, key_file: Path | None) -> None:
+@_unsigned_option
+def time(source: str, key_file: Path | None, unsigned: bool) -> None:
     """Set the hub's clock to the time of this computer."""
     from firmware_protocol.messages import SetTime
 
-    _send(source, SetTime(_clock.now_ns()), key_file)
+    _send(source, SetTime(_clock.now_ns()), key_file, unsigned)
 
 
-def _send(uri: str, what: Command, key_file: Path | None) -> None:
+def _send(uri: str, what: Command, key_file: Path | None, unsigned: bool) -> None:
     from gateway.io.source import open_source
     from gateway.security.key_file import command_keys
     from gateway.session.commands import TwoWaySource, execute
@@ -85,7 +95,7 @@ def _send(uri: str, what: Command, key_file: Path | None) -> None:
         if not isinstance(opened, TwoWaySource):
             raise SourceError(f"'{uri}' does not accept commands", "Give serial:PORT, tcp://HOST:PORT or ble://NAME.")
         keys = command_keys(key_file)
-        done = execute(opened, what, _clock, keys=keys)
+        done = execute(opened, what, _clock, keys=keys, may_be_unsigned=unsigned)
         click.echo(f"hub {done.hub} executed the command{_signature(done, bool(keys))}")
     finally:
         opened.close()

@@ -50,6 +50,11 @@ def hub_identity(number: int) -> str:
     return f"{number:0{HUB_DIGITS}x}"
 
 
+def new_nonce() -> int:
+    """Return a random number of 64 bit that nobody can foretell."""
+    return secrets.randbits(64)
+
+
 def parse_identity(text: str) -> str:
     """Return an identity as it is stored: up to 8 hexadecimal digits are a sensor, 16 a hub.
 

@@ -94,7 +94,9 @@ def open_session(
         given = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
         signals = open_decoder(vehicle, config_path, given, [text for text in texts if text not in given])
         dbc_text = signals.dbc_text if signals is not None else next(filter(None, texts), None)
-        sources = [with_commands(source, clock, keys) for source in sources]
+        # The policy `warn` is for a time in which not every hub signs yet.
+        may_be_unsigned = guard is not None and not guard.requires
+        sources = [with_commands(source, clock, keys, may_be_unsigned=may_be_unsigned) for source in sources]
         recorder = _open_recorder(record, clock, vehicle, uris, dbc_text) if record is not None else None
         summary = ResultSummary()
         live = LiveSession(

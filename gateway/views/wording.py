@@ -493,7 +493,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "frames of a layout newer than protocol {own} are skipped and counted: the firmware is newer. Update treadlink"
     ),
     Code.OLDER_PROTOCOL: (
-        "its firmware uses protocol {version}, older than treadlink's {own}: commands to it are not signed"
+        "its firmware uses protocol {version}, older than treadlink's {own}: it takes only unsigned commands"
     ),
     Code.NEWER_PROTOCOL: (
         "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "

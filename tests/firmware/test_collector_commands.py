@@ -11,8 +11,18 @@ import numpy as np
 import pytest
 
 import firmware_protocol
+from firmware_protocol.codec import encode_payload
 from firmware_protocol.decoder import FrameDecoder
-from firmware_protocol.messages import Hello, Outcome, SetRate, SetStream, SetTime, TimeSync
+from firmware_protocol.messages import (
+    ChallengeAnswer,
+    CommandResult,
+    Hello,
+    Outcome,
+    SetRate,
+    SetStream,
+    SetTime,
+    TimeSync,
+)
 from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
 from gateway.security.guard import Guard, Place
@@ -49,7 +59,10 @@ def test_collector_passes_the_command_vectors(run: Run) -> None:
         records += [at(second), *arriving([bytes.fromhex(vector["hex"])]), at(second)]
     got = delivered(run(*records))
     assert got.boot_counts[-1] == 41
-    assert got.results == [(vector["reply_seq"], vector["outcome"]) for vector in vectors]
+    replies = [f for f in got.frames if isinstance(f.message, CommandResult | ChallengeAnswer)]
+    assert [(f.type, encode_payload(f.message).hex()) for f in replies] == [
+        (vector["reply_type"], vector["reply_payload"]) for vector in vectors
+    ]
 
 
 def test_signed_frames_pass_the_guard(run: Run) -> None:

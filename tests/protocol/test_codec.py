@@ -101,6 +101,8 @@ FIELDS = {
     MessageType.SET_STREAM: st.fixed_dictionaries({"running": st.integers(0, 1)}),
     MessageType.SET_RATE: st.fixed_dictionaries({"rate_hz": st.floats(2000, 25600, width=32)}),
     MessageType.SET_TIME: st.fixed_dictionaries({"host_ns": U64}),
+    MessageType.CHALLENGE: st.fixed_dictionaries({"nonce": U64}),
+    MessageType.CHALLENGE_ANSWER: st.fixed_dictionaries({"nonce": U64, "boot_count": U32, "highest_seq": U32}),
 }
 
 

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import os
 import threading
-from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from firmware_protocol import wire
 from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import (
     HUB_ITSELF,
-    Command,
     CommandResult,
-    Coupling,
     Frame,
-    Hello,
     MessageType,
     Outcome,
     SetRate,
@@ -29,9 +24,9 @@ from firmware_protocol.messages import (
 from firmware_protocol.signing import is_signed, sign
 from gateway.clock import ManualClock, SystemClock
 from gateway.errors import SourceError
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, open_source
+from gateway.io.source import Chunk, open_source
 from gateway.reasons import Code
-from gateway.security.cmac import Key, Verifier, mac
+from gateway.security.cmac import Key, mac
 from gateway.security.freshness import Ledger
 from gateway.security.guard import Guard, Place
 from gateway.security.key_file import hub_identity, sensor_identity
@@ -40,86 +35,7 @@ from gateway.session.commands import CommandedSource, Executed, TwoWaySource, ex
 from gateway.session.core import SessionCore
 from gateway.views.wording import text
 from tests.testkit.hub_ends import TIMEOUT_S, PtyPort, TcpHub
-
-HUB_ID, SENSOR_ID = 0xABCD, 0xA001
-HUB_KEY, SENSOR_KEY = Key(bytes(range(16))), Key(bytes(range(16, 32)))
-KEYS = {hub_identity(HUB_ID): HUB_KEY, sensor_identity(SENSOR_ID): SENSOR_KEY}
-SECONDS = 1_700_000_000
-
-
-def hello_message(boot_count: int, minor: int) -> Hello:
-    present = (1.0, 1.0, 1.0)
-    return Hello(
-        1,
-        minor,
-        HUB_ID,
-        SENSOR_ID,
-        (1, 0, 0),
-        boot_count,
-        9600.0,
-        7,
-        Coupling.DC,
-        0.0,
-        present,
-        present,
-        present,
-        32767,
-    )
-
-
-class Hub:
-    """A hub in memory: a two-way source that greets, carries out commands as the protocol says, and replies."""
-
-    vehicle_toml = None
-    link = "test:hub"
-    rate_hz: float | None = None
-
-    def __init__(self, *, signs: bool = True, minor: int = 1, boot_count: int = 41, highest: int | None = None) -> None:
-        self.signs, self.minor, self.boot_count, self.highest = signs, minor, boot_count, highest
-        self.executed: list[tuple[int, Command]] = []
-        self.received: list[bytes] = []
-        self.replies = self.sign
-        self.waiting: deque[bytes] = deque([self.hello()])
-        self._seq = 0
-
-    def sign(self, frame: bytes) -> bytes:
-        if not self.signs:
-            return frame
-        of_hub = frame[wire.WHEEL_OFFSET] == HUB_ITSELF
-        key, identity = (HUB_KEY, HUB_ID) if of_hub else (SENSOR_KEY, SENSOR_ID)
-        return sign(frame, identity, self.boot_count, lambda data: mac(key, data))
-
-    def hello(self) -> bytes:
-        return self.sign(encode_frame(Frame(MessageType.HELLO, 0, 0, 0, 0, hello_message(self.boot_count, self.minor))))
-
-    def items(self, stop: threading.Event) -> Iterator[LinkItem]:
-        yield LinkEvent(self.link, 0, LinkEventKind.CONNECTED)
-        while self.waiting and not stop.is_set():
-            yield Chunk(self.link, 0, self.waiting.popleft())
-
-    def send(self, data: bytes) -> None:
-        self.received.append(data)
-        (frame,) = FrameDecoder().feed(data)
-        seq, outcome = frame.seq, Outcome.DONE
-        if self.signs and self.minor >= 1:
-            if not is_signed(data) or not Verifier(HUB_KEY, HUB_ID, self.boot_count).is_genuine(data):
-                outcome = Outcome.NOT_VERIFIED
-            elif self.highest is not None and seq <= self.highest:
-                seq, outcome = self.highest, Outcome.REPEATED
-            else:
-                self.highest = seq
-        elif is_signed(data):
-            return
-        if outcome is Outcome.DONE:
-            self.executed.append((frame.seq, frame.message))  # type: ignore[arg-type]
-        result = CommandResult(seq, frame.type, outcome)
-        self._seq += 1
-        self.waiting.append(
-            self.replies(encode_frame(Frame(MessageType.COMMAND_RESULT, 0, HUB_ITSELF, self._seq, 0, result)))
-        )
-
-    def close(self) -> None:
-        self.waiting.clear()
+from tests.testkit.signing_hub import HUB_ID, KEYS, SECONDS, SENSOR_ID, SENSOR_KEY, Hub, hello_message
 
 
 def run(hub: Hub, keys: dict[str, Key] = KEYS) -> Executed:
@@ -129,13 +45,13 @@ def run(hub: Hub, keys: dict[str, Key] = KEYS) -> Executed:
 def test_command_to_signing_hub_is_signed() -> None:
     hub = Hub()
     assert run(hub) == Executed(0, True, "1.1")
-    assert hub.executed == [(SECONDS, SetStream(False))]
+    assert hub.executed == [(2, SetStream(False))]
 
 
 def test_command_continues_behind_the_counter_of_the_hub() -> None:
-    hub = Hub(highest=SECONDS + 1000)
+    hub = Hub(highest=1000)
     assert run(hub).signed
-    assert hub.executed == [(SECONDS + 1001, SetStream(False))]
+    assert hub.executed == [(1002, SetStream(False))]
     assert len(hub.received) == 2
 
 
@@ -144,7 +60,7 @@ def test_exhausted_counter_is_reported() -> None:
     with pytest.raises(SourceError, match="command repeated: its counter is not above"):
         run(hub)
     assert hub.executed == []
-    assert len(hub.received) == 4
+    assert len(hub.received) == 1
 
 
 def test_reply_that_is_not_genuine_does_not_count() -> None:
@@ -155,14 +71,30 @@ def test_reply_that_is_not_genuine_does_not_count() -> None:
             run(hub)
 
 
-def test_older_hub_gets_an_unsigned_command() -> None:
-    hub = Hub(minor=0)
-    assert run(hub) == Executed(0, False, "1.0")
-    assert not is_signed(hub.received[0])
+@pytest.mark.parametrize(("signs", "minor"), [(True, 0), (False, 0), (False, 1)])
+def test_command_goes_out_unsigned_only_when_asked(signs: bool, minor: int) -> None:
+    hub = Hub(signs=signs, minor=minor)
+    with pytest.raises(SourceError, match="the command was not sent") as refused:
+        run(hub)
+    assert "--unsigned" in refused.value.remedy
+    assert hub.received == []
+    asked = execute(
+        Hub(signs=signs, minor=minor),
+        SetStream(False),
+        ManualClock(0),
+        keys=KEYS,
+        may_be_unsigned=True,
+        timeout_s=TIMEOUT_S,
+    )
+    assert asked == Executed(0, False, f"1.{minor}")
 
 
-def test_hub_without_keys_gets_an_unsigned_command() -> None:
-    assert run(Hub(signs=False)) == Executed(0, False, "1.1")
+def test_command_to_a_signing_hub_is_signed_also_where_it_need_not_be() -> None:
+    clock = ManualClock(0)
+    assert execute(Hub(), SetStream(False), clock, keys=KEYS, may_be_unsigned=True, timeout_s=TIMEOUT_S).signed
+
+
+def test_without_keys_the_command_is_unsigned() -> None:
     assert run(Hub(signs=False), keys={}).hub == 0
 
 
@@ -192,11 +124,11 @@ def test_settings_are_signed_after_each_start_of_a_hub() -> None:
     commanded(hub)
     wanted = [SetTime(SECONDS * 10**9), SetRate(4800.0), SetStream(True)]
     assert [command for _, command in hub.executed] == wanted
-    hub.boot_count, hub.highest = 42, None
+    hub.boot_count, hub.highest = 42, 0
     hub.executed.clear()
     hub.waiting.append(hub.hello())
     commanded(hub)
-    assert [seq for seq, _ in hub.executed] == [SECONDS, SECONDS + 1, SECONDS + 2]
+    assert [seq for seq, _ in hub.executed] == [2, 3, 4]
 
 
 def test_unsigned_hello_does_not_lower_the_protection() -> None:
@@ -204,7 +136,7 @@ def test_unsigned_hello_does_not_lower_the_protection() -> None:
     bare = encode_frame(Frame(MessageType.HELLO, 0, 0, 9, 0, hello_message(99, 0)))
     hub.waiting.append(bare)
     commanded(hub)
-    assert all(map(is_signed, hub.received))
+    assert [is_signed(data) for data in hub.received] == [False, True, True]  # the challenge and two settings
     assert len(hub.executed) == 2
 
 
@@ -214,7 +146,7 @@ def test_older_protocol_is_reported_once() -> None:
         core.take(Chunk("test", 1, hub.hello()))
     found = [notice.reason for notice in core.take_notices() if notice.reason.code is Code.OLDER_PROTOCOL]
     assert list(map(text, found)) == [
-        "its firmware uses protocol 1.0, older than treadlink's 1.1: commands to it are not signed"
+        "its firmware uses protocol 1.0, older than treadlink's 1.1: it takes only unsigned commands"
     ]
 
 
