@@ -55,6 +55,8 @@ _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
 _CONNECT_S: Final = 5.0
 _WAIT_S: Final = 0.05
 _KEEPALIVE_S: Final = 10
+# What a broker sends: confirmations, and retained states and announcements of earlier sessions.
+_MOST_PACKET_BYTES: Final = 64 << 10
 # Wheels without a configuration and links have been heard by then.
 _SETTLED_S: Final = 30.0
 # Retained messages of earlier sessions that are removed at a time.
@@ -107,6 +109,17 @@ def _tls_context(address: SinkAddress) -> ssl.SSLContext:
             f"Give PEM files; the password of an encrypted key goes into {KEY_PASSWORD}.",
         ) from error
     return context
+
+
+class _Client(paho.Client):
+    """A client that holds the broker to the maximum packet size, which the library only announces."""
+
+    def _sock_recv(self, bufsize: int) -> bytes:
+        # The library asks for the whole rest of a packet, by the length that the broker states.
+        if bufsize > _MOST_PACKET_BYTES:
+            raise OSError("packet too large")
+        data: bytes = super()._sock_recv(bufsize)  # type: ignore[no-untyped-call,unused-ignore]
+        return data
 
 
 class MqttSink:
@@ -168,7 +181,7 @@ class MqttSink:
         self._has_ended = False
         self._is_called_offline = False
         # An empty name makes the broker choose one, so that two gateways cannot disconnect each other.
-        self._client = paho.Client(CallbackAPIVersion.VERSION2, client_id="", protocol=paho.MQTTv5)
+        self._client = _Client(CallbackAPIVersion.VERSION2, client_id="", protocol=paho.MQTTv5)
         self._client.connect_timeout = _CONNECT_S
         self._client.max_inflight_messages_set(WINDOW)
         self._client.will_set(f"{prefix}/status", _OFFLINE, _QOS, retain=True)
@@ -188,7 +201,9 @@ class MqttSink:
             if self._has_connected:
                 self._client.reconnect()
             else:
-                self._client.connect(self._host, self._port, self._keepalive_s)
+                limits = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
+                limits.MaximumPacketSize = _MOST_PACKET_BYTES
+                self._client.connect(self._host, self._port, self._keepalive_s, properties=limits)
                 self._has_connected = True
         except ssl.SSLCertVerificationError as error:
             raise SinkDownError(f"the broker's certificate is not trusted: {error.verify_message}") from error
