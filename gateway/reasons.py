@@ -500,6 +500,7 @@ class Code(StrEnum):
     FRAME_WRONG_TAG = "frame_wrong_tag"
     KEY_MISSING_FRAMES_IGNORED = "key_missing_frames_ignored"
     KEY_MISSING_FRAMES_NOT_VERIFIED = "key_missing_frames_not_verified"
+    NO_KEYS = "no_keys"
     SENSOR_NOT_ADMITTED = "sensor_not_admitted"
     SENSOR_NOT_ADMITTED_SWAPPED = "sensor_not_admitted_swapped"
     SENSOR_NOT_ADMITTED_UNCONFIGURED = "sensor_not_admitted_unconfigured"

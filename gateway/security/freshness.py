@@ -103,6 +103,10 @@ class Ledger:
         """Return the counters as they are now, for `save`."""
         return {name: counter.highest for name, counter in self._counters.items() if counter.highest >= 0}
 
+    def starts(self) -> dict[str, int]:
+        """Return the latest start of every key, as its boot count."""
+        return {name: counter.boot_count for name, counter in self._counters.items() if counter.highest >= 0}
+
     def save(self, current: Mapping[str, int] | None = None) -> None:
         """Write what has changed; higher counters that another process wrote meanwhile are kept.
 

@@ -14,15 +14,14 @@ from firmware_protocol.messages import COMMANDS, HUB_ITSELF, MessageType
 from firmware_protocol.signing import is_of_hub, is_signed
 from gateway.config.vehicle import Policy, VehicleConfig
 from gateway.reasons import Code, Level, Notice, Reason
-from gateway.security.cmac import Key, Verifier, begin_mac
+from gateway.security.cmac import Key, SecurityError, Verifier, begin_mac
 from gateway.security.freshness import Counter, Freshness, Ledger
 from gateway.security.key_file import (
     HUB_DIGITS,
-    KeyFile,
     counters_file,
-    default_key_file,
     hub_identity,
     sensor_identity,
+    stored_keys,
 )
 
 _HELLO_IDS: Final = struct.Struct("<QII")
@@ -145,7 +144,8 @@ class Guard:
     """Check of the frames of all links of a session; a sensor has one counter for all links.
 
     Attributes:
-        requires: True when only verified frames pass; otherwise all pass, and the others are reported.
+        requires: True when only verified frames pass; otherwise the others pass too, reported, until their source has
+            verified.
         ledger: counters of the sensors.
     """
 
@@ -223,17 +223,32 @@ class LinkGate:
         self._earlier: dict[bytes, _Sender] = {}
         self._earlier_starts: dict[bytes, _EarlierStart] = {}
         self._reports = _RefusalReports(link, guard)
+        # By hub and wheel, and by hub, the start of the last verified frame.
+        self._verified: dict[bytes, int] = {}
         self.counts: Tally[Verdict] = Tally()
 
     def __call__(self, frame: bytes) -> bool:
         """Return whether an intact frame may pass."""
         verdict = self._judge(frame)
         self.counts[verdict] += 1
-        if verdict is Verdict.VERIFIED:
-            return True
         source = frame[wire.HUB_OFFSET : wire.WHEEL_OFFSET + 1]
-        self._reports.count(source, verdict, self._unknown.get(source), self._earlier_starts.get(source))
-        return not self._requires
+        if verdict is Verdict.VERIFIED:
+            if not self._requires:
+                self._verified[source] = self._verified[source[:1]] = self._senders[source].verifier.boot_count
+            return True
+        passes = not self._requires and not self._would_harm(source, frame)
+        self._reports.count(source, verdict, self._unknown.get(source), self._earlier_starts.get(source), passes=passes)
+        return passes
+
+    def _would_harm(self, source: bytes, frame: bytes) -> bool:
+        """Return whether an unverified frame speaks for a source that has verified, or restarts its hub."""
+        if source in self._verified:
+            return True
+        start = self._verified.get(source[:1])
+        if start is None or frame[wire.TYPE_OFFSET] != MessageType.HELLO:
+            return False
+        is_whole = frame[wire.LENGTH_OFFSET] >= _HELLO_BYTES - wire.TAG_BYTES
+        return is_whole and _HELLO_IDS.unpack_from(frame, _HELLO_IDS_AT)[2] != start
 
     def _judge(self, frame: bytes) -> Verdict:
         source = frame[wire.HUB_OFFSET : wire.WHEEL_OFFSET + 1]
@@ -337,10 +352,12 @@ class _RefusalReports:
     def __init__(self, link: str, guard: Guard) -> None:
         self._link = link
         self._guard = guard
-        self._counts: dict[tuple[bytes, Verdict, str | None], int] = {}
-        self._due: dict[tuple[bytes, Verdict, str | None], int] = {}
+        self._counts: dict[tuple[bytes, Verdict, str | None, bool], int] = {}
+        self._due: dict[tuple[bytes, Verdict, str | None, bool], int] = {}
 
-    def count(self, source: bytes, verdict: Verdict, claimed: str | None, earlier: _EarlierStart | None) -> None:
+    def count(
+        self, source: bytes, verdict: Verdict, claimed: str | None, earlier: _EarlierStart | None, *, passes: bool
+    ) -> None:
         """Count a frame, and report it when that is due.
 
         Args:
@@ -348,9 +365,10 @@ class _RefusalReports:
             verdict: on the frame.
             claimed: identity that the source claims and that is not verified or does not belong there.
             earlier: start of the source that is below the latest one accepted.
+            passes: whether the frame is not refused all the same.
         """
         # The sender can claim any number of identities, so that what is kept must not grow with them.
-        key = (source, verdict, claimed if claimed in self._guard.owners else None)
+        key = (source, verdict, claimed if claimed in self._guard.owners else None, passes)
         number = self._counts[key] = self._counts.get(key, 0) + 1
         if number < self._due.get(key, _EARLY_FRAMES if verdict is Verdict.EARLY else 1):
             return
@@ -358,13 +376,19 @@ class _RefusalReports:
         hub, wheel = source
         place = self._guard.places.get((hub, wheel))
         at = place.position if place else f"hub {hub}" + ("" if wheel == HUB_ITSELF else f" wheel {wheel}")
-        reason = self._reason(place, verdict, claimed, number, earlier)
+        consequence = Reason(Code.FRAMES_USED if passes else Code.FRAMES_IGNORED)
+        reason = self._reason(place, verdict, claimed, number, earlier, consequence)
         self._guard.report(Notice(f"{self._link}, {at}", reason, Level.SECURITY))
 
     def _reason(
-        self, place: Place | None, verdict: Verdict, claimed: str | None, count: int, earlier: _EarlierStart | None
+        self,
+        place: Place | None,
+        verdict: Verdict,
+        claimed: str | None,
+        count: int,
+        earlier: _EarlierStart | None,
+        consequence: Reason,
     ) -> Reason:
-        consequence = Reason(Code.FRAMES_IGNORED if self._guard.requires else Code.FRAMES_USED)
         if verdict is Verdict.EARLIER_START and earlier is not None:
             signer = _signer(earlier.identity)
             at = Reason(Code.SIGNER_AT_HUB, signer=signer, hub=earlier.hub) if earlier.hub else signer
@@ -409,12 +433,19 @@ def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remember
         remembers: whether counters are kept across sessions: yes for a link, no for a recording, whose frames are old.
 
     Raises:
-        SecurityError: keys or counters cannot be read, or the package `cryptography` is missing.
+        SecurityError: keys or counters cannot be read, keys are given that the policy would not use, or the package
+            `cryptography` is missing.
     """
     if vehicle is None or vehicle.security.policy is Policy.OFF:
-        return None
-    path = default_key_file() if key_file is None else key_file
-    keys = KeyFile(path).keys
+        if key_file is None:
+            return None
+        why = "there is no configuration" if vehicle is None else "the configuration has the policy off"
+        raise SecurityError(
+            f"the keys of '{key_file}' would verify nothing: {why}",
+            'Set policy = "warn" or "require" under [security] of the vehicle file, or leave out --keys.',
+        )
+    stored = stored_keys(key_file)
+    path, keys = stored.path, stored.keys
     for key in keys.values():
         begin_mac(key)  # raises now, rather than at the first frame, when the package is missing
         break
@@ -425,4 +456,7 @@ def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remember
         for wheel in vehicle.wheel
     }
     ledger = Ledger(counters_file(path) if remembers else None)
-    return Guard(places, keys, ledger, requires=vehicle.security.policy is Policy.REQUIRE)
+    guard = Guard(places, keys, ledger, requires=vehicle.security.policy is Policy.REQUIRE)
+    if not keys:
+        guard.report(Notice("", Reason(Code.NO_KEYS, file=str(path)), Level.WARNING))
+    return guard

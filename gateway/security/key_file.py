@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.security.cmac import KEY_BYTES, FrameSigner, Key, SecurityError
-from gateway.security.private_file import locked, read_private, write_private
+from gateway.security.private_file import keep_from_core_dumps, locked, read_private, write_private
 
 SENSOR_DIGITS: Final = 8
 HUB_DIGITS: Final = 16
@@ -30,9 +30,22 @@ def command_keys(key_file: Path | None) -> dict[str, Key]:
     """Return the keys for commands, by identity: those of a file, or of the user's own.
 
     Raises:
-        SecurityError: the file cannot be read, or is not private.
+        SecurityError: the file cannot be read, is not private, or was given and does not exist.
     """
-    return KeyFile(default_key_file() if key_file is None else key_file).keys
+    return stored_keys(key_file).keys
+
+
+def stored_keys(key_file: Path | None) -> KeyFile:
+    """Return a key file that somebody has given, or the user's own, which need not exist.
+
+    Raises:
+        SecurityError: the file cannot be read, is not private, or was given and does not exist.
+    """
+    if key_file is None:
+        return KeyFile(default_key_file())
+    if not key_file.exists():
+        raise SecurityError(f"'{key_file}' does not exist", "Give the key file, or make it: treadlink keys new --file.")
+    return KeyFile(key_file)
 
 
 def counters_file(key_file: Path) -> Path:
@@ -84,6 +97,7 @@ class KeyFile:
             SecurityError: it cannot be read, is not private, or contains anything else.
         """
         self.path = path
+        keep_from_core_dumps()
         text = read_private(path, _MOST_BYTES)
         self.keys: dict[str, Key] = dict(parse_keys(text, str(path))) if text is not None else {}
 

@@ -18,6 +18,7 @@ if sys.platform == "win32":
     import msvcrt
 else:
     import fcntl
+    import resource
 
 _HAS_MODES: Final = os.name == "posix"
 _LOCK_WAIT_NS: Final = 5_000_000_000
@@ -63,6 +64,13 @@ def _check(path: Path, status: os.stat_result) -> None:
         )
     if _HAS_MODES and status.st_uid not in (os.getuid(), 0):
         raise SecurityError(f"'{path}' belongs to another user", "Use a file of your own.")
+
+
+def keep_from_core_dumps() -> None:
+    """Make a crash of this process, and of those it starts, leave no core file: it would contain the keys."""
+    if sys.platform != "win32":
+        _, hard = resource.getrlimit(resource.RLIMIT_CORE)
+        resource.setrlimit(resource.RLIMIT_CORE, (0, hard))
 
 
 def write_private(path: Path, text: str) -> None:

@@ -22,6 +22,7 @@ class SecurityWatch:
     def __init__(self, guard: Guard | None) -> None:
         self._guard = guard
         self._due_ns = 0
+        self._starts: Mapping[str, int] = {}
         self._saving: threading.Thread | None = None
         self._fault: Reason | None = None
         self._is_reported = False
@@ -42,11 +43,15 @@ class SecurityWatch:
 
     def tick(self, now_ns: int) -> list[Notice]:
         """Save the counters when that is due, in the background as the disk may be slow; return new notices."""
+        if self._guard is None:
+            return []
+        # The first frame of a start is stored at once: what comes before the next saving is then all that can be lost.
+        starts = self._guard.ledger.starts()
         # A clock that was set back must not stop it.
-        if self._guard is None or 0 <= self._due_ns - now_ns <= _SAVE_EVERY_NS:
+        if starts == self._starts and 0 <= self._due_ns - now_ns <= _SAVE_EVERY_NS:
             return []
         if self._saving is None or not self._saving.is_alive():
-            self._due_ns = now_ns + _SAVE_EVERY_NS
+            self._due_ns, self._starts = now_ns + _SAVE_EVERY_NS, starts
             current = self._guard.ledger.highest()
             self._saving = threading.Thread(target=self._save, args=(current,), name="save counters", daemon=True)
             self._saving.start()

@@ -88,7 +88,7 @@ def open_session(
         effects = open_effects(effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
         guard = open_guard(vehicle, key_file, remembers=all(map(is_live, uris)))
-        keys = command_keys(key_file) if guard is not None or key_file is not None else {}
+        keys = command_keys(key_file) if guard is not None else {}
         texts = [getattr(source, "dbc_text", None) for source in sources]
         is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
         given = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]

@@ -851,7 +851,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     ),
     Code.FRAMES_IGNORED: "ignored, but recorded",
     Code.FRAMES_NOT_TRUSTED: "frames not to be trusted: {counts}",
-    Code.FRAMES_USED: "used all the same (policy warn)",
+    Code.FRAMES_USED: "not refused for that (policy warn)",
     Code.FRAMES_VERDICT: "{count} {verdict}",
     Code.FRAME_BEFORE_HELLO: "signed frames arrive, but no verified hello ({count} so far); {consequence}",
     Code.FRAME_EARLIER_START: (
@@ -875,6 +875,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "a signed frame has a wrong tag ({count} so far): forged, from an earlier start, or signed with another "
         "key; {consequence}"
     ),
+    Code.NO_KEYS: ("the policy is to verify frames, but '{file}' has no key: import keys with `treadlink keys import`"),
     Code.KEY_MISSING_FRAMES_IGNORED: (
         "no key for sensor {sensor}: its frames will be ignored; add its key with `treadlink keys import`"
     ),

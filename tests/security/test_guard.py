@@ -299,9 +299,9 @@ def test_hub_passes_after_a_genuine_sensor_hello() -> None:
 def test_policy_warn_passes_and_reports() -> None:
     sender, watching = Sender(), guard(requires=False)
     gate = watching.gate("link")
+    assert gate(sender.samples(signed=False))
+    assert gate(sender.samples(signed=False))
     assert gate(sender.hello())
-    assert gate(sender.samples(signed=False))
-    assert gate(sender.samples(signed=False))
     assert gate.counts == {Verdict.VERIFIED: 1, Verdict.UNSIGNED: 2}
     (notice,) = watching.take_notices()
     assert notice.reason == Reason(Code.FRAME_UNSIGNED, count=1, consequence=Reason(Code.FRAMES_USED))
