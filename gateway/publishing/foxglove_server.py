@@ -13,6 +13,7 @@ from foxglove.messages import Log, LogLevel, Timestamp
 
 from gateway.pipeline.results import WheelSnapshot
 from gateway.publishing.line_schema import line_schema
+from gateway.publishing.origin_gate import OriginGate, hidden_loopback
 from gateway.publishing.payloads import encoded, messages
 from gateway.publishing.sink import (
     Item,
@@ -46,11 +47,12 @@ def open_foxglove(address: SinkAddress, setting: SinkSetting) -> FoxgloveSink:
         SinkError: the address cannot be used.
     """
     del setting
-    address.check_options(())
+    address.check_options(("origin",))
     host, port = host_and_port(address, _PORT)
     if address.target.partition("/")[2]:
         raise SinkError(f"'{address.name}' has a path", "Write foxglove://HOST:PORT.")
-    return FoxgloveSink(host, port)
+    origins = address.options.get("origin", "").split(",")
+    return FoxgloveSink(host, port, frozenset(filter(None, origins)))
 
 
 class FoxgloveSink:
@@ -67,9 +69,10 @@ class FoxgloveSink:
     The server keeps a bounded number of messages for each viewer and drops the oldest for a slow one.
     """
 
-    def __init__(self, host: str, port: int) -> None:
-        """Prepare the server; port 0 lets the system choose one."""
-        self._host, self._port = host, port
+    def __init__(self, host: str, port: int, origins: frozenset[str] = frozenset()) -> None:
+        """Prepare the server; port 0 lets the system choose one, and web pages of `origins` may connect."""
+        self._host, self._port, self._origins = host, port, origins
+        self._gate: OriginGate | None = None
         self._server: foxglove.websocket.WebSocketServer | None = None
         self._context = foxglove.Context()
         self._channels: dict[str, foxglove.Channel] = {}
@@ -80,7 +83,7 @@ class FoxgloveSink:
     @property
     def port(self) -> int:
         """The port that the server listens on, 0 before it does."""
-        return self._server.port if self._server is not None else 0
+        return self._gate.port if self._gate is not None else 0
 
     def open(self, stop: threading.Event) -> None:
         """Start the server."""
@@ -88,10 +91,11 @@ class FoxgloveSink:
         self._context = foxglove.Context()
         self._channels.clear()
         try:
-            self._server = foxglove.start_server(
-                name="treadlink", host=self._host, port=self._port, context=self._context
-            )
+            address = hidden_loopback()
+            self._server = foxglove.start_server(name="treadlink", host=address, port=0, context=self._context)
+            self._gate = OriginGate(self._host, self._port, (address, self._server.port), self._origins)
         except Exception as error:  # the library raises errors of its own
+            self._stop()
             raise SinkDownError(f"cannot listen on {self._host}:{self._port}: {error}") from error
         self._log = LogChannel("/log", context=self._context)
 
@@ -129,6 +133,12 @@ class FoxgloveSink:
         if self._log is not None:
             self._log.close()
             self._log = None
+        self._stop()
+
+    def _stop(self) -> None:
+        if self._gate is not None:
+            self._gate.close()
+            self._gate = None
         if self._server is not None:
             self._server.stop()
             self._server = None

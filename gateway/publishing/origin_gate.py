@@ -1,0 +1,136 @@
+"""A port in front of a WebSocket server that admits web pages by their Origin; the server's library cannot."""
+
+from __future__ import annotations
+
+import secrets
+import socket
+import threading
+from contextlib import suppress
+from typing import Final
+
+_MOST_HEAD_BYTES: Final = 16 << 10
+_MOST_CONNECTIONS: Final = 32
+_HEAD_S: Final = 5.0
+_CHUNK_BYTES: Final = 64 << 10
+_HEAD_END: Final = b"\r\n\r\n"
+_REFUSAL: Final = (
+    b"HTTP/1.1 403 Forbidden\r\nConnection: close\r\nContent-Type: text/plain\r\n\r\n"
+    b"treadlink admits no web page of this origin: see the option origin of foxglove://\n"
+)
+
+
+def hidden_loopback() -> str:
+    """Return a loopback address that a web page cannot find by trying, or 127.0.0.1 where there is only that."""
+    address = f"127.{secrets.randbelow(254) + 1}.{secrets.randbelow(256)}.{secrets.randbelow(254) + 1}"
+    with suppress(OSError), socket.create_server((address, 0)):
+        return address
+    return "127.0.0.1"
+
+
+def is_admitted(head: bytes, allowed: frozenset[str]) -> bool:
+    """Return whether the head of a request opens a WebSocket for no web page, or for one of an allowed origin."""
+    lines = head.decode("latin-1").split("\r\n")
+    if not lines[0].startswith("GET "):
+        return False
+    fields = [(name.strip().lower(), value.strip()) for name, _, value in (line.partition(":") for line in lines[1:])]
+    origins = [value for name, value in fields if name == "origin"]
+    upgrades = [value.lower() for name, value in fields if name == "upgrade"]
+    return upgrades == ["websocket"] and (not origins or (len(origins) == 1 and origins[0] in allowed))
+
+
+class OriginGate:
+    """Listens for viewers and passes the admitted ones on to a server of this computer."""
+
+    def __init__(self, host: str, port: int, server: tuple[str, int], allowed: frozenset[str]) -> None:
+        """Listen.
+
+        Raises:
+            OSError: the address cannot be used.
+        """
+        self._server = server
+        self._allowed = allowed
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._listener = socket.create_server((host, port), family=family)
+        self._open: set[socket.socket] = set()
+        self._lock = threading.Lock()
+        self._places = threading.BoundedSemaphore(_MOST_CONNECTIONS)
+        threading.Thread(target=self._accept, name="viewers", daemon=True).start()
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        port: int = self._listener.getsockname()[1]
+        return port
+
+    def close(self) -> None:
+        """Stop listening and end all connections."""
+        with suppress(OSError):
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+        with self._lock:
+            for end in self._open:
+                _end(end)
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                viewer, _ = self._listener.accept()
+            except OSError:
+                return
+            if not self._places.acquire(blocking=False):
+                viewer.close()
+                continue
+            threading.Thread(target=self._serve, args=(viewer,), name="viewer", daemon=True).start()
+
+    def _serve(self, viewer: socket.socket) -> None:
+        ends = [viewer]
+        try:
+            with self._lock:
+                self._open.add(viewer)
+            head = _head(viewer)
+            if not is_admitted(head.partition(_HEAD_END)[0], self._allowed):
+                viewer.sendall(_REFUSAL)
+                return
+            server = socket.create_connection(self._server, _HEAD_S)
+            ends.append(server)
+            with self._lock:
+                self._open.add(server)
+            viewer.settimeout(None)
+            server.settimeout(None)
+            server.sendall(head)
+            back = threading.Thread(target=_pass_on, args=(server, viewer), name="viewer", daemon=True)
+            back.start()
+            _pass_on(viewer, server)
+            back.join()
+        except OSError:
+            pass  # the viewer is gone or says nothing
+        finally:
+            with self._lock:
+                self._open.difference_update(ends)
+            for end in ends:
+                end.close()
+            self._places.release()
+
+
+def _head(viewer: socket.socket) -> bytes:
+    viewer.settimeout(_HEAD_S)
+    head = b""
+    while _HEAD_END not in head:
+        data = viewer.recv(_MOST_HEAD_BYTES)
+        head += data
+        if not data or len(head) > _MOST_HEAD_BYTES:
+            raise ConnectionError
+    return head
+
+
+def _pass_on(source: socket.socket, target: socket.socket) -> None:
+    with suppress(OSError):
+        while data := source.recv(_CHUNK_BYTES):
+            target.sendall(data)
+    _end(source)
+    _end(target)
+
+
+def _end(connection: socket.socket) -> None:
+    with suppress(OSError):
+        connection.shutdown(socket.SHUT_RDWR)
