@@ -439,6 +439,7 @@ def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remember
     if vehicle is None or vehicle.security.policy is Policy.OFF:
         if key_file is None:
             return None
+        stored_keys(key_file)
         why = "there is no configuration" if vehicle is None else "the configuration has the policy off"
         raise SecurityError(
             f"the keys of '{key_file}' would verify nothing: {why}",

@@ -80,7 +80,7 @@ def vehicle(policy: str) -> VehicleConfig:
 @pytest.mark.parametrize("policy", [None, "off", "warn", "require"])
 def test_a_key_file_that_is_given_must_exist_and_be_of_use(tmp_path: Path, policy: str | None) -> None:
     config = None if policy is None else vehicle(policy)
-    with pytest.raises(SecurityError):
+    with pytest.raises(SecurityError, match="does not exist"):
         open_guard(config, tmp_path / "none", remembers=False)
     keys = KeyFile(tmp_path / "keys")
     keys.make("0000a001")

@@ -120,6 +120,8 @@ class BleHub:
             # The scenario was solved for one rate, so the hub supports only that one.
             near = self._rate_hz is not None and abs(command.rate_hz - self._rate_hz) < _RATE_TOLERANCE * self._rate_hz
             outcome = Outcome.DONE if near else Outcome.VALUE_REFUSED
+        else:
+            outcome = Outcome.UNKNOWN_COMMAND  # without a key there is no answer to a challenge
         return CommandResult(frame.seq, frame.type, outcome)
 
 
