@@ -13,6 +13,7 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import (
     HUB_ITSELF,
+    Challenge,
     CommandResult,
     Frame,
     HubStatus,
@@ -261,3 +262,12 @@ def test_hub_counts_nothing_without_a_listener() -> None:
     assert answer.message == CommandResult(0, MessageType.SET_TIME, Outcome.DONE)
     assert echo.message == TimeSync(5, 77)
     assert (answer.seq, echo.seq) == (1, 2)
+
+
+def test_hub_without_a_key_refuses_a_challenge() -> None:
+    hub = BleHub(0, Peripheral("00:00:5E:00:53:00", "X"))
+    hub.peripheral.notifying = True
+    hub.peripheral.on_write(command_frame(Challenge(7), 3))  # type: ignore[misc]
+    sync = Frame(MessageType.TIME_SYNC, 0, HUB_ITSELF, 9, 0, TimeSync(5, 0))
+    answer, _ = FrameDecoder().feed(b"".join(hub.outgoing(sync)))
+    assert answer.message == CommandResult(3, MessageType.CHALLENGE, Outcome.UNKNOWN_COMMAND)
