@@ -250,13 +250,16 @@ void board_open(void) {
 }
 
 uint32_t tl_port_clock_us(void) {
-    for (;;) {
-        const uint32_t begin_ms = uptime_ms;
-        const uint32_t passed = BOARD_HZ / 1000u - 1u - SYSTICK_VALUE;
-        if (uptime_ms == begin_ms) {
-            return begin_ms * 1000u + passed / (BOARD_HZ / 1000000u);
-        }
-    }
+    uint32_t left_before;
+    uint32_t whole_ms;
+    uint32_t left_after;
+    /* The timer counts down; one that starts again between the two readings belongs to the next millisecond. */
+    do {
+        left_before = SYSTICK_VALUE;
+        whole_ms = uptime_ms;
+        left_after = SYSTICK_VALUE;
+    } while (left_after > left_before);
+    return whole_ms * 1000u + (BOARD_HZ / 1000u - 1u - left_after) / (BOARD_HZ / 1000000u);
 }
 
 void board_wait_ms(uint32_t duration_ms) {
