@@ -132,8 +132,8 @@ static void answer_challenge(tl_collector *collector, const uint8_t *frame) {
     if (hub->highest_command < UINT32_MAX) {
         hub->highest_command++;
     }
-    tl_challenge_answer answer = {challenge.nonce, hub->signer.boot_count, hub->highest_command};
-    tl_frames_challenge_answer(collector, &answer);
+    tl_challenge_answer sent = {challenge.nonce, hub->signer.boot_count, hub->highest_command};
+    tl_frames_challenge_answer(collector, &sent);
 }
 
 static void take(tl_collector *collector, uint8_t *frame) {
