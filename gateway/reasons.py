@@ -365,6 +365,8 @@ class Code(StrEnum):
     LOAD_RANGE = "load_range"
     PRESSURE_RANGE = "pressure_range"
     RECORDING_BEHIND = "recording_behind"
+    RECORDING_BEGUN = "recording_begun"
+    RECORDING_FINISHED = "recording_finished"
     RECORDING_STOPPED = "recording_stopped"
     SPEED_RANGE = "speed_range"
     TOPICS_BEHIND = "topics_behind"

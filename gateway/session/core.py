@@ -162,6 +162,16 @@ class SessionCore:
         self._new_notices.clear()
         return taken
 
+    def records_to(self, recorder: Recorder | None) -> None:
+        """Record to another recording from now on, or to none; the caller closes the one before."""
+        if self.recorder is not None:
+            self.notify(Notice("", Reason(Code.RECORDING_FINISHED, path=str(self.recorder.path))))
+        self.recorder, self._recorded = recorder, ("", 0)
+        if recorder is not None:
+            self._recorded = (str(recorder.path), recorder.size_bytes)
+            self.notify(Notice("", Reason(Code.RECORDING_BEGUN, path=str(recorder.path))))
+        self._waveform_due_ns.clear()
+
     def take_alarm_changes(self) -> list[AlarmChange]:
         """Return the alarms that were raised or are over since the last call."""
         return self._alarms.log.take_changes()

@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 
 from gateway.clock import Clock
 from gateway.config.vehicle import VehicleConfig
-from gateway.errors import TreadlinkError
+from gateway.errors import RecordingError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.playback import Playback, PlayedSource
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
@@ -70,6 +70,7 @@ class LiveSession:
         effects: Sequence[CorrectionTable] = (),
         publication: Publication | None = None,
         signals: SignalDecoder | None = None,
+        open_recorder: Callable[[], Recorder] | None = None,
     ) -> None:
         """Build the session; `start` runs it.
 
@@ -85,6 +86,7 @@ class LiveSession:
             effects: known effects to subtract, one table per wheel.
             publication: live outputs; the caller closes them after the session.
             signals: decodes the vehicle's bus; None to record its frames only.
+            open_recorder: opens a new recording for `start_recording`; None when none may be begun.
         """
         self._publication = publication
         self._sources = list(sources)
@@ -109,6 +111,11 @@ class LiveSession:
         self._source_of: dict[str, int] = {source.link: number for number, source in enumerate(self._sources)}
         self._taken_ns: dict[int, int] = {}
         self._recording = RecordingStage(recorder, clock) if recorder is not None else None
+        self._open_recorder = open_recorder
+        # Held while a recording is begun or ended; the core takes the change over in its next round.
+        self._recording_lock = threading.Lock()
+        self._core_recording = self._recording
+        self._may_record = open_recorder is not None
         self.core = SessionCore(
             vehicle,
             recorder=self._recording,
@@ -143,10 +150,48 @@ class LiveSession:
 
     def mark(self, text: str) -> None:
         """Mark an event in the recording, with the present time; without a recording the notice says that."""
-        is_kept = self._recording is not None and self.core.recording_fault is None
+        is_kept = self.core.recorder is not None
         details = () if is_kept else (Reason(Code.MARK_NOT_KEPT),)
         event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text, details=details)
         self._offer(event, False, self._dropped[self._sources[0].link])
+
+    @property
+    def may_record(self) -> bool:
+        """Whether `start_recording` can begin a recording."""
+        return self._may_record
+
+    def start_recording(self) -> None:
+        """Begin a recording now; does nothing while one runs. Its first item for each open link is the link's opening.
+
+        Raises:
+            RecordingError: no recording may be begun, or the file cannot be made.
+        """
+        with self._recording_lock:
+            if self._recording is not None and self._recording.is_writing:
+                return
+            if self._open_recorder is None or not self._may_record:
+                raise RecordingError("this session begins no recording", "A replay is recorded already.")
+            self._close_recording()
+            stage = RecordingStage(self._open_recorder(), self._clock)
+            now_ns = self._clock.now_ns()
+            for link in self._snapshot.links:
+                if link.connected:
+                    stage.offer(LinkEvent(link.link, now_ns, LinkEventKind.CONNECTED))
+            self._recording = stage
+
+    def stop_recording(self) -> None:
+        """End the recording, if one runs, and wait until its file is finished.
+
+        Raises:
+            RecordingError: the disk refused, or makes no progress.
+        """
+        with self._recording_lock:
+            self._close_recording()
+
+    def _close_recording(self) -> None:
+        stage, self._recording = self._recording, None
+        if stage is not None:
+            stage.close()
 
     def pause(self, paused: bool) -> bool:
         """Pause a session of replays, or let it go on; return whether that is possible.
@@ -297,6 +342,7 @@ class LiveSession:
                     reading = self._reading
                 if not reading and not self._items:
                     break
+            self._take_over_recording()
             self._check_recording()
             now_ns = self._clock.now_ns()
             # A pause since the last look must not be taken for silence of the links.
@@ -306,10 +352,20 @@ class LiveSession:
                 due_ns = now_ns + _SNAPSHOT_INTERVAL_NS
                 self._take_results(self.core.tick(now_ns, self._link_times_ns(now_ns)))
                 self._publish(now_ns, ended=False)
+        with self._recording_lock:
+            self._may_record = False
+        self._take_over_recording()
         self._take_results(self.core.finish())
         self._check_recording()
         self._publish(self._clock.now_ns(), ended=True)
         self._done.set()
+
+    def _take_over_recording(self) -> None:
+        """Hand the core a recording that was begun since the last round, or take an ended one from it."""
+        recording = self._recording
+        if recording is not self._core_recording:
+            self._core_recording = recording
+            self.core.records_to(recording)
 
     def _take_computer_events(self, events: Sequence[LinkEvent]) -> None:
         """Record events of this computer, and take them at once: they may explain what has not arrived."""

@@ -122,6 +122,11 @@ class RecordingStage:
         return self._writer.size_bytes
 
     @property
+    def is_writing(self) -> bool:
+        """Whether it takes items: not closed, and not refused by the disk."""
+        return self._fault is None and not self._ending.is_set()
+
+    @property
     def ending(self) -> bool:
         """Whether `close` was called and the file is not finished yet."""
         return self._ending.is_set() and self._thread.is_alive()

@@ -98,6 +98,7 @@ def open_session(
         may_be_unsigned = guard is not None and not guard.requires
         sources = [with_commands(source, clock, keys, may_be_unsigned=may_be_unsigned) for source in sources]
         recorder = _open_recorder(record, clock, vehicle, uris, dbc_text) if record is not None else None
+        folder = Path() if record is None else record.parent if record.suffix == ".mcap" else record
         summary = ResultSummary()
         live = LiveSession(
             sources if duration_s is None else [limited(source, duration_s) for source in sources],
@@ -111,6 +112,9 @@ def open_session(
             effects=effects,
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
+            open_recorder=(
+                None if all(is_replay) else lambda: _open_recorder(folder, clock, vehicle, uris, dbc_text)
+            ),
         )
         live.start()
     except BaseException:

@@ -641,6 +641,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LOAD_RANGE: "{low_n:.0f} to {high_n:.0f N}",
     Code.PRESSURE_RANGE: "{low_pa:.0f kPa} to {high_pa:.0f kPa}",
     Code.RECORDING_BEHIND: "the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted",
+    Code.RECORDING_BEGUN: "recording to {path}",
+    Code.RECORDING_FINISHED: "recording {path} finished",
     Code.RECORDING_STOPPED: "RECORDING STOPPED: {error}. {remedy}",
     Code.SPEED_RANGE: "{low_mps:.0f km/h} to {high_mps:.0f km/h}",
     Code.TOPICS_BEHIND: (

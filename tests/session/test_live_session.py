@@ -8,11 +8,13 @@ import threading
 import pytest
 
 from gateway.clock import ManualClock, SystemClock
-from gateway.errors import SourceError, TreadlinkError
+from gateway.errors import RecordingError, SourceError, TreadlinkError
 from gateway.io.playback import Playback
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.pipeline.results import WheelState
 from gateway.reasons import Code
+from gateway.recording.reader import RecordingReader
+from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import AlarmName
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
@@ -291,3 +293,80 @@ def test_mark_without_a_recording_says_so(demo):
     live.close()
     (mark,) = [notice for notice in live.notices() if Code.MARK in {inner.code for inner in notice.reason}]
     assert notice_text(mark) == "mark: bump: not kept, nothing is recorded"
+
+
+def started_in(folder, items, may_record=True):
+    """Return a session on a source that waits at its end, so that recordings can begin and end."""
+    release = threading.Event()
+
+    class Waiting(ListSource):
+        def items(self, stop):
+            yield from items[: len(items) // 2]
+            release.wait(TIMEOUT_S)
+            yield from items[len(items) // 2 :]
+
+    def opened():
+        return RecordingWriter(folder, start_ns=1)
+
+    live = LiveSession(
+        [Waiting(items)],
+        None,
+        SystemClock(),
+        patient=[True],
+        summary=ResultSummary(),
+        open_recorder=opened if may_record else None,
+    )
+    live.start()
+    return live, release
+
+
+def test_recording_begins_and_ends_during_the_session(demo, tmp_path):
+    items, _ = demo
+    live, release = started_in(tmp_path, items)
+    until(lambda: live.snapshot().links[0].connected)
+    live.start_recording()
+    live.start_recording()  # the one that runs goes on
+    until(lambda: live.snapshot().recording)
+    live.mark("begun")
+    release.set()
+    assert live.wait(TIMEOUT_S)
+    live.close()
+    (path,) = tmp_path.iterdir()
+    recorded = RecordingReader(path)
+    assert recorded.info.finished
+    events = [item for item in recorded.items() if isinstance(item, LinkEvent)]
+    assert [event.kind for event in events][:2] == [LinkEventKind.CONNECTED, LinkEventKind.MARK]
+    assert events[1].text == "begun"
+    assert events[1].details == ()
+    data = b"".join(item.data for item in items[len(items) // 2 :] if isinstance(item, Chunk))
+    assert b"".join(item.data for item in recorded.items() if isinstance(item, Chunk)) == data
+    with pytest.raises(RecordingError, match="begins no recording"):
+        live.start_recording()
+
+
+def test_recording_that_is_ended_is_finished_at_once(demo, tmp_path):
+    items, _ = demo
+    live, release = started_in(tmp_path, items)
+    for number in (1, 2):
+        live.start_recording()
+        until(lambda: live.snapshot().recording)
+        live.stop_recording()
+        assert all(RecordingReader(path).info.finished for path in tmp_path.iterdir())
+        assert len(list(tmp_path.iterdir())) == number
+        until(lambda: not live.snapshot().recording)
+    live.mark("lost")
+    release.set()
+    live.wait(TIMEOUT_S)
+    live.close()
+    texts = [notice_text(notice) for notice in live.notices()]
+    assert sum("finished" in text for text in texts) == 2
+    assert any("lost" in text and "not kept" in text for text in texts)
+
+
+def test_session_that_may_not_record_says_so(demo, tmp_path):
+    live, release = started_in(tmp_path, demo[0], may_record=False)
+    with pytest.raises(RecordingError, match="begins no recording"):
+        live.start_recording()
+    release.set()
+    live.close()
+    assert list(tmp_path.iterdir()) == []
