@@ -134,6 +134,7 @@ class WheelSnapshot:
         state: motion of the wheel.
         last: the latest result, None before the first revolution.
         average_mps2: (n,) running average of the radial axis at the last revolution's speed, None before the first.
+        scatter_mps2: (n,) standard deviation from revolution to revolution about it; NaN before the second.
         pressure_pa: latest measured or configured inflation pressure.
         temperature_degc: latest measured temperature.
         load_n: configured load, else the estimated one.
@@ -150,6 +151,7 @@ class WheelSnapshot:
     state: WheelState = WheelState.NO_DATA
     last: RevolutionResult | None = None
     average_mps2: FloatArray | None = None
+    scatter_mps2: FloatArray | None = None
     pressure_pa: float | None = None
     temperature_degc: float | None = None
     load_n: float | None = None

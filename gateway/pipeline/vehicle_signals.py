@@ -189,3 +189,12 @@ def signal_name(setup: SignalSetup, suffix: str) -> str:
     """Return the name of a signal with its unit."""
     name = f"car_{setup.quantity}" if setup.wheel is not None else str(setup.quantity)
     return f"{name}_{suffix}" if suffix else name
+
+
+SIGNAL_NAMES: Final = frozenset(
+    f"{prefix}{quantity}_{suffix}".rstrip("_")
+    for quantity, suffixes in SUFFIXES.items()
+    for suffix in suffixes
+    for prefix in ("", "car_")
+)
+"""Every name that a signal can have among the estimates of a revolution; see `signal_name`."""

@@ -466,7 +466,7 @@ class WheelPipeline:
         load = self._tire.latest("load_n") if conditions.load_n is None else None
         hello = self._sensor.hello if self._sensor is not None else None
         state = self._segmenter.state if self._segmenter is not None else WheelState.NO_DATA
-        buffer, flags = self._buffer, self._flags()
+        buffer, flags, average = self._buffer, self._flags(), self._tire.average
         return WheelSnapshot(
             position=self.setup.position,
             sensor_id=f"{hello.sensor_id:08x}" if hello is not None else "",
@@ -474,6 +474,7 @@ class WheelPipeline:
             state=state,
             last=self._tire.last,
             average_mps2=self.average_mps2,
+            scatter_mps2=average.scatter_mps2 if average is not None else None,
             pressure_pa=conditions.pressure_pa,
             temperature_degc=conditions.temperature_degc,
             load_n=load.value if load is not None else conditions.load_n,

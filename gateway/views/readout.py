@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.vehicle_signals import SIGNAL_NAMES
 from gateway.reasons import Reason
 from gateway.views.numbers import UNITS, Shown, show, split_name
 from gateway.views.wording import joined
@@ -33,6 +34,7 @@ class Reading(NamedTuple):
         numbers: the dimensionless numbers, or their ratios when only those are known.
         status: worst status among the numbers shown, invalid when there is none.
         reasons: for that status.
+        car: signals of the vehicle at the time of the revolution.
         ratios_only: True when `numbers` are ratios because the numbers themselves are invalid.
     """
 
@@ -45,6 +47,7 @@ class Reading(NamedTuple):
     numbers: tuple[Shown, ...]
     status: Status
     reasons: tuple[Reason, ...]
+    car: tuple[Shown, ...]
     ratios_only: bool
 
     @property
@@ -70,9 +73,13 @@ def read_result(result: RevolutionResult) -> Reading:
     leading: Estimate | None = None
     trailing: Estimate | None = None
     further: list[Estimate] = []
+    car: list[Estimate] = []
     whole: list[Estimate] = []
     ratios: list[Estimate] = []
     for estimate in result.estimates:
+        if estimate.name in SIGNAL_NAMES:
+            car.append(estimate)
+            continue
         label, unit = split_name(estimate.name)
         if not unit.symbol and "/" in label:
             ratios.append(estimate)
@@ -109,6 +116,7 @@ def read_result(result: RevolutionResult) -> Reading:
         shown,
         max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),
         revolution.faults or _reasons(whole, kinematic),
+        tuple(map(show, car)),
         ratios_only,
     )
 

@@ -90,7 +90,7 @@ def links(all_links: Sequence[LinkSnapshot], cells: int, rows: int) -> list[Row]
         connected = sum(link.connected for link in shown[rows - 1 :])
         shown = shown[: rows - 1]
     name_width = min(max((len(link.link) for link in shown), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
-    result = [fit(_link(link, name_width, cells), cells) for link in shown]
+    result = [fit(link_row(link, name_width, cells), cells) for link in shown]
     if rest:
         result.append(fit(((f"{rest} more links, {connected} of them connected", Role.LABEL),), cells))
     return result
@@ -105,13 +105,13 @@ def sinks(outputs: Sequence[SinkSnapshot], cells: int, rows: int) -> list[Row]:
         rest = len(shown) - rows + 1
         shown = shown[: rows - 1]
     name_width = min(max((len(sink.sink) for sink in shown), default=0), cells // 4 if cells >= _WIDE_CELLS else 16)
-    result = [fit(_sink(sink, name_width, cells), cells) for sink in shown]
+    result = [fit(sink_row(sink, name_width, cells), cells) for sink in shown]
     if rest:
         result.append(fit(((f"{rest} more live outputs", Role.LABEL),), cells))
     return result
 
 
-def _sink(sink: SinkSnapshot, name_width: int, cells: int) -> Row:
+def sink_row(sink: SinkSnapshot, name_width: int, cells: int) -> Row:
     name = pad(crop_middle(clean(sink.sink), name_width), name_width)
     is_up = sink.state in (SinkState.UP, SinkState.CONNECTING)
     state: Run = (str(sink.state), Role.GOOD)
@@ -126,7 +126,7 @@ def _sink(sink: SinkSnapshot, name_width: int, cells: int) -> Row:
     return fill_while_fitting(((f"{name} ", Role.LABEL), state), fields, cells, "  " if cells >= _WIDE_CELLS else " ")
 
 
-def _link(link: LinkSnapshot, name_width: int, cells: int) -> Row:
+def link_row(link: LinkSnapshot, name_width: int, cells: int) -> Row:
     is_wide = cells >= _WIDE_CELLS
     name = pad(crop_middle(clean(link.link), name_width), name_width)
     state: Run = ("connected" if is_wide else "up", Role.GOOD)

@@ -83,7 +83,7 @@ def _speed(wheel: WheelSnapshot, reading: Reading | None) -> str:
     return reading.speed.text()
 
 
-def _surroundings(wheel: WheelSnapshot) -> list[Run]:
+def surroundings(wheel: WheelSnapshot) -> list[Run]:
     """Return pressure, temperature and load; of a silent wheel the stated load only, and old values with their age."""
     if wheel.silence is not None:
         stated_n = wheel.last.conditions.load_n if wheel.last is not None else wheel.load_n
@@ -121,7 +121,7 @@ def _last_heard(wheel: WheelSnapshot) -> str:
     return f"Last revolution: {wheel.last.revolution.index}, at {reading.speed.text()}."
 
 
-def _note(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
+def note_of(wheel: WheelSnapshot, reading: Reading | None) -> Run | None:
     """Return why the wheel's numbers are not valid or not current, if they are not."""
     if wheel.silence is not None:
         return f"{silence_text(wheel)} {_last_heard(wheel)}", Role.WARNING
@@ -148,7 +148,16 @@ _NOT_ON_CONSOLE: Final = {
 }
 
 
-def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
+def car_runs(reading: Reading | None) -> list[Run]:
+    """Return the vehicle's own signals; one that is not received has no number."""
+    signals = reading.car if reading is not None else ()
+    return [
+        (f"{signal.label} {signal.text()}", Role.WARNING if signal.status is Status.INVALID else Role.TEXT)
+        for signal in signals
+    ]
+
+
+def number_rows(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
     """Return one row for each number, then wear and other estimates: label, value with error, unit, mark."""
     if reading is None:
         return []
@@ -158,7 +167,10 @@ def _numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
     others += [
         other
         for other in reading.others
-        if other.label != "wear" and other.label not in _NOT_ON_CONSOLE and other.status is not Status.INVALID
+        if other.label != "wear"
+        and other.label not in _NOT_ON_CONSOLE
+        and not other.label.endswith(" age")
+        and other.status is not Status.INVALID
     ]
     label_width = max((width(number.label) for number in reading.numbers), default=0)
     rows: list[Row] = []
@@ -190,7 +202,7 @@ def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
     return [tuple(line) for line in lines]
 
 
-def _counters(wheel: WheelSnapshot) -> list[Run]:
+def counter_runs(wheel: WheelSnapshot) -> list[Run]:
     """Return counters of samples and revolutions, without a rate in silence; those that need attention are warnings."""
     c = wheel.counters
     lost = percent(c.samples_lost, c.samples + c.samples_lost) if wheel.silence is None else MISSING
@@ -220,12 +232,12 @@ def reading_of(wheel: WheelSnapshot) -> Reading | None:
     return read_result(wheel.last) if wheel.last is not None else None
 
 
-def _current_reading(wheel: WheelSnapshot) -> Reading | None:
+def current_reading(wheel: WheelSnapshot) -> Reading | None:
     """Return the reading of a wheel that is heard: old numbers would look alive."""
     return reading_of(wheel) if wheel.silence is None else None
 
 
-def _state(wheel: WheelSnapshot) -> str:
+def state_text(wheel: WheelSnapshot) -> str:
     return f"silent for {age(wheel.silence.age_s)}" if wheel.silence is not None else wheel.state.value
 
 
@@ -234,16 +246,18 @@ def panel(
 ) -> list[Row]:
     """Draw a wheel as a framed panel of `cells` x `height`."""
     inner, inner_height = cells - 4, height - 2
-    reading = _current_reading(wheel)
-    body: list[Row] = [fill_while_fitting(((_speed(wheel, reading), Role.TITLE),), _surroundings(wheel), inner)]
+    reading = current_reading(wheel)
+    body: list[Row] = [fill_while_fitting(((_speed(wheel, reading), Role.TITLE),), surroundings(wheel), inner)]
     if reading is not None:
         leading, trailing = f"leading {reading.leading.text()}", f"trailing {reading.trailing.text()}"
         body.append(fill_while_fitting(((leading, Role.VALUE),), [(trailing, Role.VALUE)], inner))
+    if car := car_runs(reading):
+        body.append(fill_while_fitting((("car", Role.LABEL),), car, inner))
     room = inner_height - len(body) - _PLOT_MIN_ROWS if reading is not None else inner_height
-    numbers = _numbers(wheel, reading)
+    numbers = number_rows(wheel, reading)
     columns = max(2, inner // 28)
     grid = _grid(numbers, columns, inner // columns)
-    note = _wrap(_note(wheel, reading), inner)
+    note = _wrap(note_of(wheel, reading), inner)
     # Numbers come first; the note gets as many lines as leave the waveform its minimum height.
     body += grid[: max(room, 1)]
     body += _cut(note, max(1, min(3, room - len(grid))), inner)
@@ -262,7 +276,7 @@ def _panel_top(wheel: WheelSnapshot, number: int, cells: int, selected: bool, al
     frame = Role.SELECTED_FRAME if selected else Role.FRAME
     line, start, end = ("═", "╔═", "╗") if selected else ("─", "┌─", "┐")
     name = crop_middle(clean(wheel.position), cells - 40)
-    title: list[Run] = [(start, frame), (f" {number} {name} ", Role.TITLE), (f"{_state(wheel)} ", Role.TEXT)]
+    title: list[Run] = [(start, frame), (f" {number} {name} ", Role.TITLE), (f"{state_text(wheel)} ", Role.TEXT)]
     if alarm:
         title.append((" ALARM ", Role.ALARM))
     tail = f" rev {wheel.last.revolution.index} " if wheel.last is not None else ""
@@ -273,7 +287,7 @@ def _panel_top(wheel: WheelSnapshot, number: int, cells: int, selected: bool, al
 def _panel_bottom(wheel: WheelSnapshot, cells: int, selected: bool) -> Row:
     frame = Role.SELECTED_FRAME if selected else Role.FRAME
     line, start, end = ("═", "╚═ ", "╝") if selected else ("─", "└─ ", "┘")
-    first, *others = _counters(wheel)
+    first, *others = counter_runs(wheel)
     row = (*fill_while_fitting(((start, frame), first), others, cells - 3), (" ", frame))
     return (*row, (line * (cells - row_width(row) - 1), frame), (end, frame))
 
@@ -282,26 +296,27 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
     """Draw the selected wheel below the overview: a rule with its conditions, numbers left, waveform right."""
     if height < 1:
         return []
-    reading = _current_reading(wheel)
+    reading = current_reading(wheel)
     name = crop_middle(clean(wheel.position), 24)
-    load, state = _surroundings(wheel)[-1], (_state(wheel), Role.TEXT if wheel.silence is None else Role.WARNING)
+    load, state = surroundings(wheel)[-1], (state_text(wheel), Role.TEXT if wheel.silence is None else Role.WARNING)
     start: Row = (("══ ", Role.SELECTED_FRAME), (f"{number} {name}", Role.TITLE))
     rule = fill_while_fitting(start, [load, state], cells - 3)
     revolution = f" rev {wheel.last.revolution.index} " if wheel.last is not None else " "
     end = (*plot_row(LEGEND), (" ══", Role.SELECTED_FRAME)) if reading is not None else EMPTY
     line = cells - row_width(rule) - len(revolution) - row_width(end) - 1
     rule = (*rule, (revolution, Role.LABEL), ("═" * line + " ", Role.SELECTED_FRAME), *end)
-    left: list[Row] = _numbers(wheel, reading)
-    note = _cut(_wrap(_note(wheel, reading), _DETAIL_WIDTH - 1), 4, _DETAIL_WIDTH - 1)
+    left: list[Row] = number_rows(wheel, reading)
+    note = _cut(_wrap(note_of(wheel, reading), _DETAIL_WIDTH - 1), 4, _DETAIL_WIDTH - 1)
     if reading is not None:
         motion = (("speed", reading.speed), ("lead ", reading.leading), ("trail", reading.trailing))
         left[len(reading.numbers) : len(reading.numbers)] = [
             ((f"{label} ", Role.LABEL), (shown.text(), Role.VALUE)) for label, shown in motion
         ]
+        left[len(reading.numbers) : len(reading.numbers)] = [(("car ", Role.LABEL), run) for run in car_runs(reading)]
         # The note matters more than the last rows of the list, and replaces them where room is short.
         kept = max(height - 1 - len(note), len(reading.numbers))
         left = left[:kept]
-    left = [*left, *note, *((run,) for run in _counters(wheel))]
+    left = [*left, *note, *((run,) for run in counter_runs(wheel))]
     plot = plots.rows(wheel, cells - _DETAIL_WIDTH, height - 1, zoom)
     return [rule, *beside(left, _DETAIL_WIDTH, plot, height - 1)]
 
