@@ -70,7 +70,11 @@ FRONT: dict[str, set[str]] = {"gateway": {"gateway.api"}}
 ONLY_IN = {
     "time": {"gateway/clock.py"},
     "random": set(),
-    "secrets": {"gateway/security/key_file.py", "gateway/publishing/origin_gate.py"},
+    "secrets": {
+        "gateway/security/key_file.py",
+        "gateway/publishing/origin_gate.py",
+        "gateway/publishing/page_server.py",
+    },
 }
 UNSEEDED = ("datetime.now(", "np.random.seed(", "default_rng()", ".utcnow(")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gateway.cli.options import (
+    PAGE_URI,
     config_option,
     duration_option,
     effects_option,
@@ -16,6 +17,7 @@ from gateway.cli.options import (
     keys_option,
     plain_option,
     publish_option,
+    web_option,
 )
 from gateway.cli.stop_signals import StopRequest, stop_request
 
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
     help="Also record to this new .mcap file, or to a new file in this folder.",
 )
 @plain_option
+@web_option
 @publish_option
 @duration_option
 @keys_option
@@ -45,6 +48,7 @@ def live(
     config_path: Path | None,
     record: Path | None,
     plain: bool,
+    web: bool,
     publish: tuple[str, ...],
     duration_s: float | None,
     key_file: Path | None,
@@ -62,8 +66,8 @@ def live(
       replay:FILE?speed=1                     a recording; speed=10, speed=max
       can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
 
-    Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, ? shows
-    help, q quits. A summary is printed at the end.
+    Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, t shows
+    trends, ? shows help, q quits. A summary is printed at the end.
     """
     from gateway.cli.session_setup import start_session
 
@@ -76,7 +80,7 @@ def live(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
-            publish=publish,
+            publish=(*publish, PAGE_URI) if web else publish,
         )
         show_session(session, stop, plain=plain)
 
@@ -95,7 +99,7 @@ def show_session(session: RunningSession, stop: StopRequest, *, plain: bool) -> 
             from gateway.views.console.screen import run_console
 
             with held_back():
-                run_console(_Stoppable(session.live, stop), session.host_limit_s)
+                run_console(_Stoppable(session.live, stop), session.host_limit_s, session.addresses)
 
 
 class _Stoppable:
@@ -105,6 +109,7 @@ class _Stoppable:
         self._live = live
         self._stop = stop
         self.mark = live.mark
+        self.results = live.results
         self.pause = live.pause
         self.request_stop = live.request_stop
 

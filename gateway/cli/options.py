@@ -66,8 +66,16 @@ publish_option = click.option(
     multiple=True,
     metavar="URI",
     help="Publish revolutions and alarms while they arrive; repeat for several receivers. jsonl:- or jsonl:PATH (lines "
-    "of JSON), mqtt://HOST/PREFIX or mqtts://, foxglove://127.0.0.1:8765, can:INTERFACE:CHANNEL.",
+    "of JSON), mqtt://HOST/PREFIX or mqtts://, foxglove://127.0.0.1:8765, can:INTERFACE:CHANNEL, web://HOST:PORT.",
 )
+web_option = click.option(
+    "--web",
+    is_flag=True,
+    help="Serve a page for browsers on this computer: wheels, trends, orders, links, marks and the recording. The "
+    "address is printed. For others on the network: --publish web://0.0.0.0:8780.",
+)
+PAGE_URI = "web://127.0.0.1:8780"
+"""Live output of `--web`."""
 plain_option = click.option(
     "--plain",
     is_flag=True,

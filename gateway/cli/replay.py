@@ -9,6 +9,7 @@ import click
 
 from gateway.cli.live import show_session
 from gateway.cli.options import (
+    PAGE_URI,
     config_option,
     duration_option,
     effects_option,
@@ -16,6 +17,7 @@ from gateway.cli.options import (
     keys_option,
     plain_option,
     publish_option,
+    web_option,
 )
 from gateway.cli.stop_signals import stop_request
 
@@ -31,6 +33,7 @@ from gateway.cli.stop_signals import stop_request
 )
 @config_option
 @plain_option
+@web_option
 @publish_option
 @duration_option
 @keys_option
@@ -41,6 +44,7 @@ def replay(
     speed: str,
     config_path: Path | None,
     plain: bool,
+    web: bool,
     publish: tuple[str, ...],
     duration_s: float | None,
     key_file: Path | None,
@@ -63,6 +67,6 @@ def replay(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
-            publish=publish,
+            publish=(*publish, PAGE_URI) if web else publish,
         )
         show_session(session, stop, plain=plain)

@@ -55,6 +55,11 @@ class RunningSession:
         return self.opened.live
 
     @property
+    def addresses(self) -> tuple[str, ...]:
+        """Addresses that users open in a browser."""
+        return self.publisher.addresses if self.publisher is not None else ()
+
+    @property
     def host_limit_s(self) -> float | None:
         """Session time at which to stop, None without a limit."""
         return self.opened.host_limit_s
@@ -88,9 +93,10 @@ def start_session(
     _check_published(publish, uris, [config_path, key_file or default_key_file(), *effects_paths], record)
     used = clock or SystemClock()
     publishers: list[Publisher] = []
+    started: list[LiveSession] = []
 
     def opened_outputs(positions: Sequence[str]) -> Publisher | None:
-        publisher = open_publisher(publish, SinkSetting(positions), used)
+        publisher = open_publisher(publish, SinkSetting(positions, lambda: next(iter(started), None)), used)
         publishers.extend([publisher] if publisher is not None else [])
         return publisher
 
@@ -111,7 +117,11 @@ def start_session(
         for publisher in publishers:
             publisher.close()
         raise
-    return RunningSession(opened, publishers[0] if publishers else None)
+    started.append(opened.live)
+    session = RunningSession(opened, publishers[0] if publishers else None)
+    for address in session.addresses:
+        click.echo(f"page: {address}", err=True)
+    return session
 
 
 def _check_published(

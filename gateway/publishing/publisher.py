@@ -11,6 +11,7 @@ import numpy as np
 from gateway.clock import Clock
 from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot
 from gateway.publishing.sink import (
+    BrowsedSink,
     Item,
     PublishedAlarm,
     PublishedRevolution,
@@ -18,6 +19,7 @@ from gateway.publishing.sink import (
     SinkError,
     SinkSetting,
     open_sink,
+    state_interval_s,
 )
 from gateway.publishing.sink_worker import SinkWorker
 
@@ -26,7 +28,6 @@ FINISH_STUCK_S: Final = 2.0
 """At the end, a receiver that takes nothing for this long is left."""
 FINISH_S: Final = 10.0
 """At the end, every receiver is left after this time."""
-_STATE_INTERVAL_NS: Final = 1_000_000_000
 _NO_REALS: Final = np.empty(0)
 _NO_AXES: Final = np.empty((3, 0))
 _NO_ORDERS: Final = np.empty(0, dtype=np.complex128)
@@ -35,11 +36,11 @@ _NO_ORDERS: Final = np.empty(0, dtype=np.complex128)
 class Publisher:
     """Sends revolutions, alarms and states to sinks; see `gateway.session.publication.Publication`."""
 
-    def __init__(self, workers: Sequence[SinkWorker], clock: Clock) -> None:
-        """Start the outputs."""
+    def __init__(self, workers: Sequence[SinkWorker], clock: Clock, addresses: Sequence[str] = ()) -> None:
+        """Start the outputs; `addresses` are those that users open in a browser."""
+        self.addresses = tuple(addresses)
         self._workers = tuple(workers)
         self._clock = clock
-        self._state_due_ns = 0
         for worker in self._workers:
             worker.start()
 
@@ -55,14 +56,12 @@ class Publisher:
                 worker.offer(published)
 
     def show(self, snapshot: SessionSnapshot, host_ns: int) -> None:
-        """Hand the state of the session to every sink once a second, and the last one."""
+        """Hand the state of the session to every sink for which it is time, and the last one."""
         now_ns = self._clock.now_ns()
-        if now_ns < self._state_due_ns and not snapshot.ended:
-            return
-        self._state_due_ns = now_ns + _STATE_INTERVAL_NS
         state = PublishedState(host_ns or now_ns, snapshot)
         for worker in self._workers:
-            worker.offer(state)
+            if snapshot.ended or worker.wants_state(now_ns):
+                worker.offer(state)
 
     def sinks(self) -> tuple[SinkSnapshot, ...]:
         """Return the present health of each sink."""
@@ -122,7 +121,13 @@ def open_publisher(uris: Sequence[str], setting: SinkSetting, clock: Clock) -> P
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise SinkError(f"--publish {twice} is given twice", "Give each live output once.")
-    return Publisher([SinkWorker(name, sink, clock) for name, sink in opened], clock) if opened else None
+    if not opened:
+        return None
+    workers = [
+        SinkWorker(name, sink, clock, state_interval_s=state_interval_s(uri))
+        for uri, (name, sink) in zip(uris, opened, strict=True)
+    ]
+    return Publisher(workers, clock, [sink.address for _, sink in opened if isinstance(sink, BrowsedSink)])
 
 
 def _without_waveforms(result: RevolutionResult) -> RevolutionResult:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import importlib
 import logging
 import threading
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, Protocol, runtime_checkable
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from gateway.errors import TreadlinkError
@@ -107,6 +107,14 @@ class Sink(Protocol):
         ...
 
 
+@runtime_checkable
+class BrowsedSink(Protocol):
+    """A live output that users open in a browser."""
+
+    address: str
+    """The address to open."""
+
+
 @dataclass(frozen=True, slots=True)
 class SinkAddress:
     """The parts of a URI, `scheme:target?key=value`.
@@ -142,15 +150,46 @@ class SinkAddress:
             )
 
 
+class SessionControl(Protocol):
+    """What an output may ask a session for, from any thread."""
+
+    @property
+    def may_record(self) -> bool:
+        """Whether a recording can be begun."""
+        ...
+
+    def mark(self, text: str) -> None:
+        """Mark an event in the recording, with the present time."""
+        ...
+
+    def start_recording(self) -> None:
+        """Begin a recording; does nothing while one runs.
+
+        Raises:
+            RecordingError: it cannot be begun.
+        """
+        ...
+
+    def stop_recording(self) -> None:
+        """End the recording, if one runs.
+
+        Raises:
+            RecordingError: the disk refused.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class SinkSetting:
     """Facts of the session that an output may need.
 
     Attributes:
         positions: configured wheels, in the order of the vehicle file; empty without one.
+        session: returns the session, None before it runs.
     """
 
     positions: Sequence[str] = ()
+    session: Callable[[], SessionControl | None] = lambda: None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,10 +200,12 @@ class SinkKind:
         factory: "module:function" with function(address: SinkAddress, setting: SinkSetting) -> Sink. The function
             checks address and options and raises SinkError; it does not connect.
         extra: of this package, that installs what the output needs; empty when nothing is needed.
+        state_interval_s: time from one state to the next.
     """
 
     factory: str
     extra: str = ""
+    state_interval_s: float = 1.0
 
 
 SINKS: Final[dict[str, SinkKind]] = {
@@ -173,6 +214,7 @@ SINKS: Final[dict[str, SinkKind]] = {
     "mqtts": SinkKind("gateway.publishing.mqtt:open_mqtt", "mqtt"),
     "foxglove": SinkKind("gateway.publishing.foxglove_server:open_foxglove", "foxglove"),
     "can": SinkKind("gateway.publishing.can_bus:open_can", "can"),
+    "web": SinkKind("gateway.publishing.page_server:open_page", "web", state_interval_s=0.25),
 }
 """Live outputs of this package by the scheme of their URI; plug-ins add others."""
 
@@ -194,6 +236,13 @@ def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
     if not isinstance(found, SinkKind):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
     return missing_factory(found.factory)
+
+
+def state_interval_s(uri: str) -> float:
+    """Return the time from one state to the next of the live output of a URI."""
+    kind = sink_kind(parse_sink_uri(uri).scheme)
+    assert kind is not None  # parsing refuses other schemes
+    return kind.state_interval_s
 
 
 def parse_sink_uri(uri: str) -> SinkAddress:

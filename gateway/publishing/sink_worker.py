@@ -44,7 +44,9 @@ BACKOFF: Final = Backoff(first_ns=250_000_000, cap_ns=10_000_000_000)
 class SinkWorker:
     """Runs a sink in a thread of its own."""
 
-    def __init__(self, name: str, sink: Sink, clock: Clock, *, max_items: int = MAX_ITEMS) -> None:
+    def __init__(
+        self, name: str, sink: Sink, clock: Clock, *, max_items: int = MAX_ITEMS, state_interval_s: float = 1.0
+    ) -> None:
         """Prepare the output; `start` runs it.
 
         Args:
@@ -52,7 +54,10 @@ class SinkWorker:
             sink: used by this worker only.
             clock: for the age of states.
             max_items: size of the buffer.
+            state_interval_s: time from one state to the next.
         """
+        self._state_interval_ns = int(state_interval_s * 1e9)
+        self._state_due_ns = 0
         self.name = name
         self._sink = sink
         self._clock = clock
@@ -92,6 +97,13 @@ class SinkWorker:
             return
         share = _REVOLUTIONS_SHARE if isinstance(item, PublishedRevolution) else 1.0
         self._buffer.put(item, _ITEM_BYTES, below=share)
+
+    def wants_state(self, now_ns: int) -> bool:
+        """Return whether it is time for the next state; the session asks with every one that it has."""
+        if now_ns < self._state_due_ns:
+            return False
+        self._state_due_ns = now_ns + self._state_interval_ns
+        return True
 
     def snapshot(self) -> SinkSnapshot:
         """Return the present health."""

@@ -112,9 +112,7 @@ def open_session(
             effects=effects,
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
-            open_recorder=(
-                None if all(is_replay) else lambda: _open_recorder(folder, clock, vehicle, uris, dbc_text)
-            ),
+            open_recorder=(None if all(is_replay) else lambda: _open_recorder(folder, clock, vehicle, uris, dbc_text)),
         )
         live.start()
     except BaseException:

@@ -21,7 +21,7 @@ _STATUSES: Final = (Status.INVALID, Status.VALID, Status.PROVISIONAL)
 _DESCRIPTIONS: Final = {
     "pressure_pa": "inflation pressure, measured or stated",
     "temperature_degc": "temperature at the sensor",
-    **{name: "signal of the vehicle" for name in SIGNAL_NAMES},
+    **dict.fromkeys(SIGNAL_NAMES, "signal of the vehicle"),
     **{quantity.name: quantity.description for quantities in CATALOGUE.values() for quantity in quantities},
 }
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from websockets.sync.client import connect
 
 from gateway.cli import treadlink
 from gateway.cli.session_setup import is_terminal
@@ -67,3 +70,30 @@ def tcp_hub():
     hub = TcpHub()
     yield hub
     hub.close()
+
+
+@pytest.mark.parametrize("command", ["live sim:lab?speed=20", "replay {}"])
+def test_page_shows_the_session_while_it_runs(command: str, tmp_path: Path) -> None:
+    drive = tmp_path / "drive.mcap"
+    if "replay" in command:
+        CliRunner().invoke(treadlink, f"record sim:lab?speed=max --duration 20 --out {drive}")
+    words = [sys.executable, "-m", "gateway.cli", *command.format(drive).split(), "--plain", "--publish"]
+    with subprocess.Popen(
+        [*words, "web://127.0.0.1:0"], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        line = next(line for line in process.stderr if line.startswith("page: "))
+        address = line.removeprefix("page: ").strip()
+        with connect(address.replace("http", "ws"), origin=address.rstrip("/"), open_timeout=20.0) as page:  # type: ignore[arg-type]
+            states = (json.loads(page.recv(20.0)) for _ in iter(int, 1))
+            state = next(state for state in states if state["type"] == "state" and "1/1" in state["rolling"])
+            assert state["may_record"] is ("live" in command)
+            if state["may_record"]:
+                page.send(json.dumps({"record": True}))
+                recording = next(state["recording"] for state in states if state.get("recording"))
+                page.send(json.dumps({"record": False}))
+                next(state for state in states if state["type"] == "state" and not state["recording"])
+                assert RecordingReader(tmp_path / recording).info.finished
+        process.terminate()
+        process.communicate(timeout=20.0)

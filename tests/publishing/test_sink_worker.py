@@ -222,3 +222,9 @@ def test_missing_package_names_the_extra(monkeypatch) -> None:
     with pytest.raises(SinkError) as found:
         open_sink("mqtts://host/x", SinkSetting())
     assert "treadlink[mqtt]" in found.value.remedy
+
+
+def test_states_are_wanted_at_the_interval_of_the_output() -> None:
+    worker = SinkWorker("x", Receiver(), ManualClock(), state_interval_s=0.25)
+    wanted = [worker.wants_state(round(at_s * 1e9)) for at_s in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)]
+    assert wanted == [True, False, False, True, False, False, True]

@@ -20,6 +20,11 @@ class FakeSession:
         self.marks = []
         self.pauses = []
         self.stopped = False
+        self.new_results = []
+
+    def results(self):
+        taken, self.new_results = self.new_results, []
+        return taken
 
     def snapshot(self):
         return self.state
@@ -69,6 +74,34 @@ async def test_screen_shows_the_session(session, size):
         assert app._board.rows
         session.change(elapsed_s=84.2, alarms=())
         assert has(await drawn(app, pilot), "0:01:24")
+
+
+async def test_trend_of_any_quantity_in_place_of_the_waveform(session, made):
+    app = ConsoleApp(session)
+    async with app.run_test(size=(200, 60)) as pilot:
+        for second in range(60):
+            for position in ("FL", "FR"):
+                result = made.result(position, speed_kmh=40.0 + second)
+                session.new_results.append(dataclasses.replace(result, host_ns=second * 10**9))
+        await drawn(app, pilot)
+        await pilot.press("t")
+        rows = await drawn(app, pilot)
+        assert has(rows, "speed, km/h  dots: one standard error")
+        assert has(rows, "-3 min")
+        assert not has(rows, "┴")  # no axis of angles
+        assert has(rows, "100┤")
+        await pilot.press("full_stop")
+        assert has(await drawn(app, pilot), "leading edge, deg")
+        await pilot.press("comma", "comma")
+        assert has(await drawn(app, pilot), "temperature, °C")
+        await pilot.press("t")
+        assert has(await drawn(app, pilot), "┴")
+
+
+async def test_address_of_the_page_stands_below(session):
+    app = ConsoleApp(session, None, ("http://127.0.0.1:8780/",))
+    async with app.run_test(size=(80, 24)) as pilot:
+        assert has(await drawn(app, pilot), "page: http://127.0.0.1:8780/")
 
 
 async def test_only_changed_lines_are_repainted(session, monkeypatch):
@@ -253,6 +286,7 @@ SCRIPT = textwrap.dedent(
             self.calls += 1
             return SessionSnapshot(float(self.calls), (WheelSnapshot("FL"),), (), (Alarm("FL", "load", LOAD),),
                                    (Notice("", LOAD),), "", 0, self.calls > 4)
+        def results(self): return []
         def mark(self, text): pass
         def request_stop(self): pass
 

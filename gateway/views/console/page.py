@@ -24,7 +24,8 @@ class ViewState:
         zoom: angle range of the waveforms.
         paused_at_s: session time at which the view was frozen, None when it is live.
         help_shown: whether the help page covers the wheels.
-        plots: cache of drawn waveforms.
+        plots: waveforms or trends.
+        addresses: of the page in a browser.
     """
 
     selected: int = 0
@@ -32,6 +33,7 @@ class ViewState:
     paused_at_s: float | None = None
     help_shown: bool = False
     plots: Plots = field(default_factory=Plots)
+    addresses: tuple[str, ...] = ()
 
 
 def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
@@ -71,7 +73,10 @@ def compose(
         *status.sinks(live.sinks, cells, link_rows),
         *status.overwritten_samples(snapshot.wheels, cells),
         *status.notices(live.notices, cells, notice_rows),
-        status.keys(len(snapshot.wheels), view.zoom, view.paused_at_s is not None, cells),
+        *[fit(((f"page: {address}", Role.LABEL),), cells) for address in view.addresses],
+        status.keys(
+            len(snapshot.wheels), view.zoom, view.paused_at_s is not None, cells, has_trend=view.plots.trend is not None
+        ),
     ]
     room = max(height - len(top) - len(bottom), 0)
     middle = status.help_rows(cells, room) if view.help_shown else _wheels(snapshot, view, cells, room)

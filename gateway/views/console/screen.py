@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 from textual.events import Resize
 from textual.widgets import Input
 
-from gateway.pipeline.results import SessionSnapshot
+from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.views.console.board import Board
 from gateway.views.console.page import ViewState, compose
 from gateway.views.console.waveform import Zoom
@@ -23,6 +23,10 @@ class ShownSession(Protocol):
 
     def snapshot(self) -> SessionSnapshot:
         """Return the latest state; cheap, never raises."""
+        ...
+
+    def results(self) -> list[RevolutionResult]:
+        """Return the results since the last call."""
         ...
 
     def mark(self, text: str) -> None:
@@ -74,12 +78,15 @@ class ConsoleApp(App[None]):
         Binding("space", "pause"),
         Binding("m", "mark"),
         Binding("z", "zoom"),
+        Binding("t", "trend"),
+        Binding("comma", "quantity(-1)"),
+        Binding("full_stop", "quantity(1)"),
         Binding("question_mark", "help"),
         Binding("escape", "leave"),
     ]
 
-    def __init__(self, session: ShownSession, duration_s: float | None = None) -> None:
-        """Set the session to show, and the session time at which to stop it."""
+    def __init__(self, session: ShownSession, duration_s: float | None = None, addresses: tuple[str, ...] = ()) -> None:
+        """Set the session to show, the session time at which to stop it, and the addresses of its page."""
         super().__init__(ansi_color=True)
         self._session = session
         self._duration_s = duration_s
@@ -87,7 +94,7 @@ class ConsoleApp(App[None]):
         self._frozen: SessionSnapshot | None = None
         self._mark_at_s = 0.0
         self._leaving = False
-        self.view = ViewState()
+        self.view = ViewState(addresses=addresses)
         self._board = WheelBoard()
         self._input = MarkInput(placeholder="text of the mark; Enter sets it, Escape cancels")
 
@@ -110,6 +117,8 @@ class ConsoleApp(App[None]):
         if self._leaving:
             return
         self._live = self._session.snapshot()
+        for result in self._session.results():
+            self.view.plots.history.add(result)
         time_is_up = self._duration_s is not None and self._live.elapsed_s >= self._duration_s
         self._leaving = self._live.ended or time_is_up
         if self._leaving:
@@ -154,6 +163,23 @@ class ConsoleApp(App[None]):
         self.view.zoom = Zoom.CONTACT if self.view.zoom is Zoom.WHOLE else Zoom.WHOLE
         self._draw()
 
+    def action_trend(self) -> None:
+        """Switch between the waveform and the trend of a quantity, the speed first."""
+        plots = self.view.plots
+        quantities = plots.history.quantities()
+        plots.trend = quantities[0] if plots.trend is None and quantities else None
+        self._draw()
+
+    def action_quantity(self, step: int) -> None:
+        """Show the trend of the next or the previous quantity."""
+        plots = self.view.plots
+        quantities = plots.history.quantities()
+        if quantities:
+            names = [quantity.name for quantity in quantities]
+            shown = names.index(plots.trend.name) if plots.trend is not None else -1
+            plots.trend = quantities[(shown + step) % len(quantities)]
+            self._draw()
+
     def action_help(self) -> None:
         """Show or hide the help page."""
         self.view.help_shown = not self.view.help_shown
@@ -183,10 +209,10 @@ class ConsoleApp(App[None]):
         self._board.focus()
 
 
-def run_console(session: ShownSession, duration_s: float | None = None) -> None:
+def run_console(session: ShownSession, duration_s: float | None = None, addresses: tuple[str, ...] = ()) -> None:
     """Show the session on the terminal until the user quits, `duration_s` of session time is over, or it has ended.
 
     The session is stopped unless it has ended already.
     """
     # Without mouse support in the application, the terminal's own selection can copy values.
-    ConsoleApp(session, duration_s).run(mouse=False)
+    ConsoleApp(session, duration_s, addresses).run(mouse=False)

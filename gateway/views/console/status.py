@@ -30,6 +30,7 @@ _HELP: Final = (
     ("m", "mark an event in the recording at the time of the key press"),
     ("tab  1-8  arrows", "switch wheel"),
     ("z", "waveform: whole revolution or ±90° around the contact"),
+    ("t  , .", "trend of the last three minutes in place of the waveform; previous, next quantity"),
     ("?", "this help"),
     ("q  ctrl+c", "quit, with a summary"),
     ("", ""),
@@ -112,6 +113,7 @@ def sinks(outputs: Sequence[SinkSnapshot], cells: int, rows: int) -> list[Row]:
 
 
 def sink_row(sink: SinkSnapshot, name_width: int, cells: int) -> Row:
+    """Return name, state and counts of a live output, as far as `cells` cells reach."""
     name = pad(crop_middle(clean(sink.sink), name_width), name_width)
     is_up = sink.state in (SinkState.UP, SinkState.CONNECTING)
     state: Run = (str(sink.state), Role.GOOD)
@@ -127,6 +129,7 @@ def sink_row(sink: SinkSnapshot, name_width: int, cells: int) -> Row:
 
 
 def link_row(link: LinkSnapshot, name_width: int, cells: int) -> Row:
+    """Return name, state, losses, values of the hub and totals of a link, as far as `cells` cells reach."""
     is_wide = cells >= _WIDE_CELLS
     name = pad(crop_middle(clean(link.link), name_width), name_width)
     state: Run = ("connected" if is_wide else "up", Role.GOOD)
@@ -212,7 +215,7 @@ def notices(latest: Sequence[Notice], cells: int, rows: int) -> list[Row]:
     return [fit(((f"· {clean(notice_text(notice))}", Role.TEXT),), cells) for notice in shown]
 
 
-def keys(wheels: int, zoom: Zoom, paused: bool, cells: int) -> Row:
+def keys(wheels: int, zoom: Zoom, paused: bool, cells: int, *, has_trend: bool = False) -> Row:
     """Return the line of keys."""
     other = "whole turn" if zoom is Zoom.CONTACT else "±90°"
     entries = (
@@ -220,6 +223,7 @@ def keys(wheels: int, zoom: Zoom, paused: bool, cells: int) -> Row:
         ("m", "mark"),
         (f"tab 1-{wheels}" if wheels > 1 else "tab", "wheel"),
         ("z", other),
+        ("t", "waveform" if has_trend else "trend"),
         ("?", "help"),
         ("q", "quit"),
     )

@@ -33,7 +33,7 @@ PlotRow = tuple[tuple[str, Ink], ...]
 
 MIN_WIDTH: Final = 24
 MIN_HEIGHT: Final = 4
-_GUTTER: Final = 7  # `-12000┤`
+GUTTER: Final = 7  # `-12000┤`
 _AXIS_ROWS: Final = 2
 # Bit of each of the 4 x 2 dots of a braille cell, by row and column.
 _DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint16)
@@ -51,25 +51,27 @@ LEGEND: Final[PlotRow] = (
 """Explains the two curves."""
 
 
-class _Scale(NamedTuple):
+class Scale(NamedTuple):
+    """Limits of an axis and the step of its ticks."""
+
     low: float
     high: float
     step: float
 
 
-def nice_scale(low: float, high: float, ticks: int) -> _Scale:
+def nice_scale(low: float, high: float, ticks: int) -> Scale:
     """Return limits that hold [low, high] and a 1-2-5 tick step for about `ticks` ticks.
 
     The limits are multiples of a quarter step: steady from revolution to revolution without wasting a whole step.
     """
     span = high - low
     if span < _LEAST_SPAN_MPS2:
-        return _Scale(low, low + _DEFAULT_TOP_MPS2, _DEFAULT_TOP_MPS2)
+        return Scale(low, low + _DEFAULT_TOP_MPS2, _DEFAULT_TOP_MPS2)
     rough = span / max(ticks, 1)
     decade = 10.0 ** math.floor(math.log10(rough))
     step = next(factor * decade for factor in (1.0, 2.0, 5.0, 10.0) if factor * decade >= rough * 0.999999)
     grain = step / 4.0
-    return _Scale(grain * math.floor(low / grain + 1e-9), grain * math.ceil(high / grain - 1e-9), step)
+    return Scale(grain * math.floor(low / grain + 1e-9), grain * math.ceil(high / grain - 1e-9), step)
 
 
 @lru_cache(maxsize=16)
@@ -89,7 +91,7 @@ def _columns(curve: FloatArray, half_range_rad: float, columns: int) -> tuple[Fl
     return np.fmin.reduce(values, axis=1), np.fmax.reduce(values, axis=1)
 
 
-def _dots(low: FloatArray, high: FloatArray, scale: _Scale, rows: int, joined: bool) -> BoolArray:
+def _dots(low: FloatArray, high: FloatArray, scale: Scale, rows: int, joined: bool) -> BoolArray:
     """Return which dots (rows from the top x columns) a curve covers; `joined` closes jumps between columns."""
     per_unit = (rows - 1) / (scale.high - scale.low)
     unknown = np.isnan(low)
@@ -120,7 +122,7 @@ def _runs(text: str, inks: BoolArray) -> list[tuple[str, Ink]]:
     return [(text[i:j], Ink.LAST if inks[i] else Ink.AVERAGE) for i, j in pairwise(cuts)]
 
 
-def _tick_labels(scale: _Scale, rows: int) -> dict[int, str]:
+def _tick_labels(scale: Scale, rows: int) -> dict[int, str]:
     """Return the label of each text row that a tick falls into."""
     labels: dict[int, str] = {}
     decimals = max(0, -math.floor(math.log10(scale.step)))
@@ -128,7 +130,7 @@ def _tick_labels(scale: _Scale, rows: int) -> dict[int, str]:
         value = k * scale.step
         row = round((scale.high - value) / (scale.high - scale.low) * (4 * rows - 1)) // 4
         label = f"{value + 0.0:.{decimals}f}"
-        labels[row] = label if len(label) < _GUTTER else f"{value:.0e}"
+        labels[row] = label if len(label) < GUTTER else f"{value:.0e}"
     return labels
 
 
@@ -147,12 +149,42 @@ def _angle_axis(width: int, zoom: Zoom, edges_rad: tuple[float, float]) -> tuple
     for edge_rad in edges_rad:
         if math.isfinite(edge_rad) and abs(math.degrees(edge_rad)) <= half:
             line[_column_of(math.degrees(edge_rad), half, width)] = "▲"
-    margin = " " * (_GUTTER - 1)
-    return (((f"{margin}└{''.join(line)}", Ink.AXIS),), ((f"{'m/s²':>{_GUTTER - 1}} {''.join(labels)}", Ink.AXIS),))
+    margin = " " * (GUTTER - 1)
+    return (((f"{margin}└{''.join(line)}", Ink.AXIS),), ((f"{'m/s²':>{GUTTER - 1}} {''.join(labels)}", Ink.AXIS),))
 
 
 def _column_of(angle_deg: float, half_deg: float, width: int) -> int:
     return round((angle_deg + half_deg) / (2.0 * half_deg) * (width - 1))
+
+
+def curve_rows(
+    solid: tuple[FloatArray, FloatArray] | None,
+    dotted: tuple[FloatArray, FloatArray] | None,
+    scale: Scale,
+    width: int,
+    rows: int,
+) -> list[PlotRow]:
+    """Draw a solid line over a row of dots, each as least and greatest value of every dot column, beside a scale."""
+    bits = []
+    for curve_range, is_joined in ((solid, True), (dotted, False)):
+        if curve_range is None:
+            bits.append(np.zeros((rows, width), dtype=np.uint16))
+            continue
+        dots = _dots(*curve_range, scale, 4 * rows, is_joined)
+        if not is_joined:
+            dots[:, np.arange(2 * width) % _AVERAGE_EVERY != 0] = False
+        bits.append(_pack(dots))
+    merged = bits[0] | bits[1]
+    codes = np.where(merged != 0, _BRAILLE + merged, _BLANK).astype("<u4")
+    of_solid = bits[0] != 0
+    labels = _tick_labels(scale, rows)
+    drawn: list[PlotRow] = []
+    for row in range(rows):
+        label = labels.get(row)
+        gutter = f"{label:>{GUTTER - 1}}┤" if label is not None else " " * (GUTTER - 1) + "│"
+        cells = codes[row].tobytes().decode("utf-32-le")
+        drawn.append(((gutter, Ink.AXIS), *_runs(cells, of_solid[row])))
+    return drawn
 
 
 def draw_waveform(
@@ -179,7 +211,7 @@ def draw_waveform(
     """
     if width < MIN_WIDTH or height < MIN_HEIGHT:
         return ()
-    plot_width, plot_rows = width - _GUTTER, height - _AXIS_ROWS
+    plot_width, plot_rows = width - GUTTER, height - _AXIS_ROWS
     ranges = [
         None if curve is None or not len(curve) else _columns(curve, math.radians(zoom.value), 2 * plot_width)
         for curve in (last, average)
@@ -187,24 +219,5 @@ def draw_waveform(
     # Zero, the reading inside the contact, is always on the scale.
     low = min([0.0, *(float(np.fmin.reduce(r[0])) for r in ranges if r is not None and not np.isnan(r[0]).all())])
     high = max([0.0, *(float(np.fmax.reduce(r[1])) for r in ranges if r is not None and not np.isnan(r[1]).all())])
-    scale = nice_scale(low, high, max(2, plot_rows // 2))
-    bits = []
-    for curve_range, joined in zip(ranges, (True, False), strict=True):
-        if curve_range is None:
-            bits.append(np.zeros((plot_rows, plot_width), dtype=np.uint16))
-            continue
-        dots = _dots(*curve_range, scale, 4 * plot_rows, joined)
-        if not joined:
-            dots[:, np.arange(2 * plot_width) % _AVERAGE_EVERY != 0] = False
-        bits.append(_pack(dots))
-    merged = bits[0] | bits[1]
-    codes = np.where(merged != 0, _BRAILLE + merged, _BLANK).astype("<u4")
-    of_last = bits[0] != 0
-    labels = _tick_labels(scale, plot_rows)
-    rows: list[PlotRow] = []
-    for row in range(plot_rows):
-        label = labels.get(row)
-        gutter = f"{label:>{_GUTTER - 1}}┤" if label is not None else " " * (_GUTTER - 1) + "│"
-        cells = codes[row].tobytes().decode("utf-32-le")
-        rows.append(((gutter, Ink.AXIS), *_runs(cells, of_last[row])))
+    rows = curve_rows(ranges[0], ranges[1], nice_scale(low, high, max(2, plot_rows // 2)), plot_width, plot_rows)
     return (*rows, *_angle_axis(plot_width, zoom, edges_rad))

@@ -23,10 +23,12 @@ from gateway.views.console.styled_rows import (
     plot_row,
     row_width,
 )
+from gateway.views.console.trend_plot import draw_trend
 from gateway.views.console.waveform import LEGEND, Zoom, draw_waveform
-from gateway.views.numbers import MISSING, STATUS_MARKS, age, fixed, kpa, percent, show
+from gateway.views.numbers import MISSING, STATUS_MARKS, Shown, age, fixed, kpa, percent, show
 from gateway.views.readout import Reading, read_result
 from gateway.views.text import ELLIPSIS, clean, crop, crop_middle, pad, width
+from gateway.views.trend_history import TrendHistory, TrendQuantity
 from gateway.views.wording import text as reason_text
 
 PANEL_MIN_WIDTH: Final = 58
@@ -49,29 +51,40 @@ _WAITING: Final = {
 
 @dataclass(slots=True)
 class Plots:
-    """Cache of drawn waveforms: a wheel is drawn again only when it has a new revolution."""
+    """The plot of each wheel: its waveform, drawn again only when it has a new revolution, or a trend.
 
-    _drawn: dict[str, tuple[RevolutionResult, FloatArray | None, tuple[int, int, Zoom], list[Row]]] = field(
-        default_factory=dict
-    )
+    Attributes:
+        history: of the trends.
+        trend: the quantity whose trend is shown, None for the waveforms.
+    """
+
+    history: TrendHistory = field(default_factory=TrendHistory)
+    trend: TrendQuantity | None = None
+    _drawn: dict[
+        str, tuple[RevolutionResult, FloatArray | None, tuple[int, int, Zoom, TrendQuantity | None], list[Row]]
+    ] = field(default_factory=dict)
 
     def rows(self, wheel: WheelSnapshot, width_cells: int, height: int, zoom: Zoom) -> list[Row]:
-        """Return the wheel's waveform, empty before its first revolution and in silence."""
+        """Return the wheel's waveform or trend, empty before its first revolution and in silence."""
         if wheel.last is None or wheel.silence is not None:
             return []
-        shape = (width_cells, height, zoom)
+        shape = (width_cells, height, zoom, self.trend)
         known = self._drawn.get(wheel.position)
         if known and known[0] is wheel.last and known[1] is wheel.average_mps2 and known[2] == shape:
             return known[3]
-        revolution = wheel.last.revolution
-        plot = draw_waveform(
-            revolution.radial_mps2,
-            wheel.average_mps2,
-            width_cells,
-            height,
-            zoom=zoom,
-            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-        )
+        if self.trend is None:
+            revolution = wheel.last.revolution
+            plot = draw_waveform(
+                revolution.radial_mps2,
+                wheel.average_mps2,
+                width_cells,
+                height,
+                zoom=zoom,
+                edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
+            )
+        else:
+            points = self.history.points(wheel.position, self.trend.name)
+            plot = draw_trend(points, self.trend.unit, width_cells, height)
         rows = [plot_row(row) for row in plot]
         self._drawn[wheel.position] = (wheel.last, wheel.average_mps2, shape, rows)
         return rows
@@ -157,8 +170,8 @@ def car_runs(reading: Reading | None) -> list[Run]:
     ]
 
 
-def number_rows(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
-    """Return one row for each number, then wear and other estimates: label, value with error, unit, mark."""
+def shown_numbers(wheel: WheelSnapshot, reading: Reading | None) -> list[Shown]:
+    """Return the numbers, then wear and the other estimates of a live view."""
     if reading is None:
         return []
     others = [reading.rotation] if reading.rotation.status is not Status.INVALID else []
@@ -172,9 +185,14 @@ def number_rows(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
         and not other.label.endswith(" age")
         and other.status is not Status.INVALID
     ]
-    label_width = max((width(number.label) for number in reading.numbers), default=0)
+    return [*reading.numbers, *others]
+
+
+def number_rows(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
+    """Return one row for each number: label, value with error, unit, mark."""
+    label_width = max((width(number.label) for number in reading.numbers), default=0) if reading is not None else 0
     rows: list[Row] = []
-    for shown in (*reading.numbers, *others):
+    for shown in shown_numbers(wheel, reading):
         unit = f" {shown.unit}" if shown.unit else ""
         mark = f" {shown.mark}" if shown.mark else ""
         label = _SHORT_LABELS.get(shown.label, shown.label)
@@ -217,7 +235,10 @@ def counter_runs(wheel: WheelSnapshot) -> list[Run]:
     return [*runs, (f"sensor {clean(wheel.sensor_id)}", Role.LABEL), (f"{wheel.rate_hz:g} Hz", Role.LABEL)]
 
 
-def _legend(wheel: WheelSnapshot) -> Row:
+def _legend(wheel: WheelSnapshot, trend: TrendQuantity | None) -> Row:
+    if trend is not None:
+        unit = f", {trend.unit}" if trend.unit else ""
+        return ((f"{trend.label}{unit}", Role.VALUE), ("  dots: one standard error", Role.LABEL))
     row = plot_row(LEGEND)
     last = wheel.last.revolution.radial_mps2 if wheel.last is not None else None
     if last is None or wheel.average_mps2 is None or last.shape != wheel.average_mps2.shape:
@@ -238,6 +259,7 @@ def current_reading(wheel: WheelSnapshot) -> Reading | None:
 
 
 def state_text(wheel: WheelSnapshot) -> str:
+    """Return the state of a wheel, of a silent one with its age."""
     return f"silent for {age(wheel.silence.age_s)}" if wheel.silence is not None else wheel.state.value
 
 
@@ -263,7 +285,7 @@ def panel(
     body += _cut(note, max(1, min(3, room - len(grid))), inner)
     plot = plots.rows(wheel, inner, inner_height - len(body) - 1, zoom)
     if plot:
-        body += [_legend(wheel), *plot]
+        body += [_legend(wheel, plots.trend), *plot]
     frame = Role.SELECTED_FRAME if selected else Role.FRAME
     left, right = ("║ ", " ║") if selected else ("│ ", " │")
     rows = [
@@ -302,7 +324,8 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
     start: Row = (("══ ", Role.SELECTED_FRAME), (f"{number} {name}", Role.TITLE))
     rule = fill_while_fitting(start, [load, state], cells - 3)
     revolution = f" rev {wheel.last.revolution.index} " if wheel.last is not None else " "
-    end = (*plot_row(LEGEND), (" ══", Role.SELECTED_FRAME)) if reading is not None else EMPTY
+    legend = plot_row(LEGEND) if plots.trend is None else _legend(wheel, plots.trend)
+    end = (*legend, (" ══", Role.SELECTED_FRAME)) if reading is not None else EMPTY
     line = cells - row_width(rule) - len(revolution) - row_width(end) - 1
     rule = (*rule, (revolution, Role.LABEL), ("═" * line + " ", Role.SELECTED_FRAME), *end)
     left: list[Row] = number_rows(wheel, reading)

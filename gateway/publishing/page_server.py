@@ -1,0 +1,394 @@
+"""Live output as a page in a browser: one file of HTML, and a WebSocket for what it shows and asks for."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import json
+import logging
+import math
+import secrets
+import socket
+import threading
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from http import HTTPStatus
+from ipaddress import ip_address
+from typing import Any, Final
+from urllib.parse import parse_qs, urlsplit
+
+from websockets.asyncio.server import ServerConnection, serve
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+
+from gateway.errors import TreadlinkError
+from gateway.pipeline.results import SessionSnapshot
+from gateway.publishing.payloads import encoded
+from gateway.publishing.sink import (
+    Item,
+    PublishedRevolution,
+    PublishedState,
+    SessionControl,
+    SinkAddress,
+    SinkDownError,
+    SinkError,
+    SinkSetting,
+    host_and_port,
+)
+from gateway.views.text import clean
+from gateway.views.trend_history import TrendHistory
+from gateway.views.web_page.page_html import page_file
+from gateway.views.web_page.page_state import page_quantities, page_state, page_trend, page_waveform
+
+_logger = logging.getLogger(__name__)
+
+PORT: Final = 8780
+MOST_PAGES: Final = 20
+"""Pages that may be open at once."""
+_LONGEST_MARK: Final = 200
+_LARGEST_MESSAGE: Final = 4096
+# A page that takes this much less than it is sent is behind; it then gets the latest state only.
+_WRITE_BYTES: Final = 1 << 16
+_TREND_S: Final = 1.0
+_STARTED_S: Final = 5.0
+_LAST_STATE_S: Final = 1.0
+_LOOPBACK_NAMES: Final = ("localhost",)
+
+
+def open_page(address: SinkAddress, setting: SinkSetting) -> PageSink:
+    """Return the page at `web://HOST[:PORT]`; only this computer can open that of 127.0.0.1, others need its token.
+
+    Raises:
+        SinkError: the address cannot be used, or its port is taken.
+    """
+    address.check_options(())
+    host, port = host_and_port(address, PORT)
+    if address.target.partition("/")[2]:
+        raise SinkError(f"'{address.name}' has a path", "Write web://HOST:PORT.")
+    return PageSink(host, port, setting.session)
+
+
+class PageSink:
+    """Serves the page to browsers.
+
+    A thread with an event loop serves; the sink's own thread hands it the latest state and the revolutions. Each
+    browser is sent what is newest when it has taken what came before, so a slow one misses states and holds nobody.
+
+    Attributes:
+        address: of the page, with its token where it listens wider than this computer.
+    """
+
+    def __init__(self, host: str, port: int, session: Callable[[], SessionControl | None]) -> None:
+        """Take the port; port 0 lets the system choose one.
+
+        Args:
+            host: name or address to listen on.
+            port: to listen on.
+            session: returns what marks and recordings go to, None before it runs.
+
+        Raises:
+            SinkError: the port is taken, or the host is none of this computer's.
+        """
+        self._host, self._session = host, session
+        try:
+            self._listener: socket.socket | None = _listener(host, port)
+        except OSError as error:
+            raise SinkError(
+                f"the page cannot listen on {host}:{port}: {error.strerror or error}",
+                f"End the program that does, or choose another port: --publish web://{host}:{port + 1}",
+            ) from error
+        self.port: int = self._listener.getsockname()[1]
+        self._is_local = _is_loopback(self._listener.getsockname()[0])
+        self._token = "" if self._is_local else secrets.token_urlsafe(16)
+        self.address = f"http://{_shown_host(host, self._listener)}:{self.port}/"
+        if self._token:
+            self.address += f"?token={self._token}"
+        self._history = TrendHistory()
+        self._lock = threading.Lock()
+        self._snapshot: SessionSnapshot | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._thread: threading.Thread | None = None
+        self._closing = asyncio.Event()
+        self._pages: set[_Page] = set()
+        self._number = 0
+        # Encoded once for all pages, by what they were made from.
+        self._state: tuple[int, bytes] = (0, b"")
+        self._waveforms: dict[str, tuple[object, bytes]] = {}
+
+    # The sink: all calls from its thread
+
+    def open(self, stop: threading.Event) -> None:
+        """Start serving."""
+        del stop
+        try:
+            listener = self._listener or _listener(self._host, self.port)
+        except OSError as error:
+            raise SinkDownError(f"cannot listen on {self._host}:{self.port}: {error.strerror or error}") from error
+        self._listener = None
+        started = threading.Event()
+        self._thread = threading.Thread(
+            target=lambda: asyncio.run(self._serve(listener, started)), name="page", daemon=True
+        )
+        self._thread.start()
+        if not started.wait(_STARTED_S):
+            raise SinkDownError("the server of the page does not start")
+
+    def send(self, item: Item, stop: threading.Event) -> None:
+        """Keep a revolution for the trends, and show a state on every page."""
+        del stop
+        if isinstance(item, PublishedRevolution):
+            with self._lock:
+                self._history.add(item.result)
+        elif isinstance(item, PublishedState):
+            self._snapshot = item.snapshot
+            self._number += 1
+            self._in_loop(self._wake)
+
+    def poll(self) -> None:
+        """Do nothing: the server has a thread of its own."""
+
+    def flush(self, stop: threading.Event) -> int:
+        """Give the pages a moment to take the last state; nothing is confirmed."""
+        loop = self._loop
+        if loop is not None and not stop.is_set():
+            with suppress(CancelledError, TimeoutError, RuntimeError):
+                asyncio.run_coroutine_threadsafe(self._all_taken(), loop).result(2 * _LAST_STATE_S)
+        return 0
+
+    def close(self) -> None:
+        """Stop serving."""
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+        self._in_loop(self._closing.set)
+        if self._thread is not None:
+            self._thread.join(_STARTED_S)
+            self._thread = None
+
+    def _in_loop(self, call: Callable[[], object]) -> None:
+        loop = self._loop
+        if loop is not None:
+            with suppress(RuntimeError):  # it has ended
+                loop.call_soon_threadsafe(call)
+
+    # The server: all of it in the event loop
+
+    async def _serve(self, listener: socket.socket, started: threading.Event) -> None:
+        self._closing = asyncio.Event()
+        server = await serve(
+            self._page,
+            sock=listener,
+            process_request=self._answer,
+            compression=None,
+            max_size=_LARGEST_MESSAGE,
+            write_limit=_WRITE_BYTES,
+            server_header=None,
+            logger=_logger.getChild("websockets"),
+        )
+        self._loop = asyncio.get_running_loop()
+        started.set()
+        await self._closing.wait()
+        self._loop = None
+        server.close()
+        # A browser keeps connections open on which it asks for nothing: they are not waited for.
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_LAST_STATE_S):
+                await server.wait_closed()
+
+    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+        """Return the page or a refusal; None lets a page's WebSocket open."""
+        parts = urlsplit(request.path)
+        host = request.headers.get("Host", "")
+        # A name that a foreign site has pointed at this computer is refused, whatever its page asks for.
+        if self._is_local and not _is_loopback(urlsplit(f"//{host}").hostname or ""):
+            return connection.respond(HTTPStatus.FORBIDDEN, "This page is for this computer only.\n")
+        given = parse_qs(parts.query).get("token", [""])[0]
+        if self._token and not hmac.compare_digest(given.encode(), self._token.encode()):
+            return connection.respond(
+                HTTPStatus.FORBIDDEN, "Open the address that treadlink printed: its token fails.\n"
+            )
+        if "Upgrade" not in request.headers:
+            return _page_response(connection) if parts.path == "/" else connection.respond(HTTPStatus.NOT_FOUND, "")
+        if request.headers.get("Origin") not in (f"http://{host}", f"https://{host}"):
+            return connection.respond(HTTPStatus.FORBIDDEN, "Not a page of this program.\n")
+        if len(self._pages) >= MOST_PAGES:
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, f"{MOST_PAGES} pages are open already.\n")
+        return None
+
+    async def _page(self, connection: ServerConnection) -> None:
+        page = _Page(connection)
+        self._pages.add(page)
+        page.news.set()
+        sender = asyncio.create_task(self._send_news(page))
+        try:
+            async for message in connection:
+                await self._take(page, message)
+        except ConnectionClosed:
+            pass
+        finally:
+            self._pages.discard(page)
+            sender.cancel()
+
+    async def _send_news(self, page: _Page) -> None:
+        """Send a page what is new since it took the last; it waits here while the page is slow."""
+        loop = asyncio.get_running_loop()
+        with suppress(ConnectionClosed):
+            while True:
+                await page.news.wait()
+                page.news.clear()
+                page.is_sending = True
+                while page.replies:
+                    await page.connection.send(page.replies.pop(0), text=True)
+                if self._snapshot is None:
+                    page.is_sending = False
+                    continue
+                if page.state != self._number:
+                    page.state, state = self._encoded_state(self._snapshot)
+                    await page.connection.send(state, text=True)
+                await self._send_waveform(page)
+                if page.trend and loop.time() >= page.trend_due_s:
+                    page.trend_due_s = loop.time() + _TREND_S
+                    await self._send_trend(page)
+                page.is_sending = False
+
+    def _encoded_state(self, snapshot: SessionSnapshot) -> tuple[int, bytes]:
+        if self._state[0] != self._number:
+            control = self._session()
+            state = page_state(snapshot, may_record=control is not None and control.may_record)
+            self._state = self._number, encoded(state)
+        return self._state
+
+    async def _send_waveform(self, page: _Page) -> None:
+        snapshot = self._snapshot
+        wheel = next((one for one in snapshot.wheels if one.position == page.wheel), None) if snapshot else None
+        if wheel is None or page.waveform is wheel.last:
+            return
+        known = self._waveforms.get(wheel.position)
+        if known is None or known[0] is not wheel.last:
+            waveform = page_waveform(wheel)
+            known = wheel.last, encoded(waveform) if waveform is not None else b""
+            self._waveforms[wheel.position] = known
+        page.waveform = wheel.last
+        if known[1]:
+            await page.connection.send(known[1], text=True)
+
+    async def _send_trend(self, page: _Page) -> None:
+        with self._lock:
+            quantities = page_quantities(self._history)
+            trend = page_trend(self._history, page.trend, page.trend_since_s)
+        times = [points[-1][0] for points in trend["wheels"].values() if points]
+        # The last second may still get another revolution.
+        page.trend_since_s = max(times, default=page.trend_since_s)
+        if quantities["quantities"] != page.quantities:
+            page.quantities = quantities["quantities"]
+            await page.connection.send(encoded(quantities), text=True)
+        await page.connection.send(encoded(trend), text=True)
+
+    async def _take(self, page: _Page, message: str | bytes) -> None:
+        """Carry out what a page asks for: what to show, a mark, the start or the end of the recording."""
+        try:
+            asked: Any = json.loads(message)
+        except ValueError:
+            asked = None
+        if not isinstance(asked, dict):
+            return
+        if isinstance(asked.get("wheel"), str):
+            page.wheel, page.waveform = asked["wheel"], None
+        if isinstance(asked.get("trend"), str):
+            page.trend, page.trend_due_s = asked["trend"], -math.inf
+            page.trend_since_s = 0
+        if isinstance(asked.get("mark"), str):
+            text = clean(asked["mark"].strip())[:_LONGEST_MARK] or "mark"
+            await self._control(page, lambda control: control.mark(text), f"mark set: {text}")
+        if isinstance(asked.get("record"), bool):
+            is_start = asked["record"]
+            await self._control(
+                page,
+                lambda control: control.start_recording() if is_start else control.stop_recording(),
+                "recording started" if is_start else "recording finished",
+            )
+        page.news.set()
+
+    async def _control(self, page: _Page, call: Callable[[SessionControl], None], done: str) -> None:
+        """Ask the session for something that may wait for its disk, and say on the page what became of it."""
+        control = self._session()
+        try:
+            if control is None:
+                raise TreadlinkError("the session has not begun")
+            await asyncio.to_thread(call, control)
+        except TreadlinkError as error:
+            done = f"{error}. {error.remedy}" if error.remedy else str(error)
+        page.replies.append(encoded({"type": "said", "text": clean(done)}))
+
+    def _wake(self) -> None:
+        for page in self._pages:
+            page.news.set()
+
+    async def _all_taken(self) -> None:
+        """Wait until no page has anything to take, for a moment at most."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_LAST_STATE_S):
+                while any(page.is_sending or page.state != self._number for page in self._pages):
+                    await asyncio.sleep(0.01)
+
+
+class _Page:
+    """A browser with the page open."""
+
+    def __init__(self, connection: ServerConnection) -> None:
+        self.connection = connection
+        self.news = asyncio.Event()
+        self.replies: list[bytes] = []
+        self.is_sending = False
+        self.state = -1
+        self.wheel = ""
+        self.waveform: object = None
+        self.trend = ""
+        self.trend_since_s = 0
+        self.trend_due_s = 0.0
+        self.quantities: list[Any] = []
+
+
+def _page_response(connection: ServerConnection) -> Response:
+    page = page_file()
+    headers = Headers(
+        {
+            "Content-Type": "text/html; charset=utf-8",
+            "Content-Length": str(len(page.html)),
+            "Content-Security-Policy": page.policy,
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "Cache-Control": "no-store",
+            "Connection": "close",
+        }
+    )
+    del connection
+    return Response(HTTPStatus.OK.value, HTTPStatus.OK.phrase, headers, page.html)
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+    return socket.create_server((host, port), family=family)
+
+
+def _is_loopback(host: str) -> bool:
+    """Return whether a name or address is that of this computer to itself."""
+    if host in _LOOPBACK_NAMES:
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _shown_host(host: str, listener: socket.socket) -> str:
+    """Return the host of the address that users open; for every interface the one that others reach first."""
+    bound = listener.getsockname()[0]
+    if ip_address(bound.partition("%")[0]).is_unspecified:
+        with suppress(OSError), socket.socket(listener.family, socket.SOCK_DGRAM) as probe:
+            # Connecting a datagram socket sends nothing; the address is of the range for documentation.
+            probe.connect(("192.0.2.1" if listener.family == socket.AF_INET else "2001:db8::1", 9))
+            host = probe.getsockname()[0]
+    return f"[{host}]" if ":" in host else host

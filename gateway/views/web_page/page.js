@@ -1,0 +1,312 @@
+"use strict";
+(() => {
+  const byId = (id) => document.getElementById(id);
+  const STALE_MS = 3000, FIRST_RETRY_MS = 500, LAST_RETRY_MS = 5000, GAP_S = 3, COLOURS = 8, SPAN_S = 600;
+  let socket = null, retryMs = FIRST_RETRY_MS, heardMs = 0, state = null;
+  let wheel = "", quantity = "speed_mps", quantities = [], points = new Map(), waveform = null;
+  const plots = {};
+
+  // Elements: text is only ever set as text.
+
+  const element = (tag, className, text) => {
+    const made = document.createElement(tag);
+    if (className) made.className = className;
+    if (text !== undefined) made.textContent = text;
+    return made;
+  };
+  const setText = (target, text) => { if (target.textContent !== text) target.textContent = text; };
+  const setRuns = (target, runs) => {
+    const key = JSON.stringify(runs);
+    if (target.dataset.key === key) return;
+    target.dataset.key = key;
+    target.replaceChildren(...runs.map(([text, role]) => element("span", role === "alarm" ? "role-alarm" : role, text)));
+  };
+  const setRows = (target, rows) => {
+    while (target.children.length > rows.length) target.lastChild.remove();
+    rows.forEach((row, i) => {
+      if (!target.children[i]) target.append(element("li"));
+      setRuns(target.children[i], typeof row === "string" ? [[row, ""]] : row);
+    });
+  };
+  const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const colourOf = (i) => css(`--w${i % COLOURS}`);
+
+  // The connection: it is made again whenever it is lost.
+
+  const ask = (wish) => { if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(wish)); };
+  const askForTrend = () => { points = new Map(); ask({ trend: quantity }); };
+  const connect = () => {
+    socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`);
+    socket.onopen = () => { retryMs = FIRST_RETRY_MS; ask({ wheel }); askForTrend(); };
+    socket.onmessage = (event) => { heardMs = performance.now(); take(JSON.parse(event.data)); };
+    socket.onclose = () => {
+      setTimeout(connect, retryMs);
+      retryMs = Math.min(2 * retryMs, LAST_RETRY_MS);
+    };
+  };
+  const take = (message) => {
+    if (message.type === "state") { state = message; showState(state); }
+    if (message.type === "waveform" && message.wheel === wheel) { waveform = message; showWaveform(); }
+    if (message.type === "quantities") showQuantities(message.quantities);
+    if (message.type === "trend" && message.name === quantity) mergeTrend(message);
+    if (message.type === "said") setText(byId("said"), message.text);
+  };
+  // Old numbers must not look alive: without news the wheels have an age instead.
+  const watch = () => {
+    const ageMs = performance.now() - heardMs;
+    const isOld = !heardMs || ageMs > STALE_MS;
+    const link = byId("link");
+    const age = heardMs ? `no connection for ${Math.round(ageMs / 1000)} s` : "connecting";
+    setText(link, state && state.ended ? "session ended" : isOld ? age : "connected");
+    link.className = `pill ${isOld || (state && state.ended) ? "bad" : "good"}`;
+    if (isOld && state && !state.ended) {
+      const silent = { speed: ["—", "", "km/h", "", ""], edges: [], surroundings: [], car: [], numbers: [], counters: [], note: null };
+      const wheels = state.wheels.map((one) => ({ ...one, ...silent, state: age, kind: "silent" }));
+      showState({ ...state, wheels, alarms: [], links: [[[age, "warning"]]], rolling: "" });
+      waveform = null;
+      showWaveform();
+    }
+  };
+
+  // The state
+
+  const showState = (shown) => {
+    setText(byId("elapsed"), shown.elapsed);
+    setText(byId("rolling"), shown.rolling);
+    const isRecording = shown.recording !== "" && !shown.ended;
+    setText(byId("recording"), isRecording ? `REC ${shown.recording} ${shown.recorded}` : "not recording");
+    byId("recording").className = `pill ${isRecording ? "good" : ""}`;
+    const record = byId("record");
+    record.hidden = !shown.may_record;
+    record.dataset.on = String(isRecording);
+    setText(record, isRecording ? "Stop recording" : "Record");
+    setRows(byId("alarms"), shown.alarms.map((text) => `ALARM ${text}`));
+    if (!shown.wheels.some((one) => one.key === wheel) && shown.wheels.length) choose(shown.wheels[0].key);
+    showWheels(shown.wheels);
+    setRows(byId("links"), [...shown.links, ...shown.outputs]);
+    setRows(byId("notices"), [...shown.notices].reverse());
+  };
+  const showWheels = (wheels) => {
+    const box = byId("wheels");
+    while (box.children.length > wheels.length) box.lastChild.remove();
+    wheels.forEach((one, i) => {
+      let card = box.children[i];
+      if (!card) {
+        card = element("button", "wheel");
+        card.type = "button";
+        const top = element("span", "top");
+        top.append(element("span", "name"), element("span", "kind"), element("span", "flag"));
+        card.append(top, element("span", "speed"));
+        for (const part of ["tiles", "edges", "car", "note"]) card.append(element("div", part));
+        card.addEventListener("click", () => choose(card.dataset.wheel));
+        box.append(card);
+      }
+      const part = (name) => card.querySelector(`.${name}`);
+      card.dataset.wheel = one.key;
+      card.className = `wheel ${one.kind} ${one.alarm ? "alarm" : ""}`;
+      card.setAttribute("aria-pressed", String(one.key === wheel));
+      setText(part("name"), one.position);
+      setText(part("kind"), one.state);
+      setText(part("flag"), one.alarm ? "ALARM" : "");
+      const [value, error, unit, mark] = one.speed;
+      const speed = part("speed"), key = one.speed.join();
+      if (speed.dataset.key !== key) {
+        speed.dataset.key = key;
+        speed.replaceChildren(value, element("small", "", `${unit} ${mark}`), element("small", "", error ? `± ${error}` : ""));
+      }
+      setRuns(part("tiles"), one.surroundings);
+      setRuns(part("edges"), one.edges.map((text) => [text, ""]));
+      setRuns(part("car"), one.car.length ? [["car", "label"], ...one.car] : []);
+      setText(part("note"), one.note ? one.note[0] : "");
+      part("note").className = `note ${one.note ? one.note[1] : ""}`;
+      if (one.key === wheel) showNumbers(one);
+    });
+  };
+  const showNumbers = (one) => {
+    setText(byId("numbers-title"), `Numbers and sensor health: ${one.position}`);
+    setRuns(byId("health"), one.counters);
+    setRows(byId("flags"), one.flags);
+    const body = byId("numbers");
+    while (body.children.length > one.numbers.length) body.lastChild.remove();
+    one.numbers.forEach(([label, value, error, unit, mark, reason], i) => {
+      if (!body.children[i]) {
+        const row = element("tr"), head = element("th");
+        head.scope = "row";
+        row.append(head, element("td", "value"), element("td"));
+        body.append(row);
+      }
+      const [head, number, why] = body.children[i].children;
+      setText(head, label);
+      setText(number, `${value}${error ? ` ± ${error}` : ""} ${unit}`);
+      setText(why, [{ "~": "provisional", x: "invalid" }[mark], reason].filter(Boolean).join(": "));
+    });
+  };
+  const choose = (key) => {
+    wheel = key;
+    waveform = null;
+    ask({ wheel });
+    if (state) showWheels(state.wheels);
+    showWaveform();
+  };
+
+  // Plots
+
+  const plot = (id, key, data, makeOptions) => {
+    const box = byId(id);
+    const width = Math.max(box.clientWidth, 200), height = Math.max(180, Math.min(340, Math.round(width * 0.5)));
+    const known = plots[id];
+    if (known && known.key === key && known.width === width) { known.uplot.setData(data); return; }
+    if (known) known.uplot.destroy();
+    const axis = { stroke: css("--ink"), grid: { stroke: css("--line"), width: 1 }, ticks: { stroke: css("--line") } };
+    const options = makeOptions(axis);
+    plots[id] = { key, width, uplot: new uPlot({ width, height, legend: { show: false }, ...options }, data, box) };
+  };
+  const clearPlot = (id) => { if (plots[id]) { plots[id].uplot.destroy(); delete plots[id]; } };
+  const themeKey = () => document.documentElement.dataset.theme;
+  const faint = (colour) => `${colour}33`;
+
+  const showWaveform = () => {
+    if (!waveform) {
+      clearPlot("waveform");
+      clearPlot("orders");
+      setText(byId("waveform-note"), "no current revolution");
+      return;
+    }
+    const name = (state && state.wheels.find((one) => one.key === wheel) || { position: wheel }).position;
+    const { angle_deg: angle, last_mps2: last, average_mps2: average, scatter_mps2: scatter, edges_deg: edges } = waveform;
+    const part = (sign) => average.map((value, i) => (scatter[i] == null ? null : value + sign * scatter[i]));
+    const text = `${name}, revolution ${waveform.revolution}: solid last, dashed average with its scatter from revolution to revolution`;
+    setText(byId("waveform-note"), text);
+    byId("waveform").setAttribute("aria-label", text);
+    plot("waveform", `${themeKey()}`, [angle, last, average, part(1), part(-1)], (axis) => ({
+      scales: { x: { time: false } },
+      axes: [{ ...axis, values: (_, ticks) => ticks.map((tick) => `${tick}°`) }, { ...axis, size: 62, label: "m/s²", labelSize: 18 }],
+      series: [{}, { stroke: css("--ink"), width: 2 }, { stroke: css("--pick"), width: 2, dash: [6, 4] }, { stroke: "transparent" }, { stroke: "transparent" }],
+      bands: [{ series: [3, 4], fill: faint(css("--pick")) }],
+      hooks: { draw: [(u) => {
+        u.ctx.save();
+        u.ctx.strokeStyle = css("--warn");
+        u.ctx.setLineDash([3, 3]);
+        for (const edge of waveform ? waveform.edges_deg : edges) {
+          if (edge == null) continue;
+          const x = Math.round(u.valToPos(edge, "x", true));
+          u.ctx.beginPath();
+          u.ctx.moveTo(x, u.bbox.top);
+          u.ctx.lineTo(x, u.bbox.top + u.bbox.height);
+          u.ctx.stroke();
+        }
+        u.ctx.restore();
+      }] },
+    }));
+    const positive = (values) => values.slice(1).map((value) => (value > 0 ? value : null));
+    const orders = [waveform.orders_mps2.slice(1).map((_, i) => i + 1), positive(waveform.average_orders_mps2), positive(waveform.orders_mps2)];
+    byId("orders").setAttribute("aria-label", `${name}: magnitude of orders 1 to ${orders[0].length}, bars average, points last revolution`);
+    plot("orders", `${themeKey()}`, orders, (axis) => ({
+      scales: { x: { time: false }, y: { distr: 3 } },
+      axes: [{ ...axis, label: "order", labelSize: 18 }, { ...axis, size: 62, label: "m/s²", labelSize: 18 }],
+      series: [{}, { stroke: css("--pick"), fill: faint(css("--pick")), width: 1, paths: uPlot.paths.bars({ size: [0.7, 20] }), points: { show: false } },
+        { stroke: css("--ink"), paths: () => null, points: { show: true, size: 5, fill: css("--ink") } }],
+    }));
+  };
+
+  // Trends
+
+  const showQuantities = (found) => {
+    quantities = found;
+    const select = byId("quantity");
+    select.replaceChildren(...found.map((one) => {
+      const option = element("option", "", `${one.label}${one.unit ? ` (${one.unit})` : ""}${one.description ? `: ${one.description}` : ""}`);
+      option.value = one.name;
+      return option;
+    }));
+    select.value = quantity;
+  };
+  const mergeTrend = (message) => {
+    for (const [position, added] of Object.entries(message.wheels)) {
+      const kept = (points.get(position) || []).filter(([at]) => at < message.since_s);
+      points.set(position, [...kept, ...added]);
+    }
+    const latest = Math.max(...[...points.values()].flat().map(([at]) => at));
+    for (const [position, kept] of points) points.set(position, kept.filter(([at]) => at >= latest - SPAN_S));
+    showTrend();
+  };
+  const showTrend = () => {
+    const shown = quantities.find((one) => one.name === quantity) || { label: quantity, unit: "" };
+    const positions = [...points.keys()].filter((position) => points.get(position).length);
+    const every = positions.flatMap((position) => points.get(position).map(([at]) => at));
+    setText(byId("trend-note"), every.length
+      ? `${shown.label}: last revolution of each second, band one standard error, dashed provisional`
+      : `${shown.label}: no value yet`);
+    if (!every.length) { clearPlot("trend"); byId("trend-legend").replaceChildren(); return; }
+    const end = Math.max(...every), begin = end - 60 * Number(byId("minutes").value);
+    const start = Math.max(begin, Math.min(...every));
+    const times = Array.from({ length: end - start + 1 }, (_, i) => start + i);
+    const data = [times], legend = [];
+    positions.forEach((position, i) => {
+      const known = new Map(points.get(position).map((point) => [point[0], point]));
+      const columns = [[], [], [], []];
+      let heard = -Infinity;
+      for (const at of times) {
+        const point = known.get(at);
+        if (point) {
+          // A gap that is too short for silence is drawn through; uPlot breaks lines at null only.
+          if (at - heard <= GAP_S) for (let back = 1; back < at - heard; back += 1) for (const column of columns) column[column.length - back] = undefined;
+          heard = at;
+        }
+        const [, value, error, isProvisional] = point || [at, null, null, 0];
+        columns[0].push(value !== null && !isProvisional ? value : null);
+        columns[1].push(value !== null && isProvisional ? value : null);
+        columns[2].push(value !== null && error !== null ? value + error : null);
+        columns[3].push(value !== null && error !== null ? value - error : null);
+      }
+      data.push(...columns);
+      const [, value, error, isProvisional] = points.get(position).at(-1);
+      const item = element("li"), line = element("span", `key ${isProvisional ? "dashed" : ""}`);
+      line.style.borderTopColor = colourOf(i);
+      const digits = error ? Math.max(0, Math.min(6, 1 - Math.floor(Math.log10(error)))) : 3;
+      const isOld = end - points.get(position).at(-1)[0] > GAP_S;
+      const number = `${value.toFixed(digits)}${error ? ` ± ${error.toFixed(digits)}` : ""} ${shown.unit}${isProvisional ? " ~" : ""}`;
+      item.append(line, `${position}: ${isOld ? `none for ${end - points.get(position).at(-1)[0]} s` : number}`);
+      legend.push(item);
+    });
+    byId("trend-legend").replaceChildren(...legend);
+    byId("trend").setAttribute("aria-label", `trend of ${shown.label}: ${legend.map((item) => item.textContent).join(", ")}`);
+    plot("trend", `${themeKey()} ${quantity} ${positions.join("\n")}`, data, (axis) => ({
+      axes: [
+        { ...axis, space: 80, values: (_, ticks) => ticks.map((at) => new Date(1000 * at).toLocaleTimeString([], { hour12: false })) },
+        { ...axis, size: 62, label: shown.unit || shown.label, labelSize: 18 },
+      ],
+      series: [{}, ...positions.flatMap((_, i) => [
+        { stroke: colourOf(i), width: 2, points: { show: false } },
+        { stroke: colourOf(i), width: 2, dash: [5, 4], points: { show: false } },
+        { stroke: "transparent", points: { show: false } },
+        { stroke: "transparent", points: { show: false } },
+      ])],
+      bands: positions.map((_, i) => ({ series: [4 * i + 3, 4 * i + 4], fill: faint(colourOf(i)) })),
+    }));
+  };
+
+  // What the user does
+
+  byId("marks").addEventListener("submit", (event) => {
+    event.preventDefault();
+    ask({ mark: byId("mark-text").value });
+    byId("mark-text").value = "";
+  });
+  byId("record").addEventListener("click", (event) => ask({ record: event.currentTarget.dataset.on !== "true" }));
+  byId("quantity").addEventListener("change", (event) => { quantity = event.currentTarget.value; askForTrend(); });
+  byId("minutes").addEventListener("change", showTrend);
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const setTheme = (theme) => {
+    document.documentElement.dataset.theme = theme;
+    document.documentElement.style.colorScheme = theme;
+    showWaveform();
+    showTrend();
+  };
+  dark.addEventListener("change", () => setTheme(dark.matches ? "dark" : "light"));
+  byId("theme").addEventListener("click", () => setTheme(themeKey() === "dark" ? "light" : "dark"));
+  addEventListener("resize", () => { showWaveform(); showTrend(); });
+  setTheme(dark.matches ? "dark" : "light");
+  setInterval(watch, 500);
+  connect();
+})();

@@ -1,0 +1,407 @@
+"""The page with real WebSocket clients and in a real browser: content, pace, guests, refusals, marks, recordings."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+from gateway.clock import SystemClock
+from gateway.errors import RecordingError
+from gateway.pipeline.results import Silence, SilentPart, WheelState
+from gateway.publishing import page_server
+from gateway.publishing.page_server import PageSink
+from gateway.publishing.publisher import open_publisher
+from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
+from gateway.publishing.sink_worker import SinkWorker
+from gateway.reasons import Code, Notice, Reason
+from tests.publishing.receivers import TIMEOUT_S, until
+from tests.testkit.browser import CHROMIUM, Browser, Tab
+
+needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+
+
+class Session:
+    """What the page asks a session for."""
+
+    def __init__(self) -> None:
+        self.may_record = True
+        self.asked: list[str] = []
+        self.failure: RecordingError | None = None
+
+    def mark(self, text: str) -> None:
+        self.asked.append(f"mark {text}")
+
+    def start_recording(self) -> None:
+        if self.failure is not None:
+            raise self.failure
+        self.asked.append("start")
+
+    def stop_recording(self) -> None:
+        self.asked.append("stop")
+
+
+class Served:
+    """A page with its worker, and what it serves."""
+
+    def __init__(self, host: str = "127.0.0.1", port: int = 0) -> None:
+        self.session = Session()
+        self.sink = PageSink(host, port, lambda: self.session)
+        self.worker = SinkWorker("web://test", self.sink, SystemClock())
+        self.worker.start()
+        until(lambda: self.worker.snapshot().state == "up")
+
+    @property
+    def origin(self) -> str:
+        return f"http://127.0.0.1:{self.sink.port}"
+
+    def end(self) -> None:
+        self.worker.finish()
+        assert self.worker.join(TIMEOUT_S)
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    served = Served()
+    yield served
+    served.end()
+
+
+def guest(served: Served, path: str = "/", origin: str | None = None, **changes: Any) -> ClientConnection:
+    address = f"ws://127.0.0.1:{served.sink.port}{path}"
+    return connect(address, origin=origin or served.origin, open_timeout=TIMEOUT_S, max_size=None, **changes)  # type: ignore[arg-type]
+
+
+def next_of(connection: ClientConnection, kind: str) -> dict[str, Any]:
+    while True:
+        message = json.loads(connection.recv(TIMEOUT_S))
+        if message["type"] == kind:
+            return message
+
+
+def show(served: Served, items, change=lambda snapshot: snapshot) -> None:
+    """Offer all revolutions, then the state."""
+    for item in items:
+        if isinstance(item, PublishedState):
+            served.worker.offer(dataclasses.replace(item, snapshot=change(item.snapshot)))
+        else:
+            served.worker.offer(item)
+
+
+def test_state_has_the_words_of_the_console(served, items) -> None:
+    show(served, items)
+    with guest(served) as connection:
+        state = next_of(connection, "state")
+    assert [wheel["position"] for wheel in state["wheels"]] == ["FL", "FR", "RL", "RR"]
+    front = state["wheels"][0]
+    assert front["kind"] == front["state"] == "rolling"
+    value, error, unit, mark, _ = front["speed"]
+    assert 10.0 < float(value) < 120.0
+    assert float(error) > 0.0
+    assert (unit, mark) == ("km/h", "")
+    assert any(text.endswith("kPa") for text, _ in front["surroundings"])
+    assert {"Bs", "Cw", "Rs", "Ts", "contact length"} <= {number[0] for number in front["numbers"]}
+    assert state["links"][0][:2] == [["sim:demo", "label"], ["connected", "good"]]
+    assert state["rolling"] == "4/4 rolling"
+
+
+def test_silent_wheel_has_an_age_and_no_number(served, items, drive) -> None:
+    silence = Silence(SilentPart.SENSOR, 7.0, Reason(Code.SENSOR_SILENT, silence_s=7.0))
+
+    def silent(snapshot):
+        first, *others = snapshot.wheels
+        return dataclasses.replace(
+            snapshot, wheels=(dataclasses.replace(first, state=WheelState.SILENT, silences=(silence,)), *others)
+        )
+
+    show(served, items, silent)
+    with guest(served) as connection:
+        connection.send(json.dumps({"wheel": "FL"}))
+        front = next_of(connection, "state")["wheels"][0]
+        connection.send(json.dumps({"wheel": "FR"}))
+        assert next_of(connection, "waveform")["wheel"] == "FR"  # none came for the silent one
+    assert front["state"] == "silent for 7 s"
+    assert front["speed"][0] == "—"
+    assert front["numbers"] == []
+    assert [text for text, _ in front["surroundings"]][:2] == ["— kPa", "— °C"]
+
+
+def test_waveform_of_the_chosen_wheel_over_its_average(served, items, drive) -> None:
+    show(served, items)
+    with guest(served) as connection:
+        connection.send(json.dumps({"wheel": "RL"}))
+        waveform = next_of(connection, "waveform")
+    wheel = drive[1].wheels[2]
+    assert waveform["revolution"] == wheel.last.revolution.index
+    step = len(wheel.average_mps2) // len(waveform["angle_deg"])
+    assert waveform["average_mps2"] == pytest.approx(wheel.average_mps2[::step], abs=0.01)
+    assert waveform["scatter_mps2"] == pytest.approx(wheel.scatter_mps2[::step], abs=0.01)
+    assert waveform["orders_mps2"][2] == pytest.approx(abs(wheel.last.revolution.orders_mps2[2]), abs=0.01)
+    assert waveform["edges_deg"][0] == pytest.approx(math.degrees(wheel.last.revolution.leading_edge_rad), abs=0.01)
+
+
+def test_trend_comes_whole_then_in_parts(served, items, drive) -> None:
+    show(served, items)
+    with guest(served) as connection:
+        connection.send(json.dumps({"trend": "speed_mps"}))
+        names = [quantity["name"] for quantity in next_of(connection, "quantities")["quantities"]]
+        whole = next_of(connection, "trend")
+        last = drive[0][-1]
+        later = dataclasses.replace(last, host_ns=last.host_ns + 5_000_000_000)
+        served.worker.offer(PublishedRevolution(later.host_ns, later))
+        until(lambda: served.worker.snapshot().published == len(drive[0]) + 3)
+        page = next(iter(served.sink._pages))
+        page.trend_due_s = 0.0
+        show(served, items[-1:])
+        part = next_of(connection, "trend")
+    assert {"speed_mps", "Bs", "pressure_pa", "contact_length_m"} <= set(names)
+    assert whole["since_s"] == 0
+    assert set(whole["wheels"]) == {"FL", "FR", "RL", "RR"}
+    points = whole["wheels"][last.position]
+    assert [point[0] for point in points] == sorted({point[0] for point in points})
+    assert all(point[2] > 0.0 for point in points)
+    assert part["since_s"] == max(points[-1][0] for points in whole["wheels"].values())
+    assert [point[0] for point in part["wheels"][last.position]][-1] == later.host_ns // 10**9
+
+
+def test_mark_and_recording_reach_the_session_and_failures_the_page(served, items) -> None:
+    show(served, items)
+    with guest(served) as connection:
+        for wish in ({"mark": " pothole\x1b[2J "}, {"record": True}, {"record": False}, {"mark": ""}):
+            connection.send(json.dumps(wish))
+        said = [next_of(connection, "said")["text"] for _ in range(4)]
+        assert said == ["mark set: pothole [2J", "recording started", "recording finished", "mark set: mark"]
+        served.session.failure = RecordingError("the disk is full", "Free some space.")
+        connection.send(json.dumps({"record": True}))
+        assert next_of(connection, "said")["text"] == "the disk is full. Free some space."
+        for rubbish in ("{", "[1]", '{"mark": 1, "record": "x", "wheel": [], "trend": null}', "null"):
+            connection.send(rubbish)
+        connection.send(json.dumps({"mark": "x" * 999}))
+        assert len(next_of(connection, "said")["text"]) < 250
+    assert served.session.asked[:4] == ["mark pothole [2J", "start", "stop", "mark mark"]
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
+def test_page_of_another_site_is_refused(served, origin) -> None:
+    with pytest.raises(InvalidStatus, match="403"), guest(served, origin=origin):
+        pass
+
+
+def test_client_without_origin_is_refused(served) -> None:
+    address = f"ws://127.0.0.1:{served.sink.port}/"
+    with pytest.raises(InvalidStatus, match="403"), connect(address, open_timeout=TIMEOUT_S):
+        pass
+
+
+def get(address: str, host: str = "") -> tuple[int, str, Any]:
+    request = urllib.request.Request(address, headers={"Host": host} if host else {})
+    try:
+        with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
+            return answer.status, answer.read().decode(), answer.headers
+    except urllib.error.HTTPError as error:
+        return error.code, error.read().decode(), error.headers
+
+
+def test_page_is_one_file_for_this_computer_only(served) -> None:
+    status, html, headers = get(served.sink.address)
+    assert status == 200
+    assert "src=" not in html
+    assert "http://" not in html
+    assert "Permission is hereby granted" in html  # the licence of the plots goes with them
+    assert "default-src 'none'" in headers["Content-Security-Policy"]
+    assert get(served.sink.address, host="evil.example")[0] == 403
+    assert get(served.sink.address, host="localhost:9999")[0] == 200  # a forwarded port
+    assert get(f"{served.sink.address}other")[0] == 404
+
+
+def test_wider_page_needs_its_token() -> None:
+    served = Served("0.0.0.0")
+    try:
+        token = served.sink.address.partition("?token=")[2]
+        assert len(token) > 20
+        assert "0.0.0.0" not in served.sink.address
+        local = f"http://127.0.0.1:{served.sink.port}/"
+        assert [get(f"{local}{query}")[0] for query in ("", "?token=", "?token=x", f"?token={token}")] == [
+            403,
+            403,
+            403,
+            200,
+        ]
+        for path, origin in (("/", served.origin), (f"/?token={token}", "http://evil.example")):
+            with pytest.raises(InvalidStatus, match="403"), guest(served, path, origin):
+                pass
+        with guest(served, f"/?token={token}"):
+            pass
+    finally:
+        served.end()
+
+
+def test_twenty_pages_and_one_too_many(served, items) -> None:
+    with ExitStack() as others:
+        guests = [others.enter_context(guest(served)) for _ in range(page_server.MOST_PAGES - 1)]
+        with guest(served) as last:
+            show(served, items)
+            assert all(next_of(connection, "state")["wheels"] for connection in (*guests, last))
+            with pytest.raises(InvalidStatus, match="503"), guest(served):
+                pass
+        until(lambda: len(served.sink._pages) < page_server.MOST_PAGES)
+        others.enter_context(guest(served))
+
+
+def test_slow_page_holds_nobody_and_gets_the_latest(served, items) -> None:
+    # More than the buffers of the system take for a client that does not read.
+    long = Notice("x" * 500_000, Reason(Code.LINK_CONNECTED))
+    states = 40
+
+    def numbered(number):
+        return lambda snapshot: dataclasses.replace(snapshot, elapsed_s=number, notices=(long,))
+
+    with guest(served, max_queue=1, ping_interval=None) as slow, guest(served) as quick:
+        for number in range(1, states + 1):
+            show(served, items[-1:], numbered(number))
+            assert next_of(quick, "state")["elapsed"] == f"0:00:{number:02d}"
+        assert served.worker.snapshot().state == "up"
+        seen = 1
+        while next_of(slow, "state")["elapsed"] != f"0:00:{states}":
+            seen += 1
+    assert seen < states
+
+
+def test_port_that_is_taken_is_an_error_at_once(served) -> None:
+    with pytest.raises(SinkError, match=r"cannot listen on 127\.0\.0\.1") as failure:
+        open_publisher([f"web://127.0.0.1:{served.sink.port}"], SinkSetting(), SystemClock())
+    assert f"web://127.0.0.1:{served.sink.port + 1}" in str(failure.value.remedy)
+
+
+@pytest.mark.parametrize("uri", ["web://127.0.0.1:0/path", "web://127.0.0.1:0?x=1", "web://:80", "web://192.0.2.7:0"])
+def test_address_that_cannot_be_used(uri) -> None:
+    with pytest.raises(SinkError):
+        open_sink(uri, SinkSetting())
+
+
+# In a browser
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory) -> Iterator[Browser]:
+    browser = Browser(tmp_path_factory.mktemp("profile"))
+    yield browser
+    browser.close()
+
+
+def text_of(tab: Tab, selector: str) -> str:
+    return str(tab.value(f"document.querySelector({selector!r}).innerText"))
+
+
+@needs_browser
+def test_browser_shows_wheels_plots_trends_and_marks(browser, served, items) -> None:
+    show(served, items)
+    tab = browser.tab()
+    tab.open(served.sink.address)
+    tab.until("document.querySelectorAll('.wheel.rolling').length === 4")
+    assert "km/h" in text_of(tab, ".wheel .speed")
+    tab.until("['waveform', 'orders', 'trend'].every((id) => document.querySelector(`#${id} canvas`))")
+    tab.until("document.querySelectorAll('#quantity option').length > 20")
+    tab.value("document.querySelectorAll('.wheel')[2].click()")
+    tab.until("document.querySelector('#numbers-title').innerText.endsWith('RL')")
+    tab.until("document.querySelector('#waveform-note').innerText.startsWith('RL')")
+    tab.value("quantity.value = 'contact_length_m'; quantity.dispatchEvent(new Event('change'))")
+    tab.until("document.querySelector('#trend-legend').innerText.includes('mm')")
+    # By keyboard: a mark from its field, then the button of the recording.
+    tab.value("document.querySelector('#mark-text').focus()")
+    tab.call("Input.insertText", text="pothole")
+    for kind in ("keyDown", "keyUp"):
+        tab.call("Input.dispatchKeyEvent", type=kind, key="Enter", code="Enter", windowsVirtualKeyCode=13, text="\r")
+    tab.until("said.innerText === 'mark set: pothole'")
+    tab.value("document.querySelector('#record').click()")
+    tab.until("said.innerText === 'recording started'")
+    assert served.session.asked == ["mark pothole", "start"]
+    assert tab.errors == []
+
+
+@needs_browser
+def test_two_browsers_get_every_state_at_their_own_wheel(browser, served, items) -> None:
+    tabs = [browser.tab(), browser.tab()]
+    for tab in tabs:
+        tab.open(served.sink.address, 390, 844)
+    show(served, items)
+    for tab in tabs:
+        tab.until("document.querySelectorAll('.wheel').length === 4")
+    tabs[1].value("document.querySelectorAll('.wheel')[1].click()")
+    for number in range(10, 20):
+        show(served, items[-1:], lambda snapshot, number=number: dataclasses.replace(snapshot, elapsed_s=number))
+        for tab in tabs:
+            tab.until(f"elapsed.innerText === '0:00:{number}'")
+    chosen = [text_of(tab, '.wheel[aria-pressed="true"] .name') for tab in tabs]
+    assert chosen == ["FL", "FR"]
+    for tab in tabs:
+        assert tab.value("document.documentElement.scrollWidth") <= 390
+
+
+@needs_browser
+def test_lost_connection_has_an_age_in_place_of_numbers_and_comes_back(browser, items) -> None:
+    served = Served()
+    port = served.sink.port
+    tab = browser.tab()
+    tab.open(served.sink.address)
+    show(served, items)
+    tab.until("document.querySelectorAll('.wheel.rolling').length === 4")
+    served.end()
+    tab.until("document.querySelectorAll('.wheel.silent').length === 4")
+    assert text_of(tab, ".wheel .speed").startswith("—")
+    assert text_of(tab, ".wheel .kind").startswith("no connection for")
+    again = Served(port=port)
+    try:
+        show(again, items)
+        tab.until("document.querySelectorAll('.wheel.rolling').length === 4")
+        tab.until("link.innerText === 'connected'")
+    finally:
+        again.end()
+
+
+@needs_browser
+def test_names_from_outside_stay_text(browser, served, items) -> None:
+    name = "<img src=x onerror=document.title='x'>"
+
+    def renamed(snapshot):
+        return dataclasses.replace(snapshot, wheels=(dataclasses.replace(snapshot.wheels[0], position=name),))
+
+    show(served, items, renamed)
+    tab = browser.tab()
+    tab.open(served.sink.address)
+    tab.until("document.querySelectorAll('.wheel').length === 1")
+    assert text_of(tab, ".wheel .name") == name
+    assert tab.value("document.images.length") == 0
+
+
+@needs_browser
+@pytest.mark.parametrize("is_dark", [False, True])
+def test_contrast_is_enough_by_day_and_by_night(browser, served, items, is_dark) -> None:
+    show(served, items)
+    tab = browser.tab()
+    tab.open(served.sink.address, is_dark=is_dark)
+    tab.until("document.querySelectorAll('.wheel.rolling').length === 4")
+    ratios = tab.value(
+        """(() => {
+          const light = (name) => {
+            const style = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+            const [r, g, b] = [1, 3, 5].map((i) => parseInt(style.slice(i, i + 2), 16) / 255)
+              .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4));
+            return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+          };
+          const ratio = (a, b) => (Math.max(light(a), light(b)) + 0.05) / (Math.min(light(a), light(b)) + 0.05);
+          return Object.fromEntries([["--ink", "--card"], ["--soft", "--card"], ["--good", "--card"],
+            ["--warn", "--card"], ["--alarm-ink", "--alarm"], ["--pick", "--card"]].map(([a, b]) => [a, ratio(a, b)]));
+        })()"""
+    )
+    assert min(ratios.values()) >= 4.5
+    assert ratios["--ink"] >= 12.0

@@ -1,0 +1,109 @@
+"""A headless Chromium, driven over its DevTools protocol."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import subprocess
+import threading
+import urllib.request
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from websockets.sync.client import ClientConnection, connect
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+TIMEOUT_S = 30.0
+_tick = threading.Event()
+
+
+class Tab:
+    """A page of the browser."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self._socket = socket
+        self._number = 0
+        self.errors: list[str] = []
+        for domain in ("Page", "Runtime", "Log"):
+            self.call(f"{domain}.enable")
+
+    def call(self, method: str, **parameters: Any) -> Any:
+        """Call a method and return its result; errors of the page are kept."""
+        self._number += 1
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        while True:
+            message = json.loads(self._socket.recv(TIMEOUT_S))
+            if message.get("id") == self._number:
+                assert "error" not in message, message
+                return message["result"]
+            if message.get("method") == "Runtime.exceptionThrown":
+                self.errors.append(json.dumps(message["params"]))
+            elif message.get("method") == "Log.entryAdded" and message["params"]["entry"]["level"] == "error":
+                self.errors.append(message["params"]["entry"]["text"])
+
+    def open(self, address: str, width: int = 1280, height: int = 900, *, is_dark: bool = False) -> None:
+        """Open an address at a size."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600
+        )
+        scheme = {"name": "prefers-color-scheme", "value": "dark" if is_dark else "light"}
+        self.call("Emulation.setEmulatedMedia", features=[scheme])
+        self.call("Page.navigate", url=address)
+
+    def value(self, expression: str) -> Any:
+        """Return the value of an expression in the page."""
+        result = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        assert "exceptionDetails" not in result, result
+        return result["result"].get("value")
+
+    def until(self, expression: str, timeout_s: float = TIMEOUT_S) -> Any:
+        """Wait until an expression is true, and return its value."""
+        for _ in range(int(timeout_s / 0.05)):
+            value = self.value(expression)
+            if value:
+                return value
+            _tick.wait(0.05)
+        raise AssertionError(f"{expression} does not come true: {self.value('document.body.innerText')}")
+
+    def screenshot(self, path: Path, *, whole: bool = False) -> None:
+        """Save a picture of the page."""
+        found = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+        path.write_bytes(base64.b64decode(found["data"]))
+
+
+class Browser:
+    """A running browser with a profile of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        assert CHROMIUM is not None
+        self._process = subprocess.Popen(
+            [
+                CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--hide-scrollbars",
+                "--no-first-run", "--disable-background-networking", "--remote-debugging-port=0",
+                f"--user-data-dir={folder}", "about:blank",
+            ],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        port_file = folder / "DevToolsActivePort"
+        for _ in range(int(TIMEOUT_S / 0.05)):
+            if port_file.exists() and port_file.read_text().count("\n"):
+                break
+            _tick.wait(0.05)
+        self._port = int(port_file.read_text().split()[0])
+        self._sockets = ExitStack()
+
+    def tab(self) -> Tab:
+        """Open an empty page."""
+        request = urllib.request.Request(f"http://127.0.0.1:{self._port}/json/new", method="PUT")
+        with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
+            address = json.load(answer)["webSocketDebuggerUrl"]
+        return Tab(self._sockets.enter_context(connect(address, max_size=None, open_timeout=TIMEOUT_S)))
+
+    def close(self) -> None:
+        """End the browser."""
+        self._sockets.close()
+        self._process.terminate()
+        self._process.wait(TIMEOUT_S)
