@@ -45,7 +45,7 @@ def test_wheel_states_who_it_is(wheel: Path) -> None:
     assert facts["Name"] == "treadlink"
     assert facts["Requires-Python"] == ">=3.11"
     assert facts["License-Expression"] == "MIT"
-    assert {"all", "auth", "campaign", "can", "formats", "foxglove", "mqtt", "pandas", "parquet", "plot"} <= set(
+    assert {"all", "auth", "campaign", "can", "formats", "foxglove", "mqtt", "pandas", "parquet", "plot", "web"} <= set(
         facts.get_all("Provides-Extra", [])
     )
     entries = archive.read(place.replace("METADATA", "entry_points.txt")).decode()

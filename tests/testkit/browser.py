@@ -100,7 +100,9 @@ class Browser:
         request = urllib.request.Request(f"http://127.0.0.1:{self._port}/json/new", method="PUT")
         with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
             address = json.load(answer)["webSocketDebuggerUrl"]
-        return Tab(self._sockets.enter_context(connect(address, max_size=None, open_timeout=TIMEOUT_S)))
+        return Tab(
+            self._sockets.enter_context(connect(address, max_size=None, open_timeout=TIMEOUT_S, ping_interval=None))
+        )
 
     def close(self) -> None:
         """End the browser."""
