@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, MutableSequence, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from importlib import import_module
-from multiprocessing import get_context, resource_tracker
+from multiprocessing import get_context, parent_process, resource_tracker
+from multiprocessing.connection import wait
 from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
@@ -48,6 +51,10 @@ class SharedNumbers:
         """Change a number that no other process changes."""
         self._numbers[at] = number
 
+    def at(self, place: int) -> int:
+        """Return a number."""
+        return self._numbers[place]
+
     def total(self) -> int:
         """Return the sum."""
         return sum(self._numbers)
@@ -83,6 +90,18 @@ class Worker(ProcessPoolExecutor):
         future.add_done_callback(self._stop_feeding)
         return future
 
+    @property
+    def pid(self) -> int | None:
+        """Number of the process; None where none runs."""
+        return next(iter(tuple(self._processes or ())), None)
+
+    def end(self, *, at_once: bool) -> None:
+        """End the process, with its work or, at once, without."""
+        if at_once:
+            for process in tuple((self._processes or {}).values()):
+                process.terminate()
+        self.shutdown(wait=True, cancel_futures=True)
+
     def _stop_feeding(self, done: Future[Any]) -> None:
         """Close the queue of a process that has ended.
 
@@ -101,10 +120,7 @@ class Worker(ProcessPoolExecutor):
         Raises:
             WorkerLostError: the process was terminated from outside.
         """
-        if kind is not None:
-            for process in tuple((self._processes or {}).values()):
-                process.terminate()
-        self.shutdown(wait=True, cancel_futures=True)
+        self.end(at_once=kind is not None)
         if isinstance(error, BrokenProcessPool):
             raise WorkerLostError(
                 "a worker process was terminated from outside, possibly for lack of memory",
@@ -156,6 +172,13 @@ class Workers:
         self.counters.end()
         self._exit.__exit__(kind, error, trace)
 
+    def replace(self, place: int) -> None:
+        """End a process at once, and put another one in its place."""
+        self.each[place].end(at_once=True)
+        self.progress.put(place, 0)
+        worker = self._exit.enter_context(Worker(place, self.counters, self.progress))
+        self.each = (*self.each[:place], worker, *self.each[place + 1 :])
+
     def new_counter(self) -> int | None:
         """Return the place of a counter that is 0; None where there is no process to share it with, or none left."""
         if not self.each or self._counted == _COUNTERS:
@@ -199,6 +222,15 @@ def _begin(place: int, counters: SharedNumbers, progress: SharedNumbers) -> None
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process when the command is gone: killed, it cannot end its processes itself."""
+    parent = parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
 
 
 def _import(names: Sequence[str]) -> None:

@@ -75,7 +75,9 @@ _GB: Final = 1e9
     help="Memory of a worker process of this machine, at which it is ended.",
 )
 @click.option(
-    "--scheduler", metavar="ADDRESS", help="Use the workers of a dask scheduler instead, such as tcp://10.0.0.5:8786."
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Use the workers of a dask scheduler instead, such as tls://10.0.0.5:8786. It can run programs as you.",
 )
 @click.option("--retry", is_flag=True, help="Try recordings again that failed before and have not changed.")
 @keys_option
@@ -114,6 +116,12 @@ def campaign(
     """
     if scheduler is not None and jobs is not None:
         raise click.UsageError("--jobs is for this machine; the workers of --scheduler are started elsewhere.")
+    if scheduler is not None and not scheduler.startswith("tls://"):
+        click.echo(
+            f"--scheduler {clean(scheduler)} is neither encrypted nor authenticated: whoever reaches the scheduler can "
+            "run programs as you, here and on the workers. Use tls:// with certificates, or a network of your own.",
+            err=True,
+        )
     from gateway.fleet.parquet_parts import require_campaign_packages
 
     require_campaign_packages()
@@ -122,9 +130,10 @@ def campaign(
     from gateway.fleet.campaign_run import CampaignRun, find_recordings
     from gateway.fleet.content_keys import estimators_version
     from gateway.fleet.dataset import Description, opened
+    from gateway.fleet.local_tasks import LocalTasks, WorkersNotStartedError
     from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
+    from gateway.fleet.scheduler_tasks import scheduler_tasks
     from gateway.fleet.tire_diagnoses import DiagnosisCounts, diagnose_tires
-    from gateway.fleet.worker_cluster import WorkersNotStartedError, local_workers, scheduler_workers
     from gateway.fleet.worker_tasks import WorkerTasks
     from gateway.session.effects_opening import open_effects_file
 
@@ -162,10 +171,9 @@ def campaign(
             nonlocal pool
             if pool is None:
                 if scheduler is not None:
-                    pool = WorkerTasks(stack.enter_context(scheduler_workers(scheduler)))
+                    pool = stack.enter_context(scheduler_tasks(scheduler))
                 else:
-                    count = jobs or os.cpu_count() or 1
-                    pool = WorkerTasks(stack.enter_context(local_workers(count, memory_bytes)), memory_bytes)
+                    pool = stack.enter_context(LocalTasks(jobs or os.cpu_count() or 1, memory_bytes))
             return pool
 
         with _shown_progress(clock) as show:

@@ -7,6 +7,7 @@ import threading
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -21,7 +22,7 @@ from gateway.fleet.recording_estimation import (
     Failure,
     estimate_recording,
 )
-from gateway.fleet.worker_tasks import TaskPosition, TaskResult, WorkerTasks, position_reporter
+from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent, read_content
 from gateway.views.wording import text
@@ -82,12 +83,6 @@ class CampaignProgress:
         return self.elapsed_s * max(self.total_bytes - self.done_bytes, 0) / self.done_bytes
 
 
-@dataclass(slots=True)
-class _Job:
-    content: FileContent
-    read_bytes: int = 0
-
-
 class _Hashed(NamedTuple):
     path: Path
     content: FileContent | None
@@ -121,7 +116,7 @@ class CampaignRun:
     work: Callable[..., Estimated] = estimate_recording
     retries_failed: bool = False
     progress: CampaignProgress = field(default_factory=CampaignProgress)
-    _jobs: dict[str, _Job] = field(default_factory=dict)
+    _jobs: dict[str, FileContent] = field(default_factory=dict)
     _seen: dict[str, FileContent] = field(default_factory=dict)
     _sizes: dict[Path, int] = field(default_factory=dict)
     _tasks: WorkerTasks | None = None
@@ -169,9 +164,7 @@ class CampaignRun:
             self._report()
             if self._tasks is not None and self._jobs:
                 event = self._tasks.wait(_POLL_S)
-                if isinstance(event, TaskPosition):
-                    self._jobs[event.token].read_bytes = event.position
-                elif event is not None:
+                if event is not None:
                     self._finished(event, key)
         self._report()
 
@@ -201,24 +194,24 @@ class CampaignRun:
             self._settle(path)
         elif is_done:
             self.progress.restored += 1
-            self._submit(_Job(content))
+            self._submit(content)
         elif self.dataset.failed(content, key) and not self.retries_failed:
             self.progress.failed_before += 1
             self._settle(path)
         else:
-            self._submit(_Job(content))
+            self._submit(content)
 
-    def _submit(self, job: _Job) -> None:
+    def _submit(self, content: FileContent) -> None:
         if self._tasks is None:
             self._tasks = self.connect()
             self._begin_ns = self.clock.now_ns()
-        token = job.content.recording_id
-        self._jobs[token] = job
-        order = EstimationOrder(job.content, self.settings, self.dataset.incoming, token)
-        self._tasks.submit(token, run_order, self.work, order)
+        token = content.recording_id
+        self._jobs[token] = content
+        order = EstimationOrder(content, self.settings, self.dataset.incoming, token)
+        self._tasks.submit(token, partial(run_order, self.work), order)
 
     def _finished(self, event: TaskResult, key: str) -> None:
-        job = self._jobs.pop(event.token)
+        content = self._jobs.pop(event.token)
         outcome: Estimated | None = event.outcome
         failure = outcome.failure if outcome is not None else None
         if outcome is None:
@@ -227,13 +220,13 @@ class CampaignRun:
         else:
             self.progress.peak_bytes = max(self.progress.peak_bytes, outcome.peak_bytes)
         if failure is not None:
-            self._fail(job, replace(failure, attempts=event.attempts), key)
+            self._fail(content, replace(failure, attempts=event.attempts), key)
         elif outcome is not None:
-            self.dataset.commit(job.content, key, outcome.parts, outcome.vehicle, outcome.start_ns)
+            self.dataset.commit(content, key, outcome.parts, outcome.vehicle, outcome.start_ns)
             self.progress.estimated += 1
             self.progress.revolutions += outcome.revolutions
-            self._take_wheels(job.content, outcome.damage)
-        self._settle(job.content.path, counts=True)
+            self._take_wheels(content, outcome.damage)
+        self._settle(content.path, counts=True)
 
     def _take_wheels(self, content: FileContent, damage: Reason | None = None) -> bool:
         """Take what the rows of a recording say of its wheels; return False where they cannot be read."""
@@ -250,9 +243,9 @@ class CampaignRun:
             self.progress.damaged.append(content.path)
         return True
 
-    def _fail(self, job: _Job, failure: Failure, key: str) -> None:
-        self.dataset.fail(job.content.path, job.content, key, failure, self.clock.now_ns())
-        self._count_failure(job.content.path, failure)
+    def _fail(self, content: FileContent, failure: Failure, key: str) -> None:
+        self.dataset.fail(content.path, content, key, failure, self.clock.now_ns())
+        self._count_failure(content.path, failure)
 
     def _count_failure(self, path: Path, failure: Failure) -> None:
         self.progress.failed += 1
@@ -268,7 +261,10 @@ class CampaignRun:
             self.progress.total_bytes -= size
 
     def _report(self) -> None:
-        reading = sum(min(job.read_bytes, job.content.size_bytes) for job in self._jobs.values())
+        tasks = self._tasks
+        reading = 0
+        if tasks is not None:
+            reading = sum(min(tasks.read_bytes(token), content.size_bytes) for token, content in self._jobs.items())
         self.progress.done_bytes = self._done_bytes + reading
         if self._begin_ns:
             self.progress.elapsed_s = (self.clock.now_ns() - self._begin_ns) * 1e-9
@@ -281,7 +277,7 @@ class CampaignRun:
             self.dataset.follow(content, given)
 
 
-def run_order(work: Callable[..., Estimated], order: EstimationOrder) -> Estimated:
+def run_order(work: Callable[..., Estimated], order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estimated:
     """Estimate one recording in a worker, which reports how far it has read.
 
     Raises:
@@ -297,7 +293,7 @@ def run_order(work: Callable[..., Estimated], order: EstimationOrder) -> Estimat
             f"a worker does not see the dataset: there is no folder '{order.folder}'",
             "Keep recordings and dataset on a disk that all workers share, under the same path.",
         )
-    return work(order, position_reporter(order.token))
+    return work(order, on_bytes)
 
 
 def _remedy(reason: Reason) -> str:

@@ -30,9 +30,9 @@ def require_campaign_packages() -> None:
     except ImportError:
         missing.append("pyarrow")
     try:
-        import distributed  # noqa: F401
+        import psutil  # noqa: F401
     except ImportError:
-        missing.append("dask[distributed]")
+        missing.append("psutil")
     if missing:
         raise OutputError(
             f"a campaign needs the package{'s' if len(missing) > 1 else ''} {' and '.join(missing)}",

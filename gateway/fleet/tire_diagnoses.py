@@ -18,7 +18,7 @@ from gateway.fleet.content_keys import diagnosis_version, settings_key
 from gateway.fleet.dataset import DIAGNOSES, Dataset, Key, is_identified
 from gateway.fleet.parquet_parts import PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
-from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
+from gateway.fleet.worker_tasks import WorkerTasks
 from gateway.reasons import Code, Reason
 from gateway.views.tables.campaign_columns import DIAGNOSIS_COLUMNS
 from gateway.views.wording import as_json, joined, text
@@ -156,7 +156,7 @@ def diagnose_tires(
             running.add(name)
             pool.submit(name, diagnose_tire, orders[name][0])
         event = pool.wait(_POLL_S)
-        if not isinstance(event, TaskResult):
+        if event is None:
             continue
         running.discard(event.token)
         order, old = orders[event.token]
@@ -172,7 +172,7 @@ def diagnose_tires(
     return counts
 
 
-def diagnose_tire(order: DiagnosisOrder) -> TireOutcome:
+def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: None) -> TireOutcome:
     """Diagnose one tire in a worker and write its part; return what became of it.
 
     Raises:

@@ -13,9 +13,8 @@ from gateway.clock import SystemClock
 from gateway.fleet.campaign_run import CampaignProgress, CampaignRun, find_recordings
 from gateway.fleet.content_keys import estimators_version
 from gateway.fleet.dataset import Description, opened
+from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names, estimate_recording
-from gateway.fleet.worker_cluster import Workers, local_workers
-from gateway.fleet.worker_tasks import WorkerTasks
 from gateway.pipeline.wheel_setup import CorrectionTable
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
@@ -50,17 +49,17 @@ def recordings(made: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture(scope="session")
-def workers() -> Iterator[Workers]:
+def workers() -> Iterator[LocalTasks]:
     """Yield a worker process."""
-    with local_workers(1, MEMORY_BYTES) as connected:
-        yield connected
+    with LocalTasks(1, MEMORY_BYTES) as tasks:
+        yield tasks
 
 
 Campaign = Callable[..., CampaignProgress]
 
 
 @pytest.fixture
-def campaign(workers: Workers, tmp_path: Path) -> Campaign:
+def campaign(workers: LocalTasks, tmp_path: Path) -> Campaign:
     """Return what runs a campaign over paths into `tmp_path / "dataset"`."""
 
     def run(
@@ -80,7 +79,7 @@ def campaign(workers: Workers, tmp_path: Path) -> Campaign:
             return CampaignRun(
                 dataset=dataset,
                 settings=settings,
-                connect=lambda: WorkerTasks(workers, MEMORY_BYTES),
+                connect=lambda: workers,
                 clock=SystemClock(),
                 stop=stop or threading.Event(),
                 work=work,  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Campaigns with a real scheduler and worker process: what is estimated, once, and what survives faults."""
+"""Campaigns with a real worker process: what is estimated, once, and what survives faults."""
 
 from __future__ import annotations
 
@@ -274,16 +274,6 @@ def test_worker_out_of_memory_is_a_failure(campaign, recordings, tmp_path):
     assert (row["code"], row["attempts"]) == ("worker_memory_above_limit", 2)
     assert "500 MB" in row["text"]
     assert is_whole(tmp_path)
-
-
-def test_a_worker_keeps_no_profile_of_its_work(workers):
-    (callbacks,) = workers.client.run(_callbacks).values()
-    assert "heartbeat" in callbacks
-    assert not [name for name in callbacks if "profile" in name]
-
-
-def _callbacks(dask_worker: Any) -> list[str]:
-    return list(dask_worker.periodic_callbacks)
 
 
 def test_memory_error_is_tried_once_more(campaign, recordings, tmp_path):

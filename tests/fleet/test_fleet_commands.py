@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import pyarrow.parquet as pq
 import pytest
@@ -21,6 +22,7 @@ from gateway.cli import treadlink
 from gateway.errors import OutputError
 from gateway.estimators.estimator import Status
 from gateway.fleet.dataset import Description, opened
+from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.recording_estimation import estimate_names
 from gateway.fleet.tire_diagnoses import (
     MOST_RECORDINGS,
@@ -31,7 +33,6 @@ from gateway.fleet.tire_diagnoses import (
     diagnose_tires,
     outcome_in,
 )
-from gateway.fleet.worker_cluster import _close
 from gateway.reasons import Code, Reason
 from tests.fleet.test_campaign_run import is_whole, names, rows
 from tests.testkit.campaign_recordings import write_recording
@@ -45,11 +46,17 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "gateway.cli", *map(str, arguments)]
 
 
-def test_campaign_and_trends_end_to_end(recordings, tmp_path, monkeypatch, workers):
+@pytest.fixture
+def started(workers, monkeypatch):
+    """Let commands of the test's process use the worker that has started already."""
+    monkeypatch.setattr("gateway.fleet.local_tasks.LocalTasks", lambda *_: nullcontext(workers))
+
+
+@pytest.mark.usefixtures("started")
+def test_campaign_and_trends_end_to_end(recordings, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (recordings / "bad.mcap").write_text("no recording")
-    address = workers.cluster.scheduler_address
-    arguments = ["campaign", str(recordings), "--out", "dataset", *FEW[:4], "--scheduler", address]
+    arguments = ["campaign", str(recordings), "--out", "dataset", *FEW]
     done = CliRunner().invoke(treadlink, arguments)
     assert done.exit_code == 1, done.output
     assert "3 recordings estimated" in done.output
@@ -65,42 +72,44 @@ def test_campaign_and_trends_end_to_end(recordings, tmp_path, monkeypatch, worke
     assert isinstance(again.exception, OutputError)
 
 
-def told_twice(recordings, tmp_path, workers):
+def told_twice(recordings, tmp_path):
     """Yield what a campaign prints of recordings that lack something, now and when they are known; its status is 1."""
-    address = workers.cluster.scheduler_address
-    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW[:4], "--scheduler", address]
+    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW]
     for _ in range(2):
         done = CliRunner().invoke(treadlink, arguments)
         assert done.exit_code == 1, done.output
         yield done.output
 
 
-def test_a_wheel_without_a_revolution_is_told_by_status_and_line(recordings, tmp_path, workers):
+@pytest.mark.usefixtures("started")
+def test_a_wheel_without_a_revolution_is_told_by_status_and_line(recordings, tmp_path):
     write_recording(
         recordings / "standing.mcap",
         "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 0\n",
         wheels=("load_n = 4000\n",),
         duration_s=2.5,
     )
-    for output in told_twice(recordings, tmp_path, workers):
+    for output in told_twice(recordings, tmp_path):
         assert "1 wheel without a revolution" in output
         assert "standing.mcap W0: no revolution in 2.5 s of samples: the wheel stands still" in output
 
 
-def test_a_damaged_recording_is_told_by_status_and_line(recordings, tmp_path, workers):
+@pytest.mark.usefixtures("started")
+def test_a_damaged_recording_is_told_by_status_and_line(recordings, tmp_path):
     cut = recordings / "drive0.mcap"
     cut.write_bytes(cut.read_bytes()[: cut.stat().st_size * 3 // 4])
-    for output in told_twice(recordings, tmp_path, workers):
+    for output in told_twice(recordings, tmp_path):
         assert "1 damaged: only the readable part is estimated; `treadlink repair` recovers more\n" in output
         assert f"  {cut}: see treadlink inspect\n" in output
 
 
-def test_a_damaged_recording_without_a_readable_sample_is_a_failure(recordings, tmp_path, workers):
+@pytest.mark.usefixtures("started")
+def test_a_damaged_recording_without_a_readable_sample_is_a_failure(recordings, tmp_path):
     path = recordings / "drive0.mcap"
     content = bytearray(path.read_bytes())
     content[3_000:] = bytes(len(content) - 3_000)
     path.write_bytes(content)
-    output, _ = told_twice(recordings, tmp_path, workers)
+    output, _ = told_twice(recordings, tmp_path)
     assert "2 recordings estimated" in output
     assert "bytes are not read" in output
     (failure,) = rows(tmp_path, "failures")
@@ -110,24 +119,11 @@ def test_a_damaged_recording_without_a_readable_sample_is_a_failure(recordings, 
     assert len(names(tmp_path)) == 2
 
 
-def test_one_recording_is_one(recordings, tmp_path, workers):
-    address = workers.cluster.scheduler_address
-    arguments = ["campaign", str(recordings / "drive0.mcap"), "--out", str(tmp_path / "dataset"), *FEW[:4]]
-    done = CliRunner().invoke(treadlink, [*arguments, "--scheduler", address])
+@pytest.mark.usefixtures("started")
+def test_one_recording_is_one(recordings, tmp_path):
+    arguments = ["campaign", str(recordings / "drive0.mcap"), "--out", str(tmp_path / "dataset"), *FEW]
+    done = CliRunner().invoke(treadlink, arguments)
     assert done.output.startswith("1 recording estimated")
-
-
-def test_workers_that_do_not_end_are_killed():
-    class Cluster:
-        def __init__(self, pid: int) -> None:
-            self.workers = {0: SimpleNamespace(pid=pid), 1: SimpleNamespace(pid=None)}
-
-        def close(self, *, timeout: float) -> None:
-            raise TimeoutError(timeout)
-
-    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as process:
-        _close(Cluster(process.pid))
-        assert process.wait(timeout=10.0) < 0
 
 
 def no_workers(*_: object) -> None:
@@ -137,46 +133,71 @@ def no_workers(*_: object) -> None:
 def test_no_worker_starts_when_nothing_is_to_do(campaign, recordings, tmp_path, monkeypatch):
     campaign(recordings, estimators=("kinematic", "weak-form"))
     runner = CliRunner()
-    monkeypatch.setattr("gateway.fleet.worker_cluster.local_workers", no_workers)
+    monkeypatch.setattr("gateway.fleet.local_tasks.LocalTasks", no_workers)
     found = runner.invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
     assert found.exit_code == 0, found.output
     assert "3 done before" in found.output
 
 
 def test_unreachable_scheduler_is_an_error(recordings, tmp_path, monkeypatch):
-    monkeypatch.setattr("gateway.fleet.worker_cluster._CONNECT_S", 0.5)
+    monkeypatch.setattr("gateway.fleet.scheduler_tasks._CONNECT_S", 0.5)
     arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), "--scheduler", "tcp://127.0.0.1:9"]
     found = CliRunner().invoke(treadlink, arguments)
     assert CliRunner().invoke(treadlink, [*arguments, "--jobs", "2"]).exit_code == 2
     assert "no dask scheduler answers at 'tcp://127.0.0.1:9'" in str(found.exception)
 
 
-def failing_cluster(**_: object) -> None:
-    raise RuntimeError("Nanny failed to start.")
+def end_at_once() -> None:
+    os._exit(1)
 
 
 def test_worker_that_ends_as_it_starts_is_an_error(recordings, tmp_path, monkeypatch):
-    monkeypatch.setattr("distributed.LocalCluster", failing_cluster)
-    found = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
-    assert "the worker processes did not start: Nanny failed to start." in str(found.exception)
+    monkeypatch.setattr("gateway.fleet.local_tasks._ignore_interrupt", end_at_once)
+    result = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    assert "the worker processes did not start" in str(result.exception)
 
 
 def test_signal_that_ends_a_starting_worker_ends_the_campaign(recordings, tmp_path, monkeypatch):
-    def signalled(**_: object) -> None:
-        os.kill(os.getpid(), signal.SIGTERM)
-        failing_cluster()
+    class Signalled(LocalTasks):
+        def wait(self, timeout_s: float) -> None:
+            os.kill(os.getpid(), signal.SIGTERM)
+            super().wait(60.0)
 
-    monkeypatch.setattr("distributed.LocalCluster", signalled)
-    found = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
-    assert found.exit_code == 143, found.output
+    monkeypatch.setattr("gateway.fleet.local_tasks._ignore_interrupt", end_at_once)
+    monkeypatch.setattr("gateway.fleet.local_tasks.LocalTasks", Signalled)
+    result = CliRunner().invoke(treadlink, ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW])
+    assert result.exit_code == 143, result.output
 
 
-@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="the system cannot hold back signals")
-def test_workers_hold_back_the_interrupt(workers):
-    """From their start, before they can ignore it: it is the main thread's mask that they inherit."""
-    held = workers.client.run(lambda: signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))
-    assert list(held.values()) == [True]
-    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+def test_workers_ignore_the_interrupt(workers):
+    assert done(workers, interrupt_handler, None) == signal.SIG_IGN
+
+
+def interrupt_handler(_order: object, _report: object) -> object:
+    return signal.getsignal(signal.SIGINT)
+
+
+def test_the_local_campaign_opens_no_socket(workers):
+    """Whoever reaches a port of workers could run programs as the owner of the campaign."""
+    assert done(workers, sockets, os.getpid()) == []
+
+
+def sockets(parent: int, _report: object) -> list[str]:
+    import psutil
+
+    with socket.socket() as mine:  # what is looked for can be seen
+        mine.bind(("127.0.0.1", 0))
+        mine.listen()
+        assert psutil.Process().net_connections()
+    return [str(one) for pid in (parent, os.getpid()) for one in psutil.Process(pid).net_connections("inet")]
+
+
+def done(tasks: LocalTasks, work: object, order: object) -> object:
+    """Return the outcome of one task."""
+    tasks.submit("one", work, order)
+    while (result := tasks.wait(1.0)) is None:
+        pass
+    return result.outcome
 
 
 @pytest.mark.slow
@@ -296,7 +317,8 @@ def test_names_of_estimates_are_those_of_tables(campaign, recordings, tmp_path):
 
 def test_workers_print_no_alarms():
     code = (
-        "import logging, gateway.fleet.worker_signals\n"
+        "import logging, gateway.fleet.local_tasks as tasks\n"
+        "tasks._ignore_interrupt()\n"
         "logging.getLogger('gateway.session.alarm_log').warning('FL: ALARM')\n"
         "logging.getLogger('other').warning('shown')"
     )

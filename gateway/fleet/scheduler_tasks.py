@@ -1,0 +1,125 @@
+"""Tasks of a campaign at the workers of a dask scheduler."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any, Final
+
+from gateway.clock import SystemClock
+from gateway.errors import OutputError, TreadlinkError
+from gateway.fleet.worker_tasks import RunningTask, Work, WorkerTasks
+from gateway.reasons import Code, Reason
+
+_CONNECT_S: Final = 10.0
+_CLOSE_S: Final = 5.0
+_TOPIC: Final = "treadlink-campaign"
+_REPORT_NS: Final = 500_000_000
+
+
+@contextmanager
+def scheduler_tasks(address: str) -> Iterator[SchedulerTasks]:
+    """Connect to a dask scheduler.
+
+    Raises:
+        OutputError: dask is not installed.
+        TreadlinkError: no scheduler answers at this address, or it is of another version.
+    """
+    try:
+        import dask
+        from distributed import Client
+    except ImportError as error:
+        raise OutputError(
+            "--scheduler needs the package dask[distributed]", "Install: pip install 'treadlink[cluster]'"
+        ) from error
+    # What dask reports of ended workers, the campaign reports.
+    level = logging.INFO if logging.getLogger("gateway").isEnabledFor(logging.DEBUG) else logging.CRITICAL
+    logging.getLogger("distributed").setLevel(level)
+    try:
+        with dask.config.set({"distributed.comm.timeouts.connect": f"{_CONNECT_S:.0f}s"}):
+            client = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError, TypeError) as error:
+        raise TreadlinkError(
+            f"no dask scheduler answers at '{address}': {error}",
+            "Start one with `dask scheduler`, and workers with `dask worker`; tls:// needs certificates on all sides.",
+        ) from error
+    try:
+        yield SchedulerTasks(client)
+    finally:
+        client.close(timeout=_CLOSE_S)  # type: ignore[no-untyped-call]
+
+
+class SchedulerTasks(WorkerTasks):
+    """Tasks at the workers of a dask scheduler."""
+
+    def __init__(self, client: Any) -> None:
+        """Take the client of dask.distributed."""
+        super().__init__()
+        self._client = client
+        self._number = 0
+        client.subscribe_topic(_TOPIC, self._take_position)
+
+    def places(self) -> int:
+        """Return the number of threads of all workers."""
+        return sum(self._client.nthreads().values())
+
+    def read_bytes(self, token: str) -> int:
+        """Return how far a running task has read its file."""
+        task = self._running.get(token)
+        return 0 if task is None else task.read_bytes
+
+    def cancel(self) -> None:
+        """Take back all tasks."""
+        futures = [task.future for task in self._running.values()]
+        self._running.clear()
+        if futures:
+            self._client.cancel(futures, force=True)
+
+    def _begin(self, task: RunningTask) -> Any:
+        self._number += 1
+        # The argument `key` is dask's: one for each attempt, or it would return the result of the first.
+        key = f"treadlink-{task.token}-{self._number}"
+        return self._client.submit(partial(_work, task.work, task.token), task.order, key=key, pure=False, retries=0)
+
+    def _outcome(self, task: RunningTask) -> Any:
+        from distributed import KilledWorker
+
+        try:
+            return task.future.result()
+        except KilledWorker:
+            return Reason(Code.WORKER_ENDED)
+        except (MemoryError, TreadlinkError):
+            raise
+        except Exception as error:
+            # What a worker raises before it calls the function: it cannot import this treadlink.
+            raise TreadlinkError(
+                f"the workers cannot estimate: {type(error).__name__}: {error}",
+                "Install the same version of treadlink, with the same packages, where the workers run.",
+            ) from error
+        finally:
+            # A result that is held is computed again when the worker that has it ends.
+            task.future.release()
+
+    def _take_position(self, event: tuple[float, Any]) -> None:
+        token, position = event[1]
+        task = self._running.get(str(token))
+        if task is not None:
+            task.read_bytes = int(position)
+
+
+def _work(work: Work, token: str, order: Any) -> Any:
+    """Do the work in a worker of dask, which reports the bytes read twice a second."""
+    from distributed import get_worker
+
+    worker, clock, due_ns = get_worker(), SystemClock(), 0
+
+    def report(position: int) -> None:
+        nonlocal due_ns
+        now_ns = clock.now_ns()
+        if now_ns >= due_ns:
+            due_ns = now_ns + _REPORT_NS
+            worker.log_event(_TOPIC, [token, position])
+
+    return work(order, report)

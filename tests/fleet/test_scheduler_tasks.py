@@ -1,0 +1,111 @@
+"""A campaign at the workers of a dask scheduler: plain with a warning, and by TLS with certificates."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import TreadlinkError
+from gateway.fleet.scheduler_tasks import scheduler_tasks
+from tests.fleet.test_campaign_run import is_whole, names
+
+distributed = pytest.importorskip("distributed")
+
+ROOT = Path(__file__).parents[2]
+FEW = ("--estimator", "kinematic", "--estimator", "weak-form")
+WARNING = "is neither encrypted nor authenticated"
+
+
+def cluster(**options):
+    return distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, dashboard_address=None, **{"processes": False, **options}
+    )
+
+
+def run(recordings, tmp_path, address):
+    arguments = ["campaign", str(recordings), "--out", str(tmp_path / "dataset"), *FEW, "--scheduler", address]
+    return CliRunner().invoke(treadlink, arguments)
+
+
+def test_a_plain_scheduler_is_used_with_a_warning(recordings, tmp_path):
+    with cluster() as plain:
+        result = run(recordings, tmp_path, plain.scheduler_address)
+    assert result.exit_code == 0, result.output
+    assert WARNING in result.stderr
+    assert "3 recordings estimated" in result.output
+    assert is_whole(tmp_path)
+
+
+def test_a_scheduler_with_certificates_is_used_without_a_word(recordings, tmp_path, monkeypatch):
+    pytest.importorskip("cryptography")
+    security = distributed.Security.temporary()
+    files = {"ca-file": security.tls_ca_file, "client.cert": security.tls_client_cert}
+    files["client.key"] = security.tls_client_key
+    settings = {}
+    for name, content in files.items():
+        (tmp_path / name).write_text(content)
+        settings[f"distributed.comm.tls.{name}"] = str(tmp_path / name)
+    with cluster(protocol="tls", security=security) as secured:
+        import dask
+
+        with dask.config.set(settings):
+            result = run(recordings, tmp_path, secured.scheduler_address)
+        assert result.exit_code == 0, result.output
+        assert WARNING not in result.stderr
+        assert len(names(tmp_path)) == 3
+
+        (tmp_path / "dataset").rename(tmp_path / "before")
+        without = run(recordings, tmp_path, secured.scheduler_address)
+        assert "no dask scheduler answers" in str(without.exception)
+
+
+def work(order, report):
+    report(7)
+    if order == "end":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if order == "memory":
+        raise MemoryError
+    if order == "fault":
+        raise ImportError("no treadlink")
+    return order
+
+
+@pytest.mark.slow
+def test_a_worker_that_ends_is_a_reason():
+    import dask
+
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 0}),
+        cluster(processes=True) as workers,
+        scheduler_tasks(workers.scheduler_address) as tasks,
+    ):
+        assert tasks.places() == 1
+        for order, code in (("fine", None), ("end", "worker_ended"), ("memory", "worker_memory_full")):
+            tasks.submit(order, work, order)
+            while (result := tasks.wait(1.0)) is None:
+                pass
+            assert (result.ended.code if result.ended else None) == code
+        tasks.submit("fault", work, "fault")
+        with pytest.raises(TreadlinkError, match="the workers cannot estimate: ImportError"):
+            tasks.wait(60.0)
+
+
+def test_cancelled_tasks_have_no_result():
+    with cluster() as workers, scheduler_tasks(workers.scheduler_address) as tasks:
+        tasks.submit("one", work, "fine")
+        tasks.cancel()
+        assert tasks.wait(0.2) is None
+        assert tasks.read_bytes("one") == 0
+
+
+def test_a_campaign_without_scheduler_imports_no_dask():
+    code = "import sys, gateway.fleet.campaign_run, gateway.fleet.local_tasks, gateway.fleet.tire_diagnoses\n"
+    code += "sys.exit(bool({'dask', 'distributed'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False).returncode == 0
