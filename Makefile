@@ -9,13 +9,19 @@ DOCS_STAMP := $(DOCS_VENV)/.installed
 # Of `make nightly`: another one every day.
 SEED ?= $(shell date +%Y%m%d)
 
-.PHONY: demo hub test nightly lint types bench firmware firmware-packages docs docs-pages docs-serve clean
+# Locks name versions and hashes for every system and Python, and no address to download from.
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+  --no-header --no-annotate --upgrade
+# Of the last commit: two builds of it are equal to the byte.
+export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 315532800)
+
+.PHONY: demo hub test nightly coverage lint types bench firmware firmware-packages docs docs-pages docs-serve dist sbom locks clean
 
 $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "treadlink needs Python 3.11 or newer; '$(PYTHON)' is older. Try: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@
 
@@ -43,6 +49,32 @@ nightly: $(STAMP)
 	  $(BIN)/python -m tools.fuzz_files --count 20000 --seed $(SEED) || status=1; \
 	  exit $$status
 
+# Lines and branches by room; fails where a room is below what tools/coverage_rooms.py states.
+coverage: $(STAMP)
+	@mkdir -p build
+	$(BIN)/coverage erase
+	$(BIN)/coverage run -m pytest -m "not slow"; status=$$?; \
+	  $(BIN)/coverage combine --quiet; $(BIN)/coverage json --quiet -o build/coverage.json && \
+	  $(BIN)/python -m tools.coverage_rooms build/coverage.json && exit $$status
+
+# Wheel and source distribution in dist/, with their hashes.
+dist: $(STAMP)
+	rm -rf dist
+	$(BIN)/python -m build --no-isolation --outdir dist .
+	cd dist && sha256sum treadlink-*
+
+# What an installation with all extras consists of, as CycloneDX, from the lock file with its hashes.
+sbom: $(STAMP)
+	@mkdir -p dist
+	$(BIN)/cyclonedx-py requirements requirements-run.lock --pyproject pyproject.toml --output-reproducible \
+	  --output-file dist/treadlink.cdx.json
+
+# The newest versions of everything; run the tests afterwards.
+locks: $(STAMP)
+	$(LOCK) pyproject.toml --all-extras --output-file requirements.lock
+	$(LOCK) pyproject.toml --extra all --output-file requirements-run.lock
+	$(LOCK) --group docs --output-file requirements-docs.lock
+
 lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -66,7 +98,7 @@ bench: $(STAMP)
 
 $(DOCS_STAMP): requirements-docs.lock
 	$(PYTHON) -m venv $(DOCS_VENV)
-	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements-docs.lock
+	$(DOCS_VENV)/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-docs.lock
 	@touch $@
 
 # The pages that the site generator reads: those of docs/ and those generated from the code.

@@ -38,7 +38,8 @@ MARKS_TOPIC: Final = "/marks"
 COMPUTER_TOPIC: Final = "/computer"
 
 _MAX_CHANNEL_DIGITS: Final = 5
-MAX_TIME_NS: Final = (1 << 63) - 1
+MAX_TIME_NS: Final = 1 << 62
+"""Latest time of a recording, in 2116: half of what signed 64 bits hold, so that times can be added and subtracted."""
 MAX_CHANNELS: Final = 8192
 """Largest number of channels of a recording; no session has as many."""
 MAX_CHANNEL_CHARS: Final = 1024
@@ -157,7 +158,6 @@ def _event_details(recorded: list[dict[str, Any]]) -> tuple[Reason, ...]:
 def link_items(message: RecordedMessage) -> Iterator[LinkItem]:
     """Yield the link items of a message: none for decoded topics and unreadable events, several for very many bytes."""
     channel = message.channel
-    # Times in MCAP are unsigned; those from the year 2262 on exceed a signed 64-bit integer.
     host_ns = min(message.log_time_ns, MAX_TIME_NS)
     if channel.encoding == RAW_ENCODING:
         for begin in range(0, len(message.data), _MAX_ITEM_BYTES):
