@@ -7,6 +7,8 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import FiniteRange, config_option, effects_option, force_option, keys_option
+from gateway.errors import TreadlinkError
+from gateway.views.wording import text
 
 _DEFAULT_ORDERS = 12
 _SPEED_STEP_KMH = 5.0
@@ -76,7 +78,7 @@ def orders(
     the tire's own; white noise alone has 12.5 %. Revolutions with faults are left out.
 
     A FILE of - is standard output, and the summary is then printed to standard error. The exit status is 1 if no wheel
-    has a usable revolution.
+    has a usable revolution, or the recording is damaged.
     """
     from gateway.cli.summary_output import SummaryOutput
     from gateway.security.key_file import default_key_file
@@ -92,7 +94,7 @@ def orders(
         check_figure(figure)
     say = SummaryOutput(err=any(map(is_stdout, outputs)))
     with progress_bar(f"reading {recording.name}") as bar:
-        found = recorded_orders(
+        found, damage = recorded_orders(
             recording,
             wheels=wheels,
             speed_step_mps=speed_step_kmh / 3.6,
@@ -116,3 +118,5 @@ def orders(
         if path is not None and not is_stdout(path):
             say(f"written: {path}")
     say.finish()
+    if damage is not None:
+        raise TreadlinkError(text(damage), "The readable part was used.")

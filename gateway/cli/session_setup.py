@@ -30,7 +30,7 @@ from gateway.views.plain import PlainView
 from gateway.views.progress import can_move_cursor
 from gateway.views.session_summary import summary_lines
 from gateway.views.text import clean
-from gateway.views.wording import notice_text
+from gateway.views.wording import notice_text, text
 
 # A session takes what has arrived ten times a second.
 _POLL_S: Final = 0.1
@@ -231,6 +231,9 @@ def ending(session: RunningSession, stop: StopRequest, *, needs_revolutions: boo
         raise
     if session.live.core.recording_fault is not None:
         raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
+    damage = session.opened.damage()
+    if damage is not None:
+        raise RecordingError(text(damage), "The readable part was replayed.")
     is_receiver_left = session.publisher is not None and session.publisher.is_receiver_left
     if no_frames or (needs_revolutions and no_revolutions) or is_receiver_left:
         raise SystemExit(exit_status.NO_RESULT)

@@ -101,6 +101,11 @@ class ReplaySource:
         return self._link
 
     @property
+    def damage(self) -> Reason | None:
+        """What was unreadable of what has been replayed."""
+        return self._playable.damage
+
+    @property
     def vehicle_toml(self) -> str | None:
         """Vehicle configuration in the recording."""
         return self._playable.vehicle_toml

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from gateway.config.effects_file import effects_doubts
 from gateway.config.vehicle import choose_vehicle
 from gateway.errors import RecordingError
 from gateway.pipeline.results import RevolutionResult
+from gateway.reasons import Reason
 from gateway.recording.recorded_file import open_recorded_file
 from gateway.security.guard import open_guard
 from gateway.session.effects_opening import open_effects
@@ -43,6 +45,18 @@ class _Wheel:
         )
 
 
+class RecordedOrders(NamedTuple):
+    """Orders of a recording.
+
+    Attributes:
+        wheels: each with a usable revolution.
+        damage: what of the recording was unreadable, None without any.
+    """
+
+    wheels: tuple[WheelOrders, ...]
+    damage: Reason | None
+
+
 def recorded_orders(
     path: Path,
     *,
@@ -52,7 +66,7 @@ def recorded_orders(
     effects_paths: Sequence[Path] = (),
     key_file: Path | None = None,
     on_progress: Callable[[float], None] = lambda _: None,
-) -> tuple[WheelOrders, ...]:
+) -> RecordedOrders:
     """Return the orders of every wheel that has a usable revolution; memory use does not depend on the length.
 
     Args:
@@ -100,4 +114,4 @@ def recorded_orders(
             f"'{path}' has no usable revolution{of}", f"`treadlink estimate {path}` lists the reasons."
         )
     order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
-    return tuple(sorted(orders, key=lambda one: order.get(one.wheel, len(order))))
+    return RecordedOrders(tuple(sorted(orders, key=lambda one: order.get(one.wheel, len(order)))), recording.damage)

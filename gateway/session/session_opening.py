@@ -13,6 +13,8 @@ from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
+from gateway.reasons import Reason
+from gateway.recording.replay_source import ReplaySource
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
@@ -34,12 +36,18 @@ class OpenedSession:
         recorder: the recording, None without one.
         host_limit_s: session time at which to stop a session with a hub, which may be silent; None without a limit. A
             recording and a simulation end by their own time.
+        replays: sources that are recordings.
     """
 
     live: LiveSession
     summary: ResultSummary
     recorder: RecordingWriter | None
     host_limit_s: float | None
+    replays: tuple[ReplaySource, ...]
+
+    def damage(self) -> Reason | None:
+        """Return what of a replayed recording was unreadable, as far as it was read; None without any."""
+        return next(filter(None, (replay.damage for replay in self.replays)), None)
 
     def time_is_up(self) -> bool:
         """Return whether the session has run for as long as it may."""
@@ -84,6 +92,7 @@ def open_session(
     recorder: RecordingWriter | None = None
     try:
         sources += [open_source(uri, clock) for uri in uris]
+        replays = tuple(source for source in sources if isinstance(source, ReplaySource))
         vehicle = choose([source.vehicle_toml for source in sources])
         effects = open_effects(effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
@@ -121,7 +130,7 @@ def open_session(
         if recorder is not None:
             _remove_empty(recorder)
         raise
-    return OpenedSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None)
+    return OpenedSession(live, summary, recorder, duration_s if any(map(is_live, uris)) else None, replays)
 
 
 def _open_recorder(

@@ -104,7 +104,7 @@ def test_csv_to_a_pipe_has_every_order_and_speed(recorded):
 
 @pytest.fixture(scope="module")
 def orders(recorded):
-    return recorded_orders(recorded, wheels=["W0"], speed_step_mps=2.0)
+    return recorded_orders(recorded, wheels=["W0"], speed_step_mps=2.0).wheels
 
 
 @pytest.mark.parametrize(("suffix", "start"), [("svg", b"<?xml"), ("png", b"\x89PNG"), ("html", b"<!doctype html>")])
