@@ -16,6 +16,7 @@ from gateway import __version__
 from gateway.closure.result import Curves, Diagnosis, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
+from gateway.views.html_template import html_template
 from gateway.views.numbers import fixed, split_name
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import (
@@ -128,10 +129,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
 @cache
 def _template() -> jinja2.Template:
-    import jinja2
-
-    source = resources.files(_PACKAGE).joinpath(_TEMPLATE).read_text(encoding="utf-8")
-    return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
+    return html_template(_PACKAGE, _TEMPLATE)
 
 
 @dataclass(frozen=True, slots=True)

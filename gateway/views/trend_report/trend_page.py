@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from gateway import __version__
 from gateway.estimators.estimator import Status
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
+from gateway.views.html_template import html_template
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import inline_svg, report_style, require_report_packages
 from gateway.views.series_labels import SERIES_LABELS
@@ -133,10 +134,7 @@ def trends_page(trends: FleetTrends) -> str:
 
 @cache
 def _template() -> jinja2.Template:
-    import jinja2
-
-    source = resources.files(_PACKAGE).joinpath(_TEMPLATE).read_text(encoding="utf-8")
-    return jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(source)
+    return html_template(_PACKAGE, _TEMPLATE)
 
 
 def _page(trends: FleetTrends) -> _Page:
