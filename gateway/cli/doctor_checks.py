@@ -16,6 +16,7 @@ from typing import Any, Final
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.io.source import open_source, parse_source_uri
 from gateway.views.progress import can_move_cursor
+from gateway.views.text import escaped
 from gateway.views.wording import notice_text
 from gateway.views.wording import text as wording
 
@@ -226,6 +227,7 @@ def check_terminal(
 def check_config(path: Path) -> Iterator[Check]:
     """Check a vehicle configuration, with one finding for each fault."""
     from gateway.config.vehicle import load_vehicle
+    from gateway.estimators.registry import estimator_names
 
     name = "configuration"
     try:
@@ -246,6 +248,11 @@ def check_config(path: Path) -> Iterator[Check]:
             rest = ", unless the sensor reports it" if what == "pressure" else ""
             text = f"{what} of {', '.join(unknown)} is unknown: only ratios of the numbers can be estimated"
             yield Check(name, Level.WARNING, text, f"State {key} if possible{rest}.")
+    for unknown_name in sorted({setup.tire.reference.estimator for setup in setups} - set(estimator_names())):
+        text = (
+            f"tire.reference.estimator: '{unknown_name}' is not an estimator: neither wear nor load is measured with it"
+        )
+        yield Check(name, Level.FAULT, escaped(text), f"Allowed: {', '.join(estimator_names())}.")
     yield from (
         Check(name, Level.WARNING, notice_text(notice), "Measure it and state it in the configuration.")
         for notice in config.notices()

@@ -15,6 +15,7 @@ import numpy as np
 
 from gateway.estimators.determination import DETERMINED
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.registry import estimator_names
 from gateway.estimators.revolution_block import RevolutionBlock
 from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K, TireData
 from gateway.reasons import Code, Reason
@@ -165,7 +166,8 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
         return Estimate.invalid(name, Reason(Code.NEEDS_REFERENCE_NUMBER, number="Bs"))
     numbers = conditions.given.get(reference.estimator)
     if numbers is None:
-        return Estimate.invalid(name, Reason(Code.NEEDS_ESTIMATOR, estimator=reference.estimator))
+        code = Code.NEEDS_ESTIMATOR if reference.estimator in estimator_names() else Code.UNKNOWN_ESTIMATOR
+        return Estimate.invalid(name, Reason(code, estimator=reference.estimator))
     bending, new, new_relative = numbers.get("Bs"), reference.Bs, reference.Bs_std / reference.Bs
     if bending is None:
         bending = Estimate.invalid("Bs", Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Bs"))

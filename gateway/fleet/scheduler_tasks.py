@@ -32,7 +32,7 @@ def scheduler_tasks(address: str) -> Iterator[SchedulerTasks]:
         from distributed import Client
     except ImportError as error:
         raise OutputError(
-            "--scheduler needs the package dask[distributed]", "Install: pip install 'treadlink[cluster]'"
+            "--scheduler needs the package dask[distributed]", "Install: pip install 'treadlink[campaign,cluster]'"
         ) from error
     # What dask reports of ended workers, the campaign reports.
     level = logging.INFO if logging.getLogger("gateway").isEnabledFor(logging.DEBUG) else logging.CRITICAL

@@ -62,6 +62,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     record(folder / "empty.mcap")
     (folder / "damaged.mcap").write_bytes((folder / "rolling.mcap").read_bytes()[:-30_000])
     (folder / "require.toml").write_text(REQUIRE)
+    (folder / "estimator.toml").write_text(
+        '[tire]\nradius_mm = 320\n[tire.reference]\nestimator = "nosuch"\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n'
+    )
     (folder / "keys").touch(0o600)
     return folder
 
@@ -111,6 +114,7 @@ def run(folder: Path, line: str) -> tuple[int, str]:
         ("keys list --file keys", 0, "no keys"),
         ("command start tcp://127.0.0.1:1", 1, "cannot connect"),
         ("doctor --config nosuch.toml", 1, "nosuch.toml"),
+        ("doctor --config estimator.toml", 1, "'nosuch' is not an estimator"),
         ("nosuch", 2, "nosuch"),
     ],
 )

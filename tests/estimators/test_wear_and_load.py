@@ -132,6 +132,7 @@ def test_unknown_pressure_makes_the_wear_provisional() -> None:
         ({"given": {}}, Code.NEEDS_ESTIMATOR),
         ({"given": {"ring-paper": GIVEN}}, Code.NEEDS_ESTIMATOR),
         ({"given": {"weak-form": {}}}, Code.NUMBER_MISSING),
+        ({"tire": replace(NEW, reference=replace(NEW.reference, estimator="nosuch"))}, Code.UNKNOWN_ESTIMATOR),
     ],
 )
 def test_missing_wear_inputs_are_reported(change: dict[str, object], code: Code) -> None:

@@ -45,9 +45,20 @@ def test_wheel_states_who_it_is(wheel: Path) -> None:
     assert facts["Name"] == "treadlink"
     assert facts["Requires-Python"] == ">=3.11"
     assert facts["License-Expression"] == "MIT"
-    assert {"all", "auth", "campaign", "can", "formats", "foxglove", "mqtt", "pandas", "parquet", "plot", "web"} <= set(
-        facts.get_all("Provides-Extra", [])
-    )
+    assert {
+        "all",
+        "auth",
+        "campaign",
+        "can",
+        "cluster",
+        "formats",
+        "foxglove",
+        "mqtt",
+        "pandas",
+        "parquet",
+        "plot",
+        "web",
+    } <= set(facts.get_all("Provides-Extra", []))
     entries = archive.read(place.replace("METADATA", "entry_points.txt")).decode()
     assert "treadlink = gateway.cli:main" in entries
 
