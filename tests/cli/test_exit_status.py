@@ -63,7 +63,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "damaged.mcap").write_bytes((folder / "rolling.mcap").read_bytes()[:-30_000])
     (folder / "require.toml").write_text(REQUIRE)
     (folder / "estimator.toml").write_text(
-        '[tire]\nradius_mm = 320\n[tire.reference]\nestimator = "nosuch"\n[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n'
+        '[tire]\nradius_mm = 320\n[tire.reference]\nestimator = "nosuch"\n'
+        '[[wheel]]\nposition = "FL"\nhub = 0\nwheel = 0\n'
     )
     (folder / "keys").touch(0o600)
     return folder
