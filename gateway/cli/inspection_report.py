@@ -9,6 +9,7 @@ from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection
+from gateway.recording.reader import RecordingInfo
 from gateway.recording.writer import utc_text
 from gateway.views.numbers import duration, file_size, fixed, percent
 from gateway.views.recording_topics import log_level
@@ -27,8 +28,7 @@ def inspection_lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[s
     info = found.info
     begin, end = found.span_ns
     yield f"{info.path}"
-    state = "finished" if info.finished else "NOT FINISHED (recording was interrupted); `treadlink repair` completes it"
-    yield f"  {file_size(info.size_bytes)}, {duration((end - begin) * 1e-9)} of data, {state}"
+    yield f"  {file_size(info.size_bytes)}, {duration((end - begin) * 1e-9)} of data, {_state_text(info)}"
     if info.start_ns is not None:
         version = f" by treadlink {info.treadlink}" if info.treadlink else ""
         yield f"  started {utc_text(info.start_ns)}{version} from {', '.join(info.sources) or 'an unknown source'}"
@@ -61,6 +61,14 @@ def inspection_lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[s
     if found.damage:
         yield ""
         yield f"  DAMAGED: {text(found.damage)}"
+
+
+def _state_text(info: RecordingInfo) -> str:
+    if info.finished:
+        return "finished"
+    if info.in_progress:
+        return "BEING RECORDED: this is what it contains so far"
+    return "NOT FINISHED (recording was interrupted); `treadlink repair` completes it"
 
 
 def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:
@@ -186,6 +194,7 @@ def inspection_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, A
         "recording": str(info.path),
         "size_bytes": info.size_bytes,
         "finished": info.finished,
+        "in_progress": info.in_progress,
         "damage": None if found.damage is None else text(found.damage),
         "damage_reason": None if found.damage is None else as_json(found.damage),
         "treadlink": info.treadlink,

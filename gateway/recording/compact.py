@@ -55,6 +55,8 @@ def compact_recording(
             is unchanged.
     """
     reader = RecordingReader(path)
+    if reader.info.in_progress:
+        raise RecordingError(f"'{path}' is being recorded", "Compress it when its session has ended.")
     if not reader.info.finished:
         raise RecordingError(f"'{path}' is not finished", "Run `treadlink repair` first and compress the result.")
     output = McapOutput(target, compressed=True, chunk_bytes=_CHUNK_BYTES, in_part=True)

@@ -9,6 +9,7 @@ import stat
 import struct
 import zlib
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from io import FileIO
 from pathlib import Path
 from typing import Final
@@ -20,11 +21,7 @@ from gateway import __version__
 from gateway.errors import RecordingError
 from gateway.recording.mcap_layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
 from gateway.recording.schemas import stored_schema
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
+from gateway.recording.writing_lock import lock_for_writing
 
 _logger = logging.getLogger(__name__)
 
@@ -46,7 +43,7 @@ class _GuardedStream:
     def __init__(self, path: Path, part: Path | None) -> None:
         self._path = path
         try:
-            self._file = FileIO(path, "xb") if part is None else _open_part(path, part)
+            self._file = _open_new(path) if part is None else _open_part(path, part)
         except OSError as error:
             raise _open_error(path, error) from error
         self._pending = bytearray()
@@ -290,6 +287,14 @@ class McapOutput:
             raise
 
 
+def _open_new(path: Path) -> FileIO:
+    """Return a new file, locked while it is written."""
+    file = FileIO(path, "xb")
+    with suppress(BlockingIOError):  # of a reader, which looks at the lock at this moment
+        lock_for_writing(file)
+    return file
+
+
 def _open_part(path: Path, part: Path) -> FileIO:
     """Return the empty part of a new file, locked against another command that writes the same.
 
@@ -304,8 +309,7 @@ def _open_part(path: Path, part: Path) -> FileIO:
     try:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, f"'{part}' is not a regular file")
-        if fcntl is not None:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock_for_writing(file)
         file.truncate(0)
     except BlockingIOError as error:
         file.close()

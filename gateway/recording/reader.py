@@ -43,6 +43,7 @@ from gateway.recording.mcap_records import (
     walk,
 )
 from gateway.recording.regular_file import open_regular
+from gateway.recording.writing_lock import is_being_written
 
 # Those of `import`, which is a layer above, and the first bytes of its formats that have some.
 MEASUREMENT_SUFFIXES: Final = frozenset(
@@ -74,7 +75,8 @@ class RecordingInfo:
     Attributes:
         path: the file.
         size_bytes: its size.
-        finished: False when its writer was killed or its end is missing.
+        finished: False when it is being written, its writer was killed or its end is missing.
+        in_progress: whether it is being written.
         treadlink: version that wrote it, empty when unknown.
         start_ns: start of the session, None when unknown.
         sources: URIs of the sources.
@@ -90,6 +92,7 @@ class RecordingInfo:
     sources: tuple[str, ...] = ()
     vehicle_toml: str | None = None
     dbc_text: str | None = None
+    in_progress: bool = False
 
 
 class RecordingReader:
@@ -110,6 +113,7 @@ class RecordingReader:
         """
         self.position = 0
         self._path = Path(path)
+        self._in_progress = False
         self._forget_damage()
         self.notes: list[tuple[str, dict[str, str]]] = []
         self._channels: dict[int, ChannelInfo] = {}
@@ -118,7 +122,9 @@ class RecordingReader:
         with self._open() as file:
             size = os.fstat(file.fileno()).st_size
             self.session = self._session_metadata(file, size)
-            self.info = _describe(self._path, size, _is_finished(file, size), self.session)
+            finished = _is_finished(file, size)
+            self._in_progress = not finished and is_being_written(file)
+            self.info = _describe(self._path, size, finished, self._in_progress, self.session)
 
     @property
     def damage(self) -> Reason | None:
@@ -323,6 +329,8 @@ class RecordingReader:
         self._stored_share = 1.0
 
     def _note(self, code: Code, **values: int) -> None:
+        if code is Code.RECORDING_CUT_OFF and self._in_progress:
+            return  # its writer has not completed it yet
         if self._is_cut:
             return  # what follows is of the record that is cut off
         self._is_cut = code is Code.RECORDING_CUT_OFF
@@ -357,7 +365,7 @@ def _is_finished(file: BinaryIO, size: int) -> bool:
     )
 
 
-def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) -> RecordingInfo:
+def _describe(path: Path, size: int, finished: bool, in_progress: bool, entries: dict[str, str]) -> RecordingInfo:
     try:
         sources = tuple(str(source) for source in json.loads(entries.get("sources", "[]")))
     except (ValueError, TypeError, RecursionError):
@@ -372,4 +380,5 @@ def _describe(path: Path, size: int, finished: bool, entries: dict[str, str]) ->
         sources=sources,
         vehicle_toml=entries.get("vehicle_toml"),
         dbc_text=recorded_dbc(entries),
+        in_progress=in_progress,
     )

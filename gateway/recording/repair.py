@@ -51,7 +51,7 @@ def needs_repair(path: Path, progress: Progress | None = None) -> bool:
     """Return whether a recording is unfinished or damaged, by reading all of it.
 
     Raises:
-        RecordingError: the file does not exist or cannot be read.
+        RecordingError: the file does not exist, cannot be read, or is being written.
     """
     try:
         reader = RecordingReader(path)
@@ -59,6 +59,11 @@ def needs_repair(path: Path, progress: Progress | None = None) -> bool:
         if not path.is_file():
             raise
         return True
+    if reader.info.in_progress:
+        raise RecordingError(
+            f"'{path}' is being recorded: there is nothing to repair",
+            "Its session completes it at its end. All commands read what it contains so far.",
+        )
     for number, _ in enumerate(reader.messages()):
         if progress is not None and number % 4096 == 0:
             progress(reader.position, reader.info.size_bytes)

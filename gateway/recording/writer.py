@@ -108,8 +108,12 @@ class RecordingWriter:
         if dbc_text is not None:
             self._session |= dbc_metadata(dbc_text)
         self._session = seal(self._session)
-        self._output.add_metadata(SESSION_METADATA, self._session)
-        self._output.flush()
+        try:
+            self._output.add_metadata(SESSION_METADATA, self._session)
+            self._output.flush()
+        except RecordingError:  # a file without content helps nobody
+            self._output.abandon()
+            raise
         _logger.info("recording to %s", self.path)
 
     @property

@@ -1,0 +1,107 @@
+"""A recording that is being written is called that until its process ends; a full disk leaves none."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import RecordingError
+from gateway.io.source import Chunk
+from gateway.recording.reader import RecordingReader
+from gateway.recording.writer import RecordingWriter
+
+START_NS = 1_700_000_000_000_000_000
+RECORDER = """
+import sys
+from gateway.io.source import Chunk
+from gateway.recording.writer import RecordingWriter
+
+writer = RecordingWriter(sys.argv[1], start_ns=1_700_000_000_000_000_000, sources=["test"])
+for number in range(5):
+    writer.write(Chunk("test:link", 1_700_000_000_000_000_000 + number * 200_000_000, bytes(250)))
+print("written", flush=True)
+sys.stdin.read()
+"""
+
+
+def printed(*words: str) -> tuple[int, str]:
+    run = CliRunner().invoke(treadlink, words, catch_exceptions=False)
+    return run.exit_code, run.output
+
+
+def test_recording_of_another_process_is_in_progress_until_it_ends(tmp_path: Path) -> None:
+    path = tmp_path / "r.mcap"
+    recorder = subprocess.Popen(
+        [sys.executable, "-c", RECORDER, str(path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert recorder.stdout is not None
+    assert recorder.stdin is not None
+    try:
+        assert recorder.stdout.readline() == "written\n"
+        _, inspected = printed("inspect", str(path))
+        assert "BEING RECORDED" in inspected
+        assert "interrupted" not in inspected
+        assert "repair" not in inspected
+        _, text = printed("inspect", "--json", str(path))
+        assert json.loads(text.splitlines()[0])["in_progress"] is True
+        for command in ("repair", "compact"):
+            run = CliRunner().invoke(treadlink, [command, str(path)])
+            assert isinstance(run.exception, RecordingError)
+            assert "being recorded" in str(run.exception)
+            assert "repair`" not in run.exception.remedy
+        assert len([item for item in RecordingReader(path).items() if isinstance(item, Chunk)]) == 5
+        os.kill(recorder.pid, signal.SIGKILL)
+        recorder.wait(10)
+        _, inspected = printed("inspect", str(path))
+        assert "recording was interrupted" in inspected
+        assert printed("repair", str(path))[0] == 0
+    finally:
+        recorder.kill()
+        recorder.wait(10)
+        recorder.stdin.close()
+        recorder.stdout.close()
+
+
+def test_incomplete_end_of_a_recording_in_progress_is_no_damage(tmp_path: Path) -> None:
+    path = tmp_path / "r.mcap"
+    writer = RecordingWriter(path, start_ns=START_NS)
+    for number in range(5):
+        writer.write(Chunk("test:link", START_NS + number * 200_000_000, bytes(2500)))
+    whole = path.read_bytes()
+    os.truncate(path, len(whole) - 700)  # as the system has written a part of it only
+    reader = RecordingReader(path)
+    assert reader.info.in_progress
+    assert [item for item in reader.items() if isinstance(item, Chunk)]
+    assert reader.damage is None
+    writer.close()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[:-700])
+    reader = RecordingReader(cut)
+    list(reader.items())
+    assert not reader.info.in_progress
+    assert reader.damage is not None
+
+
+def test_disk_that_is_full_at_the_start_leaves_no_empty_recording(tmp_path: Path) -> None:
+    mount = shutil.which("mount")
+    folder = tmp_path / "full"
+    folder.mkdir()
+    arguments = [str(mount), "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(folder)]
+    if mount is None or subprocess.run(arguments, capture_output=True, check=False).returncode:
+        pytest.skip("mounting a small file system needs root")
+    try:
+        (folder / "other").write_bytes(bytes(8192))
+        with pytest.raises(RecordingError, match="disk full"):
+            RecordingWriter(folder / "r.mcap", start_ns=START_NS, vehicle_toml="x" * 40_000)
+        assert not (folder / "r.mcap").exists()
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
