@@ -14,9 +14,11 @@ from gateway.cli.options import (
     duration_option,
     effects_option,
     estimator_option,
+    keep_option,
     keys_option,
     plain_option,
     publish_option,
+    split_option,
     web_option,
 )
 from gateway.cli.stop_signals import StopRequest, stop_request
@@ -36,6 +38,8 @@ if TYPE_CHECKING:
     metavar="PATH",
     help="Also record to this new .mcap file, or to a new file in this folder.",
 )
+@split_option
+@keep_option
 @plain_option
 @web_option
 @publish_option
@@ -47,6 +51,8 @@ def live(
     sources: tuple[str, ...],
     config_path: Path | None,
     record: Path | None,
+    split: tuple[str, int] | None,
+    keep: int | None,
     plain: bool,
     web: bool,
     publish: tuple[str, ...],
@@ -69,13 +75,17 @@ def live(
     Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, t shows
     trends, ? shows help, q quits. A summary is printed at the end.
     """
-    from gateway.cli.session_setup import start_session
+    from gateway.cli.session_setup import chosen_split, start_session
+
+    if split is not None and record is None:
+        raise click.UsageError("--split needs --record.")
 
     with stop_request() as stop:
         session = start_session(
             sources,
             config_path=config_path,
             record=record,
+            split=chosen_split(split, keep),
             estimators=estimators,
             key_file=key_file,
             effects_paths=effects_paths,

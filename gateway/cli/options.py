@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import click
 
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names
+
+_SPLIT_UNITS: Final = {
+    "MB": ("size", 10**6),
+    "GB": ("size", 10**9),
+    "s": ("time", 10**9),
+    "min": ("time", 60 * 10**9),
+    "h": ("time", 3600 * 10**9),
+}
 
 
 class FiniteRange(click.FloatRange):
@@ -20,6 +29,24 @@ class FiniteRange(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return super().convert(value, param, ctx)
+
+
+def split_limit(text: str | None) -> tuple[str, int] | None:
+    """Return the size in bytes or the time in ns of a file of a recording, as `("size", bytes)` or `("time", ns)`.
+
+    Raises:
+        BadParameter: it is neither.
+    """
+    if text is None:
+        return None
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(MB|GB|s|min|h)", text)
+    kind, unit = _SPLIT_UNITS[match[2]] if match is not None else ("", 0)
+    limit = round(float(match[1]) * unit) if match is not None else 0
+    if limit < (10**6 if kind == "size" else 10**9):
+        raise click.BadParameter(
+            f"'{text}' is no size and no time. Give 500MB, 2GB, 90s, 30min or 1h, 1 MB or 1 s at least."
+        )
+    return kind, limit
 
 
 config_option = click.option(
@@ -76,6 +103,19 @@ web_option = click.option(
 )
 PAGE_URI = "web://127.0.0.1:8780"
 """Live output of `--web`."""
+split_option = click.option(
+    "--split",
+    callback=lambda _context, _option, text: split_limit(text),
+    metavar="SIZE|TIME",
+    help="Go on in a new file at this size or after this time, such as 500MB, 2GB, 30min or 1h. Each file can be used "
+    "alone, and no frame is lost or in two of them.",
+)
+keep_option = click.option(
+    "--keep",
+    type=click.IntRange(min=2),
+    metavar="N",
+    help="With --split, keep the last N files of this session and remove older ones.  [default: all]",
+)
 plain_option = click.option(
     "--plain",
     is_flag=True,

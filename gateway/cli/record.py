@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from gateway.cli.options import config_option, duration_option, effects_option, estimator_option, keys_option
+from gateway.cli.options import (
+    config_option,
+    duration_option,
+    effects_option,
+    estimator_option,
+    keep_option,
+    keys_option,
+    split_option,
+)
 from gateway.cli.stop_signals import StopRequest, stop_request
 
 if TYPE_CHECKING:
@@ -27,6 +35,8 @@ _POLL_S: Final = 0.1
     metavar="PATH",
     help="New .mcap file, or a folder for a file named after the start time.",
 )
+@split_option
+@keep_option
 @config_option
 @duration_option
 @keys_option
@@ -35,6 +45,8 @@ _POLL_S: Final = 0.1
 def record(
     sources: tuple[str, ...],
     out: Path,
+    split: tuple[str, int] | None,
+    keep: int | None,
     config_path: Path | None,
     duration_s: float | None,
     key_file: Path | None,
@@ -46,13 +58,14 @@ def record(
     The bytes of the links are written to disk before they are decoded. Estimates are recorded as additional topics,
     which plotting programs can show. Sources are those of `treadlink live`. Existing files are never overwritten.
     """
-    from gateway.cli.session_setup import ending, start_session
+    from gateway.cli.session_setup import chosen_split, ending, start_session
 
     with stop_request() as stop:
         session = start_session(
             sources,
             config_path=config_path,
             record=out,
+            split=chosen_split(split, keep),
             estimators=estimators,
             key_file=key_file,
             effects_paths=effects_paths,

@@ -21,6 +21,7 @@ from gateway.io.source import parse_source_uri
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting, parse_sink_uri
 from gateway.reasons import Notice
+from gateway.recording.split_writer import Split, SplitWriter
 from gateway.security.key_file import default_key_file
 from gateway.session.live import LiveSession
 from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
@@ -73,6 +74,20 @@ class RunningSession:
         click.echo(line, err=self.publisher is not None and self.publisher.uses_standard_output)
 
 
+def chosen_split(limit: tuple[str, int] | None, keep: int | None) -> Split | None:
+    """Return where a recording goes on in a new file, from `--split` and `--keep`; None where it does not.
+
+    Raises:
+        UsageError: `--keep` without `--split`.
+    """
+    if limit is None:
+        if keep is not None:
+            raise click.UsageError("--keep needs --split.")
+        return None
+    kind, amount = limit
+    return Split(keep=keep, **{"size_bytes" if kind == "size" else "duration_ns": amount})
+
+
 def start_session(
     uris: Sequence[str],
     *,
@@ -83,6 +98,7 @@ def start_session(
     effects_paths: Sequence[Path] = (),
     duration_s: float | None = None,
     publish: Sequence[str] = (),
+    split: Split | None = None,
     clock: Clock | None = None,
 ) -> RunningSession:
     """Open sources, configuration, recording and live outputs, and start the session.
@@ -107,6 +123,7 @@ def start_session(
             clock=used,
             config_path=config_path,
             record=record,
+            split=split,
             estimators=estimators,
             key_file=key_file,
             effects_paths=effects_paths,
@@ -268,7 +285,9 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
         write(clean(notice_text(notice)))
     if snapshot.recording and not removed:
         write("")
-        write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB)")
+        parts = session.opened.recorder.parts if isinstance(session.opened.recorder, SplitWriter) else 1
+        several = f", {parts} files, this is the last" if parts > 1 else ""
+        write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB{several})")
         if session.live.core.recording_fault is None:
             write(f"  show its content: treadlink inspect {snapshot.recording}")
             write(f"  replay it: treadlink replay {snapshot.recording}")

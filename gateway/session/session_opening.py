@@ -15,6 +15,7 @@ from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
 from gateway.reasons import Reason
 from gateway.recording.replay_source import ReplaySource
+from gateway.recording.split_writer import Split, SplitWriter
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
@@ -41,7 +42,7 @@ class OpenedSession:
 
     live: LiveSession
     summary: ResultSummary
-    recorder: RecordingWriter | None
+    recorder: RecordingWriter | SplitWriter | None
     host_limit_s: float | None
     replays: tuple[ReplaySource, ...]
 
@@ -65,6 +66,7 @@ def open_session(
     clock: Clock,
     config_path: Path | None = None,
     record: Path | None = None,
+    split: Split | None = None,
     estimators: Sequence[str] = (),
     key_file: Path | None = None,
     effects_paths: Sequence[Path] = (),
@@ -79,6 +81,7 @@ def open_session(
         clock: of the session.
         config_path: configuration file, beside which its DBC file is searched.
         record: new recording, or a folder for it.
+        split: where the recording goes on in a new file; None for one file.
         estimators: names from the registry; none for the default ones.
         key_file: keys of signed frames; None for the user's.
         effects_paths: files of known effects.
@@ -89,7 +92,7 @@ def open_session(
         TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
     """
     sources: list[Source] = []
-    recorder: RecordingWriter | None = None
+    recorder: RecordingWriter | SplitWriter | None = None
     try:
         sources += [open_source(uri, clock) for uri in uris]
         replays = tuple(source for source in sources if isinstance(source, ReplaySource))
@@ -106,7 +109,7 @@ def open_session(
         # The policy `warn` is for a time in which not every hub signs yet.
         may_be_unsigned = guard is not None and not guard.requires
         sources = [with_commands(source, clock, keys, may_be_unsigned=may_be_unsigned) for source in sources]
-        recorder = _open_recorder(record, clock, vehicle, uris, dbc_text) if record is not None else None
+        recorder = _open_recorder(record, split, clock, vehicle, uris, dbc_text) if record is not None else None
         folder = Path() if record is None else record.parent if record.suffix == ".mcap" else record
         summary = ResultSummary()
         live = LiveSession(
@@ -134,8 +137,13 @@ def open_session(
 
 
 def _open_recorder(
-    path: Path, clock: Clock, vehicle: VehicleConfig | None, uris: Sequence[str], dbc_text: str | None
-) -> RecordingWriter:
+    path: Path,
+    split: Split | None,
+    clock: Clock,
+    vehicle: VehicleConfig | None,
+    uris: Sequence[str],
+    dbc_text: str | None,
+) -> RecordingWriter | SplitWriter:
     if path.suffix != ".mcap":
         try:
             path.mkdir(parents=True, exist_ok=True)
@@ -144,10 +152,15 @@ def _open_recorder(
                 f"cannot record to '{path}': {error.strerror}", "Give another folder, or a new .mcap file."
             ) from error
     toml = vehicle.to_toml() if vehicle is not None else None
-    return RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=toml, sources=uris, dbc_text=dbc_text)
+
+    def opened(target: Path, start_ns: int) -> RecordingWriter:
+        return RecordingWriter(target, start_ns=start_ns, vehicle_toml=toml, sources=uris, dbc_text=dbc_text)
+
+    start_ns = clock.now_ns()
+    return opened(path, start_ns) if split is None else SplitWriter(opened, path, start_ns, split)
 
 
-def _remove_empty(recorder: RecordingWriter) -> bool:
+def _remove_empty(recorder: RecordingWriter | SplitWriter) -> bool:
     if recorder.items:
         return False
     with suppress(RecordingError):
