@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import NamedTuple
 
 from gateway.estimators.estimator import Estimate, Revolution, TireConditions
 from gateway.reasons import Notice, Reason
@@ -302,6 +303,18 @@ class SinkSnapshot:
     is_dropping: bool = False
 
 
+class DiskRoom(NamedTuple):
+    """What is left of the disk of a recording.
+
+    Attributes:
+        free_bytes: free space.
+        left_s: time until it is full at the present pace, None where it does not fill up or is not known yet.
+    """
+
+    free_bytes: int
+    left_s: float | None
+
+
 @dataclass(frozen=True, slots=True)
 class SessionSnapshot:
     """Everything a live view may show.
@@ -317,6 +330,7 @@ class SessionSnapshot:
         ended: True when every source has ended.
         alarm_records: every alarm since the session began, in the order in which they were first raised.
         sinks: live outputs, in the order given.
+        disk: what is left of the disk of the recording, None when nothing is recorded.
     """
 
     elapsed_s: float
@@ -329,3 +343,4 @@ class SessionSnapshot:
     ended: bool
     alarm_records: tuple[AlarmRecord, ...] = ()
     sinks: tuple[SinkSnapshot, ...] = ()
+    disk: DiskRoom | None = None

@@ -67,7 +67,7 @@ class SplitWriter:
         self._waiting: set[str] = set()
         self._links: set[str] = set()
         self._finished: deque[tuple[Path, int]] = deque()
-        self._finished_bytes = 0  # read by other threads
+        self._finished_bytes = self._largest_bytes = 0  # read by other threads
         # Begin of a possible HELLO at the end of a chunk, by link.
         self._held: dict[str, bytes] = {}
         # Last HELLO that was not the first of several, by link.
@@ -85,6 +85,11 @@ class SplitWriter:
         """Size of the files that are kept, without the current chunk."""
         previous = self._previous.size_bytes if self._previous is not None else 0
         return self._finished_bytes + previous + self._current.size_bytes
+
+    def most_bytes(self) -> int | None:
+        """Return the size that the kept files have together in the long run, None where it is not known."""
+        keep, size = self._split.keep, self._split.size_bytes or self._largest_bytes
+        return keep * size if keep is not None and size else None
 
     def write(self, item: LinkItem) -> None:
         """Record an item of a link.
@@ -193,6 +198,7 @@ class SplitWriter:
             previous.close()
             self._finished.append((previous.path, previous.size_bytes))
             self._finished_bytes += previous.size_bytes
+            self._largest_bytes = max(self._largest_bytes, previous.size_bytes)
 
     def _remove_old(self) -> None:
         """Remove the oldest files, so that with the present and the next one no more than `keep` are left."""

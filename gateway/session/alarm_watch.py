@@ -10,6 +10,7 @@ from gateway.config.vehicle import Thresholds, VehicleConfig
 from gateway.pipeline.results import (
     Alarm,
     AlarmRecord,
+    DiskRoom,
     LinkSnapshot,
     Silence,
     SinkSnapshot,
@@ -18,7 +19,7 @@ from gateway.pipeline.results import (
 )
 from gateway.reasons import Code, Notice
 from gateway.session.alarm_log import AlarmLog
-from gateway.session.alarms import AlarmName, alarms, present_values, sink_alarms, superseded
+from gateway.session.alarms import AlarmName, alarms, disk_alarm, present_values, sink_alarms, superseded
 from gateway.session.silence import PositionOf, SilenceWatch
 from gateway.session.wheel_identity import sensor_ids
 
@@ -37,6 +38,7 @@ class AlarmWatch:
         silence: takes the frames.
         log: history of the alarms.
         sinks: present state of the live outputs.
+        disk: what is left of the disk of the recording, None when nothing is recorded.
         witnesses: returns the alarms of what the vehicle's signals contradict.
     """
 
@@ -53,6 +55,7 @@ class AlarmWatch:
         self.silence = SilenceWatch(position_of, configured, self.thresholds.silent_after_s)
         self.log = AlarmLog()
         self.sinks: tuple[SinkSnapshot, ...] = ()
+        self.disk: DiskRoom | None = None
         self.witnesses: Callable[[], Iterable[Alarm]] = tuple
         self._state = state
         self._sensor_ids = sensor_ids(vehicle)
@@ -86,6 +89,7 @@ class AlarmWatch:
 
     def alarms(self, wheels: Sequence[WheelSnapshot], links: Sequence[LinkSnapshot]) -> tuple[Alarm, ...]:
         """Return the present alarms of wheels, with their silences, of links and of live outputs."""
+        standing = self.log.standing()
         found = alarms(
             wheels,
             links,
@@ -93,9 +97,10 @@ class AlarmWatch:
             self._sensor_ids,
             silent_hubs=self.silence.silent_hubs(),
             silent_buses=self.silence.silent_buses(),
-            standing=self.log.standing(),
+            standing=standing,
         )
-        return (*found, *self.witnesses(), *sink_alarms(self.sinks))
+        of_disk = disk_alarm(self.disk, standing)
+        return (*found, *self.witnesses(), *sink_alarms(self.sinks), *of_disk)
 
     def records(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm."""

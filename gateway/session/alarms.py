@@ -13,7 +13,7 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 from gateway.config.vehicle import Thresholds
 from gateway.estimators.estimator import Status
-from gateway.pipeline.results import Alarm, LinkSnapshot, SilentPart, SinkSnapshot, SinkState, WheelSnapshot
+from gateway.pipeline.results import Alarm, DiskRoom, LinkSnapshot, SilentPart, SinkSnapshot, SinkState, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.security.guard import SUSPICIOUS
 from gateway.session.link_health import hub_name
@@ -30,12 +30,19 @@ _SPEED: Final = "speed_mps"
 _MARGIN: Final = 0.02
 # A live output that is away for a shorter time is no alarm.
 _SINK_AWAY_S: Final = 2.0
+# Position of alarms of the recording.
+_RECORDING: Final = "recording"
+# Time to react to a disk that fills up, and the time with which its alarm is over again.
+_DISK_SHORT_S: Final = 600.0
+_DISK_ENOUGH_S: Final = 900.0
+_DISK_LEAST_BYTES: Final = 50_000_000
 
 
 class AlarmName(StrEnum):
     """Names of the alarms, as printed; those of sensor faults are the names of their flags."""
 
     BATTERY = "battery"
+    DISK = "disk"
     ENVIRONMENT = "old environment"
     LINK = "link"
     LOAD = "load"
@@ -121,6 +128,19 @@ def sink_alarms(sinks: Iterable[SinkSnapshot]) -> Iterator[Alarm]:
         else:
             continue
         yield Alarm(sink.sink, AlarmName.PUBLISHING, reason)
+
+
+def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_STANDING) -> Iterator[Alarm]:
+    """Yield the alarm of a disk that will be full soon."""
+    if room is None:
+        return
+    limit_s = _DISK_ENOUGH_S if (_RECORDING, AlarmName.DISK) in standing else _DISK_SHORT_S
+    if room.left_s is not None and room.left_s < limit_s:
+        yield Alarm(
+            _RECORDING, AlarmName.DISK, Reason(Code.DISK_FULL_SOON, free_bytes=room.free_bytes, left_s=room.left_s)
+        )
+    elif room.left_s is None and room.free_bytes < _DISK_LEAST_BYTES:
+        yield Alarm(_RECORDING, AlarmName.DISK, Reason(Code.DISK_SPACE, free_bytes=room.free_bytes))
 
 
 def superseded(

@@ -19,6 +19,7 @@ from gateway.io.bus_frames import has_frames, unpack
 from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem
 from gateway.pipeline.results import (
     AlarmChange,
+    DiskRoom,
     LinkSnapshot,
     RevolutionResult,
     SessionSnapshot,
@@ -33,6 +34,7 @@ from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
 from gateway.session.alarm_watch import AlarmWatch, State
 from gateway.session.commands import refusal
+from gateway.session.disk_watch import disk_notices
 from gateway.session.hub_log import HubLog
 from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
@@ -179,6 +181,15 @@ class SessionCore:
     def publishes_to(self, sinks: tuple[SinkSnapshot, ...]) -> None:
         """Set the present state of the live outputs, for alarms and snapshots."""
         self._alarms.sinks = sinks
+
+    def records_to(self, room: DiskRoom | None) -> None:
+        """Set what is left of the disk of the recording, for alarms and snapshots; say it once."""
+        if self.recorder is None:
+            room = None
+        if room is not None:
+            for notice in disk_notices(self._alarms.disk, room):
+                self.notify(notice)
+        self._alarms.disk = room
 
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""
@@ -438,7 +449,8 @@ class SessionCore:
         found = self._alarms.alarms(wheels, links) if not ended else ()
         notices, records = tuple(self._notices), self._alarms.records()
         sinks = self._alarms.sinks
-        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records, sinks)
+        disk = self._alarms.disk
+        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records, sinks, disk)
 
     def false_statements(self) -> list[Notice]:
         """Return what hubs stated against what they sent, with the present counts, for the summary."""

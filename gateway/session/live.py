@@ -22,6 +22,7 @@ from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.computer_watch import ComputerWatch
 from gateway.session.core import SessionCore
+from gateway.session.disk_watch import DiskWatch
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage
 from gateway.session.signal_decoding import SignalDecoder
@@ -65,6 +66,7 @@ class LiveSession:
         patient: Sequence[bool],
         summary: ResultSummary,
         recorder: Recorder | None = None,
+        disk: DiskWatch | None = None,
         estimators: Sequence[str] = DEFAULT_ESTIMATORS,
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
@@ -81,6 +83,7 @@ class LiveSession:
             patient: per source, True when it can wait for a full queue.
             summary: counts every result, also those that no view fetched.
             recorder: an open recording; it is closed at the end.
+            disk: watches the disk of the recording.
             estimators: names from the registry.
             guard: verifies every frame; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
@@ -110,7 +113,7 @@ class LiveSession:
         # Source of each link; a recording has several.
         self._source_of: dict[str, int] = {source.link: number for number, source in enumerate(self._sources)}
         self._taken_ns: dict[int, int] = {}
-        self._recording = RecordingStage(recorder, clock) if recorder is not None else None
+        self._recording = RecordingStage(recorder, clock, disk) if recorder is not None else None
         self._open_recorder = open_recorder
         # Held while a recording is begun or ended; the core takes the change over in its next round.
         self._recording_lock = threading.Lock()
@@ -433,6 +436,8 @@ class LiveSession:
                 self.core.dropped(link, dict(stages))
         if self._publication is not None:
             self.core.publishes_to(self._publication.sinks())
+        if self._recording is not None:
+            self.core.records_to(self._recording.room)
         self._snapshot = self.core.snapshot(self._elapsed_s(now_ns), ended=ended)
         self._notices.extend(self.core.take_notices())
         if self._publication is not None:

@@ -13,7 +13,9 @@ from typing import Any, Final, NamedTuple, Protocol
 from gateway.clock import Clock
 from gateway.errors import RecordingError
 from gateway.io.source import LinkEvent, LinkItem
+from gateway.pipeline.results import DiskRoom
 from gateway.session.bounded_buffer import Buffer
+from gateway.session.disk_watch import DiskWatch
 
 _logger = logging.getLogger(__name__)
 
@@ -88,19 +90,23 @@ class RecordingStage:
 
     Attributes:
         topics_dropped: decoded topics dropped for lack of room.
+        room: what is left of the disk, None where it is not known.
         failure: an error that is not a fault of the disk, None when there is none.
     """
 
-    def __init__(self, writer: Recorder, clock: Clock) -> None:
+    def __init__(self, writer: Recorder, clock: Clock, disk: DiskWatch | None = None) -> None:
         """Start writing.
 
         Args:
             writer: writes the file; used by this stage only from now on.
             clock: paces flushes while nothing arrives.
+            disk: measures what is left of the disk; None for not at all.
         """
         self.topics_dropped = 0
         self.failure: BaseException | None = None
+        self.room: DiskRoom | None = None
         self._writer = writer
+        self._disk = disk
         self._clock = clock
         self._waiting: Buffer[LinkItem | _Topic] = Buffer(MAX_ITEMS, MAX_BYTES)
         self._ending = threading.Event()
@@ -206,7 +212,7 @@ class RecordingStage:
             self.failure = error
 
     def _write_until_the_end(self) -> None:
-        sync_due_ns = self._clock.now_ns() + _SYNC_INTERVAL_NS
+        sync_due_ns = self._clock.now_ns()
         while True:
             ending = self._ending.is_set()
             all_written = self._write_some()
@@ -214,6 +220,8 @@ class RecordingStage:
             self._writer.tick(now_ns)
             if now_ns >= sync_due_ns:
                 self._writer.sync()
+                if self._disk is not None:
+                    self.room = self._disk.room(now_ns)
                 sync_due_ns = now_ns + _SYNC_INTERVAL_NS
             if all_written:
                 if ending:

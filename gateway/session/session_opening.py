@@ -20,6 +20,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
+from gateway.session.disk_watch import DiskWatch
 from gateway.session.effects_opening import open_effects
 from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
@@ -119,6 +120,7 @@ def open_session(
             patient=[not is_live(uri) for uri in uris],
             summary=summary,
             recorder=recorder,
+            disk=_disk_watch(recorder),
             estimators=estimators or DEFAULT_ESTIMATORS,
             guard=guard,
             effects=effects,
@@ -158,6 +160,13 @@ def _open_recorder(
 
     start_ns = clock.now_ns()
     return opened(path, start_ns) if split is None else SplitWriter(opened, path, start_ns, split)
+
+
+def _disk_watch(recorder: RecordingWriter | SplitWriter | None) -> DiskWatch | None:
+    if recorder is None:
+        return None
+    most_bytes = recorder.most_bytes if isinstance(recorder, SplitWriter) else lambda: None
+    return DiskWatch(recorder.path.parent, lambda: recorder.size_bytes, most_bytes)
 
 
 def _remove_empty(recorder: RecordingWriter | SplitWriter) -> bool:
