@@ -51,7 +51,16 @@ class SourceError(TreadlinkError):
 
 
 class LinkLostError(TreadlinkError):
-    """An open link broke; the reconnecting source opens it again."""
+    """An open link broke; the reconnecting source opens it again.
+
+    Attributes:
+        cause: identifies why, for comparing errors; the message where no other name is given.
+    """
+
+    def __init__(self, message: str, remedy: str = "", *, cause: str = "") -> None:
+        """Store message, remedy and cause."""
+        super().__init__(message, remedy)
+        self.cause = cause or message
 
 
 class RecordingError(TreadlinkError):

@@ -13,7 +13,6 @@ from bleak import BleakClient
 from bleak.backends.characteristic import BleakGATTCharacteristic
 from bleak.backends.device import BLEDevice
 
-from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.ble_hub import Sighting, is_address, is_meant, pick, uart_characteristics
 from gateway.io.ble_radio import BLE_ERRORS, explain, radio
@@ -45,14 +44,12 @@ class BleSettings:
         target: name or address.
         adapter: of this computer, such as `hci0`; empty for the system's first.
         scan_s: time to search for it.
-        silence_s: a connection without a byte for this long counts as lost; 0 for never.
         by_socket: receive notifications through a socket of their own (Linux) instead of D-Bus signals.
     """
 
     target: str
     adapter: str = ""
     scan_s: float = 10.0
-    silence_s: float = 6.0
     by_socket: bool = False
 
 
@@ -87,17 +84,11 @@ class BleLink:
         mtu: ATT MTU of the connection, None when the system does not report it.
     """
 
-    def __init__(self, settings: BleSettings, clock: Clock) -> None:
-        """Describe the connection.
-
-        Args:
-            settings: of the connection.
-            clock: measures how long the hub has been silent.
-        """
+    def __init__(self, settings: BleSettings) -> None:
+        """Describe the connection."""
         self.sighting: Sighting | None = None
         self.mtu: int | None = None
         self._settings = settings
-        self._clock = clock
         self._client: BleakClient | None = None
         self._write_to: BleakGATTCharacteristic | None = None
         self._arrival = threading.Condition()
@@ -106,7 +97,6 @@ class BleLink:
         self._dropped = 0
         self._lost = False
         self._closing = False
-        self._heard_ns = 0
 
     def open(self) -> None:
         """Find the hub, connect and subscribe.
@@ -118,13 +108,12 @@ class BleLink:
             radio().run(self._open())
         except BLE_ERRORS as error:
             raise explain(error, f"connect to {self.sighting or self._settings.target}") from error
-        self._heard_ns = self._clock.now_ns()
 
     def read(self, timeout_s: float) -> bytes:
         """Return the bytes that have arrived, or wait for the first notification; empty after `timeout_s`.
 
         Raises:
-            LinkLostError: the connection broke, or nothing came for too long.
+            LinkLostError: the connection broke.
         """
         with self._arrival:
             if not self._arrived and not self._lost:
@@ -133,17 +122,9 @@ class BleLink:
             self._arrived.clear()
             self._arrived_bytes = 0
             lost = self._lost
-        now_ns = self._clock.now_ns()
-        if data:
-            self._heard_ns = now_ns
-        elif lost:
+        if lost and not data:
             raise LinkLostError(
                 f"{self._name()} was lost unexpectedly", "Out of range, or without power? Searching for it."
-            )
-        elif 0 < self._settings.silence_s <= (now_ns - self._heard_ns) * 1e-9:
-            raise LinkLostError(
-                f"{self._name()} is connected, but silent for {self._settings.silence_s:g} s",
-                "Does its firmware hang? Connecting again.",
             )
         return data
 

@@ -15,11 +15,10 @@ from gateway.io.ble_hub import Sighting
 from gateway.io.ble_link import BleLink, BleSettings, find
 from gateway.io.ble_radio import BLE_ERRORS, explain, radio
 from gateway.io.reconnect import Backoff, ReconnectingSource
-from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, rate_option
+from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, rate_option, silence_option
 from gateway.reasons import Code, Reason
 
 _MAX_SCAN_S: Final = 120.0
-_MAX_SILENCE_S: Final = 3600.0
 OPTIONS: Final = ("adapter", "scan", "silence", "notify", "rate")
 
 
@@ -30,12 +29,18 @@ class BleSource(ReconnectingSource):
     """
 
     def __init__(
-        self, settings: BleSettings, clock: Clock, *, rate_hz: float | None = None, backoff: Backoff | None = None
+        self,
+        settings: BleSettings,
+        clock: Clock,
+        *,
+        rate_hz: float | None = None,
+        backoff: Backoff | None = None,
+        silence_s: float = 6.0,
     ) -> None:
         """Name the hub; nothing is opened yet."""
         self._settings = settings
-        self._ble_clock = clock
-        super().__init__(f"ble:{settings.target}", self._fresh_link, clock, backoff, rate_hz=rate_hz)
+        link = f"ble:{settings.target}"
+        super().__init__(link, self._fresh_link, clock, backoff, rate_hz=rate_hz, silence_s=silence_s)
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield chunks and events until stopped or closed, then an event that it was disconnected on request.
@@ -62,7 +67,7 @@ class BleSource(ReconnectingSource):
             raise explain(error, f"find {self._settings.target}") from error
 
     def _fresh_link(self) -> BleLink:
-        return BleLink(self._settings, self._ble_clock)
+        return BleLink(self._settings)
 
     def _open(self, stop: threading.Event) -> bool:
         opened = super()._open(stop)
@@ -71,13 +76,13 @@ class BleSource(ReconnectingSource):
             self._settings = replace(self._settings, target=link.sighting.address)
         return opened
 
-    def _chunks(self, stop: threading.Event) -> Iterator[LinkItem]:
-        for item in super()._chunks(stop):
-            yield item
-            link = self._current
-            if isinstance(link, BleLink) and (dropped := link.take_dropped()):
-                details = (Reason(Code.NOTIFICATIONS_DROPPED, count=dropped),)
-                yield super()._event(LinkEventKind.CONNECTED, details=details)
+    def _items_of(self, data: bytes) -> list[LinkItem]:
+        items = super()._items_of(data)
+        link = self._current
+        if items and isinstance(link, BleLink) and (dropped := link.take_dropped()):
+            details = (Reason(Code.NOTIFICATIONS_DROPPED, count=dropped),)
+            items.append(super()._event(LinkEventKind.CONNECTED, details=details))
+        return items
 
     def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
         event = super()._event(kind, text, details)
@@ -109,10 +114,9 @@ def open_ble(address: SourceAddress, clock: Clock) -> Source:
         target=address.target.rstrip("/"),
         adapter=options.get("adapter", ""),
         scan_s=_number(options, "scan", 10.0, 0.1, _MAX_SCAN_S),
-        silence_s=_number(options, "silence", 6.0, 0.0, _MAX_SILENCE_S),
         by_socket=options.get("notify") == "socket",
     )
-    return BleSource(settings, clock, rate_hz=rate_option(options))
+    return BleSource(settings, clock, rate_hz=rate_option(options), silence_s=silence_option(options))
 
 
 @dataclass(frozen=True, slots=True)

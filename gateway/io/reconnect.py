@@ -16,6 +16,8 @@ from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem
 from gateway.reasons import Code, Reason
 
 READ_TIMEOUT_S: Final = 0.05
+_LONGEST_SILENCE_S: Final = 60.0
+_MOST_MUTE: Final = 2
 
 _logger = logging.getLogger(__name__)
 
@@ -94,6 +96,7 @@ class ReconnectingSource:
         backoff: Backoff | None = None,
         *,
         rate_hz: float | None = None,
+        silence_s: float = 0.0,
     ) -> None:
         """Name the link; nothing is opened yet.
 
@@ -103,7 +106,12 @@ class ReconnectingSource:
             clock: stamps arrivals and paces the attempts.
             backoff: pauses between attempts.
             rate_hz: sampling rate to set on the hub, None to leave it.
+            silence_s: a connection without a byte for this long counts as lost; 0 for never. After openings that
+                bring no byte it doubles up to a minute, for hubs that take long to start.
         """
+        self._silence_s = silence_s
+        # Openings since the last byte.
+        self._heard_ns = self._mute_openings = 0
         self.rate_hz = rate_hz
         self._name = link
         self._make_link = make_link
@@ -130,13 +138,10 @@ class ReconnectingSource:
                 return
             _logger.info("%s is open", self._name)
             yield self._event(LinkEventKind.CONNECTED)
-            failures = 0
             while True:
-                error: TreadlinkError
+                error: LinkLostError
                 try:
-                    for chunk in self._chunks(stop):
-                        failures = 0
-                        yield chunk
+                    yield from self._chunks(stop)
                     return
                 except LinkLostError as lost:
                     error = lost
@@ -144,29 +149,53 @@ class ReconnectingSource:
                 lost_ns = self._clock.now_ns()
                 self._drop()
                 yield self._event(LinkEventKind.LOST, _message(error))
-                reported: int | str | None = None
-                while True:
-                    failures += 1
-                    self.state = LinkState.WAITING
-                    due_ns = self._clock.now_ns() + self._backoff.pause_ns(failures)
-                    if not wait_until(self._clock, due_ns, stop, self._closed):
-                        return
-                    try:
-                        if not self._open(stop):
-                            return
-                        break
-                    except SourceError as refused:
-                        if refused.cause != reported:
-                            reported = refused.cause
-                            interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
-                            yield self._event(LinkEventKind.RETRYING, _message(refused), (interval,))
-                        _logger.debug("%s: attempt %d failed: %s", self._name, failures, refused)
+                first: list[LinkItem] = []
+                yield from self._retries(stop, error, first)
+                if self._current is None:
+                    return
                 away_s = (self._clock.now_ns() - lost_ns) * 1e-9
-                _logger.info("%s is open again after %.1f s, %d failed attempts", self._name, away_s, failures - 1)
+                _logger.info("%s is open again after %.1f s", self._name, away_s)
                 yield self._event(LinkEventKind.RESTORED, details=(Reason(Code.LINK_AWAY, away_s=away_s),))
+                yield from first
         finally:
             self._drop()
             self.state = LinkState.CLOSED if self._closed.is_set() else LinkState.IDLE
+
+    def _retries(self, stop: threading.Event, lost: LinkLostError, first: list[LinkItem]) -> Iterator[LinkEvent]:
+        """Open the link again; yield an event for each new cause of a failure.
+
+        A peer that twice accepted and then closed, or said nothing, is not back before it brings data, which goes to
+        `first`.
+        """
+        has_to_speak = self._mute_openings >= _MOST_MUTE
+        reported: int | str | None = lost.cause if has_to_speak else None
+        failures = self._mute_openings
+        while True:
+            failures += 1
+            self.state = LinkState.WAITING
+            due_ns = self._clock.now_ns() + self._backoff.pause_ns(failures)
+            if not wait_until(self._clock, due_ns, stop, self._closed):
+                return
+            try:
+                if self._open(stop) and has_to_speak:
+                    first += self._first_items(stop, failures)
+                return
+            except (SourceError, LinkLostError) as refused:
+                self._drop()
+                if refused.cause != reported:
+                    reported = refused.cause
+                    interval = Reason(Code.RETRY_INTERVAL, interval_s=self._backoff.cap_ns * 1e-9)
+                    yield self._event(LinkEventKind.RETRYING, _message(refused), (interval,))
+                _logger.debug("%s: attempt %d failed: %s", self._name, failures, refused)
+
+    def _first_items(self, stop: threading.Event, failures: int) -> list[LinkItem]:
+        """Return what a link brings first; nothing when stopped or closed before.
+
+        Raises:
+            LinkLostError: it was lost before, or is silent.
+        """
+        silence_s = min(self._silence_s * 2 ** min(failures - 1, 20), max(self._silence_s, _LONGEST_SILENCE_S))
+        return next(filter(None, self._arrivals(stop, silence_s)), [])
 
     def send(self, data: bytes) -> None:
         """Write a frame to the hub; callable from any thread.
@@ -191,13 +220,36 @@ class ReconnectingSource:
                 self._using.release()
 
     def _chunks(self, stop: threading.Event) -> Iterator[LinkItem]:
+        for items in self._arrivals(stop, self._silence_s):
+            yield from items
+
+    def _arrivals(self, stop: threading.Event, silence_s: float) -> Iterator[list[LinkItem]]:
+        """Yield what each read of the link has brought, nothing included, until stopped or closed.
+
+        Raises:
+            LinkLostError: the connection broke, or brought nothing for `silence_s`.
+        """
         while not stop.is_set():
             with self._using:
                 if self._closed.is_set() or self._current is None:
                     return
                 data = self._current.read(READ_TIMEOUT_S)
             if data:
-                yield Chunk(self._name, self._clock.now_ns(), data)
+                self._heard_ns, self._mute_openings = self._clock.now_ns(), 0
+            elif 0.0 < silence_s <= self._quiet_s():
+                raise LinkLostError(
+                    f"{self._name} is connected, but silent for {silence_s:g} s",
+                    "Does its firmware hang? Connecting again.",
+                    cause="silent",
+                )
+            yield self._items_of(data)
+
+    def _items_of(self, data: bytes) -> list[LinkItem]:
+        """Return the items of a read."""
+        return [Chunk(self._name, self._heard_ns, data)] if data else []
+
+    def _quiet_s(self) -> float:
+        return (self._clock.now_ns() - self._heard_ns) * 1e-9
 
     def _open(self, stop: threading.Event) -> bool:
         """Open a new connection; False when stopped or closed meanwhile. Opening may block, stopping must not."""
@@ -213,6 +265,8 @@ class ReconnectingSource:
             return False
         with self._using:
             self._current = link
+        self._heard_ns = self._clock.now_ns()
+        self._mute_openings += 1
         self.state = LinkState.CONNECTED
         return True
 

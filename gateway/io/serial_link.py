@@ -17,7 +17,7 @@ import serial
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.reconnect import ReconnectingSource
-from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress, rate_option
+from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress, rate_option, silence_option
 
 if sys.platform == "win32":
     _TERMIOS_ERROR: type[Exception] = OSError
@@ -143,13 +143,17 @@ def open_serial(address: SourceAddress, clock: Clock) -> Source:
     """Make a source of a serial port; it is opened when its items are requested.
 
     Options: baudrate (default 921600), exclusive=yes|no, parity=none|even|odd, stopbits=1|2, rtscts=yes|no, rate=9600
-    (Hz, set on the hub).
+    (Hz, set on the hub), silence=0 (seconds without a byte until the link counts as lost, 0 for never).
 
     Raises:
         SourceError: an option is not known or not allowed.
     """
     rate_hz = rate_option(address.options)
-    settings = serial_settings({name: text for name, text in address.options.items() if name != "rate"})
+    # Opening a port again resets some hubs, and a cable is not half open as a connection of a network may be.
+    silence_s = silence_option(address.options, 0.0)
+    settings = serial_settings(
+        {name: text for name, text in address.options.items() if name not in ("rate", "silence")}
+    )
     port = address.target
 
     def connect() -> serial.SerialBase:
@@ -162,7 +166,7 @@ def open_serial(address: SourceAddress, clock: Clock) -> Source:
             lambda error: LinkLostError(f"{port} disappeared ({_brief(error)})", "Unplugged? Plug the hub in again."),
         )
 
-    return ReconnectingSource(f"serial:{port}", make_link, clock, rate_hz=rate_hz)
+    return ReconnectingSource(f"serial:{port}", make_link, clock, rate_hz=rate_hz, silence_s=silence_s)
 
 
 def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
@@ -183,7 +187,9 @@ def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
         if name not in readers:
             near = difflib.get_close_matches(name, readers, 1)
             hint = f"Did you mean {near[0]}? " if near else ""
-            raise SourceError(f"serial has no option '{name}'", f"{hint}Options are {', '.join((*readers, 'rate'))}.")
+            raise SourceError(
+                f"serial has no option '{name}'", f"{hint}Options are {', '.join((*readers, 'rate', 'silence'))}."
+            )
         settings[name] = readers[name](text)
     return settings
 

@@ -333,6 +333,27 @@ def rate_option(options: Mapping[str, str]) -> float | None:
     return value
 
 
+_MAX_SILENCE_S: Final = 3600.0
+
+
+def silence_option(options: Mapping[str, str], default_s: float = 6.0) -> float:
+    """Return the time in s without a byte after which a link counts as lost, 0 for never.
+
+    Raises:
+        SourceError: it is no number of the range.
+    """
+    text = options.get("silence")
+    if text is None:
+        return default_s
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= _MAX_SILENCE_S:
+        raise SourceError(f"silence={text} is not allowed", f"Give a number from 0 to {_MAX_SILENCE_S:g}.")
+    return value
+
+
 def open_source(uri: str, clock: Clock) -> Source:
     """Open the source of a URI; its module is imported on first use.
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.reconnect import ReconnectingSource
-from gateway.io.source import Source, SourceAddress, rate_option
+from gateway.io.source import Source, SourceAddress, rate_option, silence_option
 
 CONNECT_TIMEOUT_S: Final = 5.0
 
@@ -57,7 +57,7 @@ def parse_place(address: SourceAddress) -> Place:
     if match is None or not 1 <= int(match["port"]) <= 65535:
         raise SourceError(f"'{address.uri}' is not an address", "Give tcp://host:port, port 1 to 65535.")
     for name in address.options:
-        if name != "rate":
+        if name not in ("rate", "silence"):
             raise SourceError(f"tcp has no option '{name}'", "Give tcp://host:port, or tcp://host:port?rate=9600.")
     return Place(match["host"].strip("[]"), int(match["port"]))
 
@@ -65,13 +65,15 @@ def parse_place(address: SourceAddress) -> Place:
 def open_tcp(address: SourceAddress, clock: Clock) -> Source:
     """Make a source of a TCP connection; it is opened when its items are requested.
 
-    Option: rate=9600 (Hz, set on the hub).
+    Options: rate=9600 (Hz, set on the hub), silence=6 (seconds without a byte until the link counts as lost, 0 for
+    never).
 
     Raises:
         SourceError: no host and port, or an option is not known or not allowed.
     """
     place, rate_hz = parse_place(address), rate_option(address.options)
-    return ReconnectingSource(f"tcp:{place}", lambda: TcpLink(place), clock, rate_hz=rate_hz)
+    silence_s = silence_option(address.options)
+    return ReconnectingSource(f"tcp:{place}", lambda: TcpLink(place), clock, rate_hz=rate_hz, silence_s=silence_s)
 
 
 def connect(place: Place) -> socket.socket:

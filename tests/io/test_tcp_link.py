@@ -149,6 +149,44 @@ def test_closing_peer_is_a_lost_link(tcp_hub: TcpHub, read: Read) -> None:
         assert b"".join(chunk.data for chunk in reader.bytes(5)) == b"again"
 
 
+def test_peer_that_accepts_and_closes_is_reported_once_and_back_when_it_sends(tcp_hub: TcpHub, read: Read) -> None:
+    reader = read(open_source(f"tcp://127.0.0.1:{tcp_hub.port}", ManualClock()))
+    with tcp_hub.accept() as hub:
+        reader.event(LinkEventKind.CONNECTED)
+        hub.sendall(b"data")
+        assert b"".join(chunk.data for chunk in reader.bytes(4)) == b"data"
+    reader.event(LinkEventKind.LOST)
+    for _ in range(20):
+        tcp_hub.accept().close()
+    with tcp_hub.accept() as hub:
+        hub.sendall(b"again")
+        items = items_until(reader, 5)
+        kinds = [item.kind for item in items if isinstance(item, LinkEvent)]
+        assert kinds == [LinkEventKind.RESTORED, LinkEventKind.LOST] * 2 + [LinkEventKind.RESTORED]
+
+
+def test_peer_that_keeps_the_connection_and_sends_nothing_is_connected_again(tcp_hub: TcpHub, read: Read) -> None:
+    clock = ManualClock()
+    reader = read(open_source(f"tcp://127.0.0.1:{tcp_hub.port}?silence=4", clock))
+    with tcp_hub.accept() as stopped:
+        reader.event(LinkEventKind.CONNECTED)
+        stopped.sendall(b"data")
+        assert b"".join(chunk.data for chunk in reader.bytes(4)) == b"data"
+        clock.advance_ns(4_000_000_000)
+        assert "silent for 4 s" in reader.event(LinkEventKind.LOST).text
+        with tcp_hub.accept() as hub:
+            reader.event(LinkEventKind.RESTORED)
+            hub.sendall(b"again")
+            assert b"".join(chunk.data for chunk in reader.bytes(5)) == b"again"
+
+
+@pytest.mark.parametrize("option", ["silence=-1", "silence=x", "silence=nan", "silence=4000"])
+def test_limit_of_silence_is_checked(option: str) -> None:
+    for uri in (f"tcp://127.0.0.1:1?{option}", f"serial:///dev/null?{option}"):
+        with pytest.raises(SourceError, match="silence="):
+            open_source(uri, ManualClock())
+
+
 def test_switched_off_hub_is_retried(tcp_hub: TcpHub, read: Read) -> None:
     reader = read(open_source(f"tcp://127.0.0.1:{tcp_hub.port}", ManualClock()))
     hub = tcp_hub.accept()
