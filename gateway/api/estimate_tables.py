@@ -22,6 +22,7 @@ from gateway.api.column_table import (
     utc_array,
 )
 from gateway.estimators.estimator import Status
+from gateway.nearest_name import did_you_mean
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
 from gateway.types import BoolArray, FloatArray
 from gateway.views.wording import joined, text
@@ -72,8 +73,11 @@ class Estimates(ColumnTable):
             if wanted is not None:
                 is_wanted: BoolArray = self[key] == wanted
                 if not is_wanted.any():
-                    known = ", ".join(dict.fromkeys(self[key].tolist())) or "none"
-                    raise KeyError(f"no estimate has the {key} '{wanted}': there is {known}")
+                    known = list(dict.fromkeys(self[key].tolist()))
+                    raise KeyError(
+                        f"no estimate has the {key} '{wanted}'. {did_you_mean(wanted, known)}"
+                        f"There is {', '.join(known) or 'none'}"
+                    )
                 chosen &= is_wanted
         if status is not None:
             wanted_status = {Status(one).value for one in ([status] if isinstance(status, str) else status)}

@@ -22,10 +22,10 @@ from gateway.api.signal_tables import (
     Samples,
 )
 from gateway.config.effects_file import effects_doubts
-from gateway.config.validation import nearest
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.nearest_name import nearest
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.reasons import Notice
 from gateway.recording.recorded_file import RecordedFile, open_recorded_file

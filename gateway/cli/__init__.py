@@ -17,6 +17,7 @@ from click.shell_completion import CompletionItem
 
 from gateway import __version__
 from gateway.errors import OutputError, TreadlinkError
+from gateway.nearest_name import did_you_mean
 
 # The matrices here are small, so waking a thread costs more than the product it computes. This must be set before numpy
 # is imported; child processes inherit it.
@@ -39,7 +40,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "campaign": ("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
     "trends": ("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."),
-    "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT or Parquet measurement to a recording."),
+    "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT, HDF5, MF4 or TDMS file to a recording."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires."),
@@ -69,6 +70,14 @@ class LazyGroup(click.Group):
         module_name, attribute = COMMANDS[cmd_name][0].split(":")
         command: click.Command = getattr(importlib.import_module(module_name), attribute)
         return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the subcommand; for an unknown name, propose the most similar one."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            ctx.fail(f"No such command '{args[0]}'. {did_you_mean(args[0], COMMANDS)}".rstrip())
+        return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
         """Complete the name of a subcommand without importing any."""

@@ -65,8 +65,8 @@ def live(
 
     \b
     SOURCE is one of
-      serial:///dev/ttyUSB0?baudrate=921600   a hub on a serial port
-      tcp://host:port                         a hub behind a TCP server
+      /dev/ttyUSB0  COM3:921600               a hub on a serial port; serial:///dev/ttyUSB0?baudrate=921600 as well
+      192.168.4.1:5000                        a hub behind a TCP server; tcp://host:port as well
       ble://NAME-or-ADDRESS                   a hub on Bluetooth LE (treadlink scan lists them)
       sim:demo                                a simulated vehicle (treadlink simulate --list)
       replay:FILE?speed=1                     a recording; speed=10, speed=max

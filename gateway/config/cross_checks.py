@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, Final, TypeGuard
 
-from gateway.config.validation import Fault, key_of, nearest, show
+from gateway.config.validation import Fault, key_of, show
+from gateway.nearest_name import nearest
 
 # Hubs times wheels of one hub are far fewer; the checks of names compare all with all.
 _MAX_WHEELS: Final = 1000

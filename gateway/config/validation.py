@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import json
 import types
@@ -20,6 +19,7 @@ from gateway.bounded_input import NotRegularFileError, read_bounded
 from gateway.config.toml_reader import MAX_TOML_BYTES, parse_toml
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
+from gateway.nearest_name import nearest
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Location = tuple[int | str, ...]
@@ -146,13 +146,6 @@ def show(value: object) -> str:
     else:
         text = f"a list of {len(value)}" if isinstance(value, list) else str(value)
     return text if len(text) <= 60 else text[:57] + "..."
-
-
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name most similar to `name`, or None when none is similar."""
-    by_lower = {item.lower(): item for item in known}
-    matches = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=0.6)
-    return by_lower[matches[0]] if matches else None
 
 
 def key_of(data: object, location: Location) -> str:

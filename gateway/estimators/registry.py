@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from gateway.errors import ConfigError
+from gateway.nearest_name import did_you_mean
 from gateway.plugins import Plugin, PluginGroup, load, missing_members, names
 from gateway.reasons import Code, Reason
 
@@ -63,7 +64,8 @@ def make_estimator(name: str) -> Estimator:
         return estimator
     found = load(PluginGroup.ESTIMATORS, name, ESTIMATORS, plugin_fault)
     if not callable(found):
-        raise ConfigError(f"unknown estimator '{name}'", f"Known estimators: {', '.join(estimator_names())}.")
+        hint = did_you_mean(name, estimator_names())
+        raise ConfigError(f"unknown estimator '{name}'", f"{hint}Known estimators: {', '.join(estimator_names())}.")
     from gateway.estimators.plugin_estimator import PluginEstimator
 
     return PluginEstimator(name, found)

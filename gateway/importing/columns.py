@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol
 
-from gateway.config.validation import nearest
 from gateway.errors import ImportDataError
+from gateway.nearest_name import nearest
 from gateway.types import FloatArray
 
 BLOCK_ROWS: Final = 65536

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import AwareDatetime, BeforeValidator, Field
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.validation import Fault, Section, nearest, parse_document, read_text, show
+from gateway.config.validation import Fault, Section, parse_document, read_text, show
 from gateway.config.vehicle import (
     ASSUMED_RADIUS_MM,
     ASSUMED_RADIUS_STD_MM,
@@ -26,6 +26,7 @@ from gateway.config.vehicle import (
     Wheel,
 )
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.nearest_name import nearest
 
 ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
     "m/s^2": 1.0,

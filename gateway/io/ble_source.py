@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import difflib
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -16,6 +15,7 @@ from gateway.io.ble_link import BleLink, BleSettings, find
 from gateway.io.ble_radio import BLE_ERRORS, explain, radio
 from gateway.io.reconnect import Backoff, ReconnectingSource
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, rate_option, silence_option
+from gateway.nearest_name import did_you_mean
 from gateway.reasons import Code, Reason
 
 _MAX_SCAN_S: Final = 120.0
@@ -105,9 +105,9 @@ def open_ble(address: SourceAddress, clock: Clock) -> Source:
     options = address.options
     for name in options:
         if name not in OPTIONS:
-            near = difflib.get_close_matches(name, OPTIONS, 1)
-            hint = f"Did you mean {near[0]}? " if near else ""
-            raise SourceError(f"ble has no option '{name}'", f"{hint}Options are {', '.join(OPTIONS)}.")
+            raise SourceError(
+                f"ble has no option '{name}'", f"{did_you_mean(name, OPTIONS)}Options are {', '.join(OPTIONS)}."
+            )
     if options.get("notify", "signal") not in ("signal", "socket"):
         raise SourceError(f"notify={options['notify']} is not allowed", "Give notify=signal or notify=socket.")
     settings = BleSettings(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import errno
 import os
 import select
@@ -18,6 +17,7 @@ from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.reconnect import ReconnectingSource
 from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress, rate_option, silence_option
+from gateway.nearest_name import did_you_mean
 
 if sys.platform == "win32":
     _TERMIOS_ERROR: type[Exception] = OSError
@@ -185,11 +185,9 @@ def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:
     settings: dict[str, Any] = {"baudrate": DEFAULT_BAUDRATE, "exclusive": True}
     for name, text in options.items():
         if name not in readers:
-            near = difflib.get_close_matches(name, readers, 1)
-            hint = f"Did you mean {near[0]}? " if near else ""
-            raise SourceError(
-                f"serial has no option '{name}'", f"{hint}Options are {', '.join((*readers, 'rate', 'silence'))}."
-            )
+            options_known = (*readers, "rate", "silence")
+            hint = did_you_mean(name, options_known)
+            raise SourceError(f"serial has no option '{name}'", f"{hint}Options are {', '.join(options_known)}.")
         settings[name] = readers[name](text)
     return settings
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 import importlib
 import logging
 import math
+import re
 import threading
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final, Protocol
-from urllib.parse import parse_qsl, unquote, urlsplit
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
+from gateway.nearest_name import did_you_mean
 from gateway.plugins import Plugin, PluginGroup, load, missing_factory, names
 from gateway.reasons import Code, Reason
+from gateway.uri_parts import split_uri
 
 _logger = logging.getLogger(__name__)
 
@@ -252,28 +254,44 @@ def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
     return missing_factory(found.factory)
 
 
+# Addresses without a scheme, as other programs take them: a port with its baud rate, and host:port.
+_PORT: Final = re.compile(r"(/dev/[^?]+?|COM\d+)(?::(\d{3,}))?(\?.*)?", re.IGNORECASE)
+_HOST: Final = re.compile(r"(?:localhost|[A-Za-z0-9-]+(?:\.[A-Za-z0-9-]+)+|\[[0-9A-Fa-f:.]+\]):\d{1,5}(?:\?.*)?")
+
+
+def _with_scheme(uri: str) -> str:
+    """Return a source with the scheme that `/dev/ttyUSB0`, `COM3:921600` and `192.168.4.1:5000` leave out."""
+    if port := _PORT.fullmatch(uri):
+        path, baudrate, options = port.groups(default="")
+        mark = "&" if options else "?"
+        return f"serial:{path}{options}" + (f"{mark}baudrate={baudrate}" if baudrate else "")
+    return f"tcp://{uri}" if _HOST.fullmatch(uri) else uri
+
+
 def parse_source_uri(uri: str) -> SourceAddress:
     """Split `scheme:target?options`; `scheme://target` and `scheme:target` mean the same.
+
+    A serial port and `host:port` need no scheme.
 
     Raises:
         SourceError: no known scheme, or no target.
     """
     try:
-        parts = urlsplit(uri)
+        scheme, _, target, options = split_uri(_with_scheme(uri))
     except ValueError as error:
         raise SourceError(f"source '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
-    scheme = parts.scheme.lower()
     if source_kind(scheme) is None:
-        known = ", ".join(f"{name}:" for name in (*SOURCES, *names(PluginGroup.SOURCES, SOURCES)))
+        schemes = [f"{name}:" for name in (*SOURCES, *names(PluginGroup.SOURCES, SOURCES))]
+        hint = did_you_mean(f"{scheme}:", schemes) if scheme else ""
         raise SourceError(
-            f"unknown source '{uri}'", f"A source starts with one of {known}; try `treadlink live sim:demo`."
+            f"unknown source '{uri}'",
+            f"{hint}A source starts with one of {', '.join(schemes)}; try `treadlink live sim:demo`.",
         )
-    target = unquote(parts.netloc + parts.path)
     if not target:
         raise SourceError(
             f"source '{uri}' has no target after '{scheme}:'", "Give a port, file, host, hub or scenario."
         )
-    return SourceAddress(uri, scheme, target, dict(parse_qsl(parts.query, keep_blank_values=True)))
+    return SourceAddress(uri, scheme, target, options)
 
 
 def _kind_of(address: SourceAddress) -> SourceKind:

@@ -11,9 +11,11 @@ from typing import Final, Protocol, runtime_checkable
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from gateway.errors import TreadlinkError
+from gateway.nearest_name import did_you_mean
 from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot
 from gateway.plugins import Plugin, PluginGroup, load, missing_factory, names
 from gateway.reasons import Code, Reason
+from gateway.uri_parts import split_uri
 
 _logger = logging.getLogger(__name__)
 
@@ -146,7 +148,9 @@ class SinkAddress:
         if unknown:
             raise SinkError(
                 f"'{self.name}' has no option '{unknown[0]}'",
-                f"Known options: {', '.join(sorted(known))}." if known else "It has no options.",
+                f"{did_you_mean(unknown[0], known)}Known options: {', '.join(sorted(known))}."
+                if known
+                else "It has no options.",
             )
 
 
@@ -252,22 +256,23 @@ def parse_sink_uri(uri: str) -> SinkAddress:
         SinkError: no known scheme, no target, or a password in it.
     """
     try:
-        parts = urlsplit(uri)
+        scheme, authority, target, options = split_uri(uri)
     except ValueError as error:
         raise SinkError(f"--publish '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
-    scheme = parts.scheme.lower()
     if sink_kind(scheme) is None:
-        known = ", ".join(f"{name}:" for name in (*SINKS, *names(PluginGroup.SINKS, SINKS)))
-        raise SinkError(f"unknown live output '{uri}'", f"It starts with one of {known}; for example jsonl:-")
-    if "@" in parts.netloc:
+        schemes = [f"{name}:" for name in (*SINKS, *names(PluginGroup.SINKS, SINKS))]
+        hint = did_you_mean(f"{scheme}:", schemes) if scheme else ""
+        raise SinkError(
+            f"unknown live output '{uri}'", f"{hint}It starts with one of {', '.join(schemes)}; for example jsonl:-"
+        )
+    if "@" in authority:
         raise SinkError(
             f"--publish {scheme}: has a user name or password in its address, where others can read it",
             "Set the environment variables TREADLINK_MQTT_USERNAME and TREADLINK_MQTT_PASSWORD.",
         )
-    target = unquote(parts.netloc + parts.path)
     if not target:
         raise SinkError(f"--publish '{uri}' has no target after '{scheme}:'", "Give a path, host, port or channel.")
-    return SinkAddress(uri, scheme, target, dict(parse_qsl(parts.query, keep_blank_values=True)))
+    return SinkAddress(uri, scheme, target, options)
 
 
 def open_sink(uri: str, setting: SinkSetting) -> tuple[str, Sink]:

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Final
 
 from gateway.config.toml_writer import toml_text
-from gateway.config.validation import nearest, parse_document, read_text
+from gateway.config.validation import parse_document, read_text
 from gateway.errors import SourceError
+from gateway.nearest_name import nearest
 from gateway.simulator.scenario_checks import scenario_faults
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.wheel_plan import wheel_plans

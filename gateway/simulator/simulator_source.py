@@ -5,11 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
 from gateway.io.playback import Playback
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
+from gateway.nearest_name import did_you_mean
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
@@ -17,6 +19,8 @@ from gateway.simulator.simulation import Simulation, simulate
 OPTIONS = (
     "speed=1|10|max, duration=SECONDS, seed=NUMBER, fault=KIND:OPTION=VALUE (several parted by ';' or '+'), keys=FILE"
 )
+
+_OPTION_NAMES: Final = ("speed", "duration", "seed", "fault", "keys")
 
 
 class SimulatorSource:
@@ -76,7 +80,9 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
     fault_texts = split_faults(options.pop("fault", ""))
     key_file = options.pop("keys", None)
     if options:
-        raise SourceError(f"sim has no option '{next(iter(options))}'", f"Options are {OPTIONS}.")
+        name = next(iter(options))
+        hint = did_you_mean(name, _OPTION_NAMES)
+        raise SourceError(f"sim has no option '{name}'", f"{hint}Options are {OPTIONS}.")
     scenario = load_scenario(address.target)
     seed = None if seed_text is None else _seed(seed_text)
     simulation = simulate(
@@ -96,7 +102,7 @@ def link_name(target: str) -> str:
 
 
 def split_faults(text: str) -> list[str]:
-    """Return the faults of a text, separated by `;` or `+` (or a space, as `+` is decoded in a URI)."""
+    """Return the faults of a text, separated by `;`, `+` or a space."""
     for mark in "+ ":
         text = text.replace(mark, ";")
     return [item for item in text.split(";") if item]
