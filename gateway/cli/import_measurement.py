@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @click.command("import")
-@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
 @click.option(
     "--map",
     "map_path",
@@ -31,11 +31,12 @@ if TYPE_CHECKING:
 )
 @click.option("--guess", is_flag=True, help="Write a first import map for FILE, with what is not known as comments.")
 @force_option
-def import_(file: Path, map_path: Path | None, out: Path | None, guess: bool, force: bool) -> None:
+def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, guess: bool, force: bool) -> None:
     """Convert the measurement FILE to a recording.
 
-    FILE is CSV, MATLAB (MAT), HDF5, MDF (MF4) or Parquet. The import map states the meaning of its columns; --guess
-    writes a first one. A recording is never overwritten; --force overwrites a map.
+    FILE is CSV, MATLAB (MAT), HDF5, MDF (MF4), TDMS, UFF or Parquet. Several files, in the order of time, are one
+    measurement. The import map states the meaning of the columns; --guess writes a first one. A recording is never
+    overwritten; --force overwrites a map.
     """
     from gateway.importing.import_map import load_map
     from gateway.importing.importer import import_file
@@ -44,13 +45,16 @@ def import_(file: Path, map_path: Path | None, out: Path | None, guess: bool, fo
 
     if guess == (map_path is not None):
         raise click.UsageError("Give either --map with an import map, or --guess to write a first one.")
+    file = files[0]
     if guess:
+        if len(files) > 1:
+            raise click.UsageError("Give --guess one of the files: the map that it writes holds for all.")
         _guess(file, out, force=force)
         return
     assert map_path is not None
     import_map = load_map(map_path)
     with progress_bar(f"importing {file.name}") as bar:
-        report = import_file(file, import_map, out or Path(f"{file.stem}.mcap"), bar.show)
+        report = import_file(files, import_map, out or Path(f"{file.stem}.mcap"), bar.show)
     for line in report_lines(report):
         click.echo(clean(line))
     if report.references:
@@ -99,6 +103,8 @@ def report_lines(report: ImportReport) -> list[str]:
     lines = [f"{report.samples} samples{skipped}, {report.duration_s:.6g} s at {_rate(report)}"]
     if report.left_out:
         lines.append(f"{report.left_out} samples that the time column skips are gaps between samples")
+    if report.unreadable:
+        lines.append(f'{report.unreadable} cells that are no numbers are gaps, by unreadable = "missing"')
     for wheel in report.wheels:
         lines.append(f"wheel {wheel.position}; range and quantisation in m/s^2:")
         lines += [

@@ -24,6 +24,7 @@ _DATE_OR_CLOCK: Final = re.compile(r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\
 _PLACEHOLDER: Final = re.compile(r"[-?*#./]+|n/?a|#n/a|null|none|missing|err(or)?", re.IGNORECASE)
 # Signs and dashes that spreadsheets and word processors write for a minus.
 _OTHER_MINUS: Final = re.compile("[\u2010-\u2015\u2212\ufe63\uff0d]\\s*[.,]?\\d")
+_AS_GAP: Final = 'the import keeps the gap. Or state [file] unreadable = "missing" in the map.'
 # With a decimal comma, the comma of the cell is a point already.
 _THOUSANDS: Final = re.compile(r"[+-]?\d{1,3}(?:(?:[.,' \xa0\u202f]\d{3})+[.,]\d*|(?:[.,' \xa0\u202f]\d{3}){2,})")
 
@@ -43,7 +44,11 @@ class TolerantSample(NamedTuple):
 
 
 class CsvColumns:
-    """Reader of delimited text. Without a header the columns are named 1, 2, 3, ..."""
+    """Reader of delimited text. Without a header the columns are named 1, 2, 3, ...
+
+    Attributes:
+        unreadable: number of cells in the current pass that are no numbers, where the layout takes them for missing.
+    """
 
     def __init__(self, path: Path, layout: FileLayout, times: IsoTimes | None = None) -> None:
         """Read the header.
@@ -60,6 +65,7 @@ class CsvColumns:
         self._path = path
         self._layout = layout
         self._times = times
+        self.unreadable = 0
         self._delimiter = DELIMITERS[layout.delimiter]
         self._lines_before_data = layout.skip_rows + (1 + layout.skip_rows_after_header if layout.header else 0)
         with self._open() as file:
@@ -81,6 +87,7 @@ class CsvColumns:
         use = [self._names.index(name) for name in names]
         size_bytes = max(self._path.stat().st_size, 1)
         row, line_number = 0, self._lines_before_data + 1
+        self.unreadable = 0
         with self._open() as file:
             source = self._lines(file)
             for _ in itertools.islice(source, self._lines_before_data):
@@ -188,7 +195,21 @@ class CsvColumns:
         try:
             return self._numbers(filled, delimiter, use)
         except ValueError as error:
+            if self._layout.unreadable == "missing":
+                return self._tolerant(filled, use)
             raise self._bad_cell(filled, numbers, use, names) from error
+
+    def _tolerant(self, lines: list[str], use: list[int]) -> FloatArray:
+        """Return the values with NaN for cells that are no numbers, and count these."""
+        values = np.full((len(lines), len(use)), math.nan)
+        for row, line in enumerate(lines):
+            cells = self._cells(line)
+            for k, column in enumerate(use):
+                try:
+                    values[row, k] = float(cells[column])
+                except (IndexError, ValueError):
+                    self.unreadable += 1
+        return values
 
     def _with_point(self, text: str) -> str:
         return text.replace(",", ".") if self._layout.decimal == "," else text
@@ -247,7 +268,7 @@ class CsvColumns:
                 "rate_hz instead of time_column."
             )
         if _PLACEHOLDER.fullmatch(cell):
-            return "If it stands for a missing value, leave the cell empty: the import keeps the gap."
+            return f"If it stands for a missing value, leave the cell empty: {_AS_GAP}"
         if not cell[:1].isdigit():
             return "If this is a line of units, state [file] skip_rows_after_header in the map; else correct the cell."
-        return "Correct the cell, or leave it empty: the import keeps the gap."
+        return f"Correct the cell, or leave it empty: {_AS_GAP}"

@@ -30,7 +30,7 @@ _REMEDIES: Final[dict[str, str]] = {
     ".npy": _NUMPY,
     ".npz": _NPZ,
     **dict.fromkeys((".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".tar", ".tgz", ".rar"), _UNPACK),
-    **dict.fromkeys((".xls", ".xlsx", ".ods", ".tdms", ".wav", ".bin"), _TO_CSV),
+    **dict.fromkeys((".xls", ".xlsx", ".ods", ".wav", ".bin"), _TO_CSV),
     ".mcap": "This is a recording already. Run: treadlink estimate {name}",
     ".toml": "This is a configuration. Give the measurement as FILE and the map with --map.",
 }

@@ -37,7 +37,7 @@ ACCELERATION_UNITS_MPS2: Final[dict[str, float]] = {
 }
 PRESSURE_UNITS_PA: Final[dict[str, float]] = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "psi": 6894.757293168361}
 ISO: Final = "iso"
-TIME_UNITS_S: Final[dict[str, float]] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, ISO: 1.0}
+TIME_UNITS_S: Final[dict[str, float]] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0, ISO: 1.0}
 REFERENCE_UNITS: Final[dict[str, dict[str, float]]] = {
     "speed": {"m/s": 1.0, "km/h": 1.0 / 3.6, "mph": 0.44704},
     "rotation": {"Hz": 1.0, "rpm": 1.0 / 60.0, "rad/s": 0.5 / math.pi, "deg/s": 1.0 / 360.0},
@@ -56,6 +56,8 @@ class FileFormat(StrEnum):
     MAT = "mat"
     MF4 = "mf4"
     PARQUET = "parquet"
+    TDMS = "tdms"
+    UFF = "uff"
 
 
 SUFFIXES: Final[dict[str, FileFormat]] = {
@@ -70,6 +72,9 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
     ".mf4": FileFormat.MF4,
     ".parquet": FileFormat.PARQUET,
     ".pq": FileFormat.PARQUET,
+    ".tdms": FileFormat.TDMS,
+    ".uff": FileFormat.UFF,
+    ".unv": FileFormat.UFF,
 }
 
 
@@ -128,6 +133,9 @@ class FileLayout(Section):
     decimal: Literal[".", ","] = Field(default=".", description="decimal separator")
     encoding: str = Field(default="utf-8", description="character encoding, such as utf-8 or latin-1")
     skip_rows: int = Field(default=0, ge=0, le=100_000, description="number of lines to skip before the header")
+    unreadable: Literal["error", "missing"] = Field(
+        default="error", description="what a cell that is no number is: an error, or a missing value (a gap)"
+    )
     header: bool = Field(default=True, description="whether a line names the columns; otherwise they are 1, 2, 3, ...")
     skip_rows_after_header: int = Field(
         default=0, ge=0, le=1000, description="number of lines to skip after the header, such as a line of units"
@@ -140,7 +148,9 @@ class Sampling(Section):
     rate_hz: float | None = Field(default=None, gt=0, le=1e7, description="sampling rate in Hz")
     time_column: str | None = Field(default=None, description="name of the time column, instead of rate_hz")
     time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = Field(
-        default="s", description="unit of the time column; iso for dates with times (ISO 8601)"
+        default="s",
+        description="unit of the time column; d for the day numbers of Excel and MATLAB, iso for dates with times "
+        "(ISO 8601)",
     )
     time_zone: Annotated[str | None, BeforeValidator(_time_zone)] = Field(
         default=None,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import heapq
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -22,6 +22,7 @@ from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
 from gateway.importing.file_formats import open_columns
 from gateway.importing.frames import FrameStream, Quantiser
 from gateway.importing.import_map import ISO, ImportedWheel, ImportMap
+from gateway.importing.joined_columns import JoinedColumns
 from gateway.importing.missing_rows import GapFilledColumns
 from gateway.importing.reader_process import ReaderProcesses
 from gateway.importing.reference_channels import ReferenceChannel
@@ -90,6 +91,7 @@ class ImportReport:
         samples: number of samples of each wheel.
         skipped: rows left out before the start.
         left_out: samples that the time column skips, which are gaps too.
+        unreadable: cells that are no numbers, taken for missing values as the map states.
         rate_hz: sampling rate of the recording.
         decimation: reduction of the file's rate, None where it is kept.
         rate_std_hz: standard error of the rate where the times are rounded, else None.
@@ -108,6 +110,7 @@ class ImportReport:
     samples: int
     skipped: int
     left_out: int
+    unreadable: int
     rate_hz: float
     decimation: Decimation | None
     rate_std_hz: float | None
@@ -121,7 +124,7 @@ class ImportReport:
 
 
 def import_file(
-    path: Path,
+    path: Path | Sequence[Path],
     import_map: ImportMap,
     out: Path,
     progress: Callable[[float], None] = lambda _: None,
@@ -130,7 +133,7 @@ def import_file(
     """Import `path` into the new recording `out`, reading it twice with constant memory.
 
     Args:
-        path: measurement.
+        path: measurement; or its files in the order of time, where several make up one.
         import_map: meaning of its columns.
         out: a new file; or a folder, in which the start time gives the name.
         progress: called with the share done, 0 to 1.
@@ -140,14 +143,28 @@ def import_file(
         ImportDataError: the measurement does not match the map; nothing was written.
         RecordingError: the recording exists or cannot be written.
     """
-    with contextlib.closing(open_columns(path, import_map, processes)) as reader:
-        require_columns(reader, path, import_map.columns())
+    paths = (path,) if isinstance(path, Path) else tuple(path)
+    with contextlib.closing(_opened(paths, import_map, processes)) as reader:
         if out.is_file():
             # The writer would reject it too, but only after the first pass.
             raise RecordingError(
                 f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
             )
-        return _import(path, GapFilledColumns(path, reader, import_map.sampling), import_map, out, progress)
+        return _import(paths, GapFilledColumns(paths[0], reader, import_map.sampling), import_map, out, progress)
+
+
+def _opened(paths: Sequence[Path], import_map: ImportMap, processes: ReaderProcesses | None) -> BlockReader:
+    if len(paths) == 1:
+        reader = open_columns(paths[0], import_map, processes)
+        require_columns(reader, paths[0], import_map.columns())
+        return reader
+    supply = processes or ReaderProcesses()
+    return JoinedColumns(
+        paths,
+        lambda path: open_columns(path, import_map, supply),
+        import_map.columns(),
+        import_map.sampling.time_column,
+    )
 
 
 class _WheelStream:
@@ -212,8 +229,13 @@ class _WheelStream:
 
 
 def _import(
-    path: Path, reader: GapFilledColumns, import_map: ImportMap, out: Path, progress: Callable[[float], None]
+    paths: Sequence[Path],
+    reader: GapFilledColumns,
+    import_map: ImportMap,
+    out: Path,
+    progress: Callable[[float], None],
 ) -> ImportReport:
+    path = paths[0]
     _check_dates(path, reader, import_map)
     found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
     _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
@@ -224,11 +246,12 @@ def _import(
     ]
     start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, found)
     link = f"import:{path.name}"
+    more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
     vehicle = import_map.vehicle(() if found.decimation is None else (_decimation_text(found.decimation),))
     writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,))
     values = dict.fromkeys((reference.name for reference in import_map.reference), 0)
     try:
-        writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}"))
+        writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{more}"))
         for rows, places, share, last in _selected(reader, import_map, found):
             if not last:
                 progress(0.5 + 0.5 * share)
@@ -255,6 +278,7 @@ def _import(
         samples=found.samples,
         skipped=found.skipped,
         left_out=reader.left_out,
+        unreadable=reader.unreadable,
         rate_std_hz=found.rate_std_hz,
         rounding_s=found.rounding_s,
         rate_hz=found.rate_hz,

@@ -65,6 +65,8 @@ _LIKELY_HZ: Final = (1500.0, 400_000.0)
 _SLOWEST_HZ: Final = 5.0
 # Seconds since 1970: of the years 2000 to 2100.
 _SINCE_1970_S: Final = (0.95e9, 4.1e9)
+# Day numbers of the same years, and the day of each on which 1970 began: of Excel and of MATLAB.
+_DAYS: Final = (((36_500.0, 73_100.0), 25_569.0), ((730_500.0, 767_100.0), 719_529.0))
 # Samples of a pulse are near its ends; those of a tire are not.
 _AT_ENDS: Final = 0.97
 _FEWEST_ROWS: Final = 200
@@ -72,6 +74,8 @@ _FEWEST_ROWS: Final = 200
 _MOST_UNREADABLE: Final = 0.1
 # Rounding repeats a larger share of the times, or none.
 _FEW_REPEATS: Final = 0.01
+# Times that repeat more often are coarser than an import takes, which is 1.2 sample intervals.
+_MOST_REPEATS: Final = 0.2
 _VOLTAGES: Final = frozenset({"", "V", "mV"})
 _TEMPERATURE_UNITS: Final = frozenset({"degC", "C"})
 _LISTED_REASONS: Final = 40
@@ -355,7 +359,14 @@ def _time_units(column: _Seen, values: FloatArray) -> list[str]:
     for unit in ("s", "ms", "us", "ns"):
         if len(values) and _SINCE_1970_S[0] < values[0] * TIME_UNITS_S[unit] < _SINCE_1970_S[1]:
             return [unit]
+    if len(values) and _since_1970_d(float(values[0])) is not None:
+        return ["d", "s", "ms", "us"]
     return ["s", "ms", "us"]
+
+
+def _since_1970_d(days: float) -> float | None:
+    """Return a day number as days since 1970, None where it is none of the years 2000 to 2100."""
+    return next((days - begin for (low, high), begin in _DAYS if low < days < high), None)
 
 
 def _is_time(column: _Seen, values: FloatArray, found: _Found, rates_hz: tuple[float, float]) -> bool:
@@ -364,6 +375,8 @@ def _is_time(column: _Seen, values: FloatArray, found: _Found, rates_hz: tuple[f
     values = counter.look(values)
     steps = np.diff(values)
     if len(steps) < 2 or not (steps >= 0).all() or not steps.any():
+        return False
+    if np.mean(steps == 0.0) > _MOST_REPEATS:
         return False
     # Times may be rounded, but their trend is straight.
     trend = values[0] + (values[-1] - values[0]) * np.arange(len(values)) / (len(values) - 1)
@@ -383,7 +396,8 @@ def _is_time(column: _Seen, values: FloatArray, found: _Found, rates_hz: tuple[f
             elif 0 < np.count_nonzero(steps == 0.0) < _FEW_REPEATS * len(steps):
                 rows = np.flatnonzero(np.isfinite(column.values))
                 found.time_doubt = f"repeats in {column.where(int(rows[np.argmin(steps) + 1]))}"
-            since_1970_s = float(values[0]) * TIME_UNITS_S[unit]
+            first = _since_1970_d(float(values[0])) if unit == "d" else float(values[0])
+            since_1970_s = (first or 0.0) * TIME_UNITS_S[unit]
             if _SINCE_1970_S[0] < since_1970_s < _SINCE_1970_S[1]:
                 found.since_1970_s = since_1970_s
             return True
@@ -394,6 +408,8 @@ def _time_fault(column: _Seen, values: FloatArray) -> tuple[str, float | None] |
     """Return why a column of times cannot be used, and the rate by its regular steps; None where it is no time."""
     steps = np.diff(values)
     rows = np.flatnonzero(np.isfinite(column.values))
+    if len(steps) > 2 and (steps >= 0.0).all() and np.mean(steps == 0.0) > _MOST_REPEATS:
+        return _block_clock(column, values, steps)
     typical = float(np.median(steps)) if len(steps) > 2 else 0.0
     regular = np.abs(steps - typical) <= 0.5 * typical
     if typical <= 0.0 or np.mean(regular) < 0.5:
@@ -409,6 +425,19 @@ def _time_fault(column: _Seen, values: FloatArray) -> tuple[str, float | None] |
     rates_hz = [1.0 / (typical * TIME_UNITS_S[unit]) for unit in _time_units(column, values)]
     likely = [rate_hz for rate_hz in rates_hz if _LIKELY_HZ[0] <= rate_hz <= _LIKELY_HZ[1]]
     return reason, likely[0] if likely else None
+
+
+def _block_clock(column: _Seen, values: FloatArray, steps: FloatArray) -> tuple[str, float | None] | None:
+    """Return that times advance only from block to block, and the rate by whole blocks; None with less than three."""
+    advances = np.flatnonzero(steps > 0.0)
+    if len(advances) < 3:
+        return None
+    rows = int(advances[-1] - advances[0])
+    span = float(values[advances[-1] + 1] - values[advances[0] + 1])
+    rates_hz = [rows / (span * TIME_UNITS_S[unit]) for unit in _time_units(column, values)]
+    likely = [rate_hz for rate_hz in rates_hz if _LIKELY_HZ[0] <= rate_hz <= _LIKELY_HZ[1]]
+    each = rows / (len(advances) - 1)
+    return f"'{column.name}' advances once in {each:.4g} rows", likely[0] if likely else None
 
 
 def _kind(column: _Seen, values: FloatArray, found: _Found) -> str | None:
@@ -552,7 +581,8 @@ def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) ->
         "# Meaning of the keys: docs/how-to/import-measurements.md",
         "",
     ]
-    lines += _file_lines(layout)
+    faults = [column.fault for column in found.candidates if column.fault]
+    lines += _file_lines(layout, faults)
     rate_hz = found.rate_hz
     lines += ["[sampling]"]
     if found.time is not None:
@@ -613,11 +643,11 @@ def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) ->
     return "\n".join(lines) + "\n"
 
 
-def _file_lines(layout: FileLayout) -> list[str]:
-    stated = layout.model_dump(exclude_defaults=True)
-    if not stated:
-        return []
-    return ["[file]", *(f"{key} = {json.dumps(value)}" for key, value in stated.items()), ""]
+def _file_lines(layout: FileLayout, faults: Sequence[str]) -> list[str]:
+    lines = [f"{key} = {json.dumps(value)}" for key, value in layout.model_dump(exclude_defaults=True).items()]
+    if faults:
+        lines.append(f'# unreadable = "missing"   # ? takes cells that are no numbers for gaps: {_comment(faults[0])}')
+    return ["[file]", *lines, ""] if lines else []
 
 
 def _axis_lines(prefix: str, group: Sequence[_Axis], missed: Sequence[str]) -> list[str]:

@@ -49,6 +49,11 @@ class GapFilledColumns:
         """Statements of the file about its columns."""
         return self._reader.facts
 
+    @property
+    def unreadable(self) -> int:
+        """Number of cells of the current pass that are no numbers, taken for missing values."""
+        return getattr(self._reader, "unreadable", 0)
+
     def close(self) -> None:
         """Release the file."""
         self._reader.close()

@@ -57,6 +57,8 @@ _PARSERS: Final = {
     FileFormat.PARQUET: _Parser(
         "gateway.importing.parquet_columns", "ParquetColumns", "Parquet", "pyarrow.parquet", "pyarrow", "parquet"
     ),
+    FileFormat.TDMS: _Parser("gateway.importing.tdms_columns", "TdmsColumns", "TDMS", "nptdms", "nptdms", "formats"),
+    FileFormat.UFF: _Parser("gateway.importing.uff_columns", "UffColumns", "UFF", "pyuff", "pyuff", "formats"),
 }
 _SPARE_BYTES: Final = 384 << 20
 _BYTES_PER_FILE_BYTE: Final = 64

@@ -209,7 +209,7 @@ def _open_file(address: SourceAddress, clock: Clock, dbc_text: str | None) -> Ca
 
 
 class CanFileSource:
-    """Frames of a log file with its times, in the formats of python-can: BLF, ASC, candump log, CSV, TRC.
+    """Frames of a log file with its times, in the formats of python-can: BLF, ASC, candump log, CSV, TRC, MF4.
 
     Attributes:
         dbc_text: the DBC file given with the source, None without one.

@@ -221,7 +221,9 @@ class SourceKind:
     file_suffixes: tuple[str, ...] = ()
 
 
-CAN_FILE_SUFFIXES: Final = (".blf", ".asc", ".log", ".csv", ".trc")
+CAN_FILE_SUFFIXES: Final = (
+    ".blf", ".asc", ".log", ".csv", ".trc", ".mf4", ".asc.gz", ".log.gz", ".csv.gz", ".trc.gz",
+)  # fmt: skip
 """Ends of the log files of a CAN bus."""
 
 SOURCES: Final[dict[str, SourceKind]] = {

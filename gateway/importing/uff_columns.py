@@ -1,0 +1,87 @@
+"""Reader of time signals in universal files (UFF, dataset 58, text and binary); needs the package pyuff."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from gateway.errors import ImportDataError
+from gateway.importing.waveform_columns import Waveform, WaveformColumns
+
+_FUNCTIONS: Final = 58
+_TIME_RESPONSE: Final = (0, 1)
+# Directions of a degree of freedom in the format.
+_DIRECTIONS: Final = {
+    0: "",
+    **{k * sign: f"{'-' if sign < 0 else ''}{axis}" for k, axis in enumerate("XYZ", 1) for sign in (1, -1)},
+}
+_NO_NAME: Final = ("", "none", "time response")
+
+
+class UffColumns(WaveformColumns):
+    """Universal file, loaded as a whole.
+
+    Columns have the name in the first line of their dataset, or else node and direction of the response, `12 Z`.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Load the signals.
+
+        Raises:
+            ImportDataError: it is not a readable universal file.
+            OSError: the file cannot be read.
+        """
+        import pyuff
+
+        super().__init__(path)
+        if path.stat().st_size == 0:
+            raise ImportDataError(f"{path} is empty", "Check the file.")
+        try:
+            file = pyuff.UFF(str(path))
+            numbers = [k for k, kind in enumerate(file.get_set_types()) if int(kind) == _FUNCTIONS]
+            sets = [file.read_sets(k) for k in numbers]
+        except (MemoryError, OSError):
+            raise
+        except Exception as error:  # pyuff raises whatever a damaged file makes it stumble over
+            raise ImportDataError(
+                f"{path} is not a readable universal file: {error or type(error).__name__}", "Write it again."
+            ) from error
+        if not sets:
+            raise ImportDataError(f"{path} has no dataset 58", "Export the time signals as universal file, dataset 58.")
+        for number, found in enumerate(sets, 1):
+            self._add(self._name(found, number), found)
+
+    def close(self) -> None:
+        """Release the signals."""
+        self.waveforms.clear()
+
+    def _name(self, found: dict[str, Any], number: int) -> str:
+        """Return a name for a dataset that no other has."""
+        name = str(found.get("id1") or "").strip()
+        if name.lower() in _NO_NAME:
+            direction = _DIRECTIONS.get(int(found.get("rsp_dir") or 0), "")
+            name = f"{int(found.get('rsp_node') or 0)} {direction}".strip()
+        return name if name not in self.waveforms and name not in self.unusable else f"{name} (set {number})"
+
+    def _add(self, name: str, found: dict[str, Any]) -> None:
+        values = np.asarray(found.get("data"))
+        if int(found.get("func_type") or 0) not in _TIME_RESPONSE:
+            self.unusable[name] = ("is no time signal", "Export the time signals themselves.")
+        elif values.ndim != 1 or values.dtype.kind not in "iuf":
+            self.unusable[name] = ("contains no real numbers", "Export the time signals themselves.")
+        elif not int(found.get("abscissa_spacing") or 0):
+            self.unusable[name] = ("has times of its own for each value", "Export it with an even spacing.")
+        else:
+            self.waveforms[name] = Waveform(
+                rows=len(values),
+                read=lambda first, end: values[first:end].astype(np.float64),
+                step_s=float(found.get("abscissa_inc") or 0.0),
+                unit=_unit(found),
+            )
+
+
+def _unit(found: dict[str, Any]) -> str:
+    unit = str(found.get("ordinate_axis_units_lab") or "").strip()
+    return "" if unit.upper() == "NONE" else unit

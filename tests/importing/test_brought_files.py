@@ -1,0 +1,130 @@
+"""Files as people bring them: unreadable cells, day numbers, clocks of blocks, and measurements in several files."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.errors import ImportDataError
+from gateway.importing.import_map import parse_map
+from gateway.importing.importer import import_file
+from gateway.importing.map_guess import guess_map
+from tests.importing.measurements import Decoded, simple_map, write_csv
+from tests.importing.rolling_wheel import rolling
+
+G = 9.80665
+RATE_HZ = 9600.0
+WHEEL = rolling(RATE_HZ, 1.0)
+ROWS = len(WHEEL.times_s)
+AXES = {name: WHEEL.axes_mps2[:, k] / G for k, name in enumerate("xyz")}
+
+
+def with_bad_cells(path: Path) -> Path:
+    write_csv(path, AXES)
+    lines = path.read_text().splitlines()
+    for line, cell in ((100, "#N/A"), (101, "err"), (5000, "")):
+        cells = lines[line].split(",")
+        cells[2] = cell
+        lines[line] = ",".join(cells)
+    lines[7000] = lines[7000].split(",")[0]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_unreadable_cells_are_missing_only_on_request(tmp_path: Path) -> None:
+    path = with_bad_cells(tmp_path / "run.csv")
+    with pytest.raises(ImportDataError, match="line 101, column 'z': '#N/A'") as caught:
+        import_file(path, parse_map(simple_map(), "map"), tmp_path / "a.mcap")
+    assert 'unreadable = "missing"' in caught.value.remedy
+    text = simple_map(file='unreadable = "missing"')
+    report = import_file(path, parse_map(text, "map"), tmp_path / "b.mcap")
+    # The last line lacks two cells; an empty cell is a gap anyway.
+    assert (report.unreadable, report.wheels[0].gaps, report.samples) == (4, 4, ROWS)
+
+
+def test_summary_counts_unreadable_cells(tmp_path: Path) -> None:
+    path = with_bad_cells(tmp_path / "run.csv")
+    (tmp_path / "map.toml").write_text(simple_map(file='unreadable = "missing"'))
+    done = CliRunner().invoke(
+        treadlink, ["import", str(path), "--map", str(tmp_path / "map.toml"), "--out", str(tmp_path / "o.mcap")]
+    )
+    assert "4 cells that are no numbers are gaps" in done.output
+
+
+def test_first_map_offers_to_take_unreadable_cells_for_gaps(tmp_path: Path) -> None:
+    text = guess_map(with_bad_cells(tmp_path / "run.csv"))
+    assert '# unreadable = "missing"   # ?' in text
+
+
+@pytest.mark.parametrize(("begin_d", "program"), [(45413.5, "Excel"), (739373.5, "MATLAB")])
+def test_day_numbers_are_times(tmp_path: Path, begin_d: float, program: str) -> None:
+    path = write_csv(tmp_path / "run.csv", {"Time": begin_d + WHEEL.times_s / 86400.0, **AXES})
+    text = guess_map(path)
+    assert 'time_unit = "d"' in text
+    assert "start_utc = 2024-05-01T12:00:00.000Z   # ?" in text
+    report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+    assert report.rate_hz == pytest.approx(RATE_HZ, rel=1e-4)
+    noon = datetime(2024, 5, 1, 12, tzinfo=UTC).timestamp()
+    assert Decoded(report.recording).items[0].host_ns == pytest.approx(noon * 1e9, abs=1e6)
+
+
+def test_clock_of_blocks_is_named_with_the_rate_of_whole_blocks(tmp_path: Path) -> None:
+    blocks = np.floor(np.arange(ROWS) / 100) * 100 / RATE_HZ
+    text = guess_map(write_csv(tmp_path / "run.csv", {"Time (s)": blocks, **AXES}))
+    assert "# rate_hz = 9600   # ? 'Time (s)' advances once in 100 rows; 9600 Hz by its other steps" in text
+    assert "Time (s): a time" in text
+
+
+def parts(folder: Path, count: int, columns: dict[str, np.ndarray]) -> list[Path]:
+    bounds = np.linspace(0, ROWS, count + 1).astype(int)
+    return [
+        write_csv(folder / f"part{k}.csv", {name: values[first:end] for name, values in columns.items()})
+        for k, (first, end) in enumerate(zip(bounds[:-1], bounds[1:], strict=True))
+    ]
+
+
+def test_several_files_are_one_measurement(tmp_path: Path) -> None:
+    columns = {"t": WHEEL.times_s, **AXES}
+    text = simple_map(sampling='time_column = "t"')
+    whole = import_file(write_csv(tmp_path / "all.csv", columns), parse_map(text, "map"), tmp_path / "all.mcap")
+    report = import_file(parts(tmp_path, 3, columns), parse_map(text, "map"), tmp_path / "parts.mcap")
+    assert (report.samples, report.rate_hz, report.left_out) == (ROWS, whole.rate_hz, 0)
+    np.testing.assert_array_equal(Decoded(report.recording).samples_mps2, Decoded(whole.recording).samples_mps2)
+
+
+def test_dates_of_several_files_go_on_and_what_is_missing_between_is_a_gap(tmp_path: Path) -> None:
+    begin = np.datetime64("2024-05-01T12:00:00", "ns")
+    paths = []
+    for k, first in enumerate((0, 5000)):
+        rows = slice(first, first + 4600)
+        stamps = begin + np.round(WHEEL.times_s[rows] * 1e9).astype("timedelta64[ns]")
+        cells = zip(stamps, *(values[rows].tolist() for values in AXES.values()), strict=True)
+        lines = [f"{stamp}Z,{x!r},{y!r},{z!r}" for stamp, x, y, z in cells]
+        paths.append(tmp_path / f"{k}.csv")
+        paths[-1].write_text("\n".join(["t,x,y,z", *lines]) + "\n")
+    text = simple_map(sampling='time_column = "t"\ntime_unit = "iso"')
+    report = import_file(paths, parse_map(text, "map"), tmp_path / "out.mcap")
+    assert (report.samples, report.left_out) == (9600, 400)
+    with pytest.raises(ImportDataError, match=r"0\.csv, line 2: the time steps by"):
+        import_file(paths[::-1], parse_map(text, "map"), tmp_path / "backward.mcap")
+
+
+def test_several_files_must_fit_together(tmp_path: Path) -> None:
+    first, second = parts(tmp_path, 2, AXES)
+    with pytest.raises(ImportDataError, match=r"part0\.csv is given twice"):
+        import_file([first, second, first], parse_map(simple_map(), "map"), tmp_path / "out.mcap")
+    other = write_csv(tmp_path / "other.csv", {"x": AXES["x"], "y": AXES["y"], "zz": AXES["z"]})
+    with pytest.raises(ImportDataError, match=r"other\.csv: there is no column 'z'"):
+        import_file([first, other], parse_map(simple_map(), "map"), tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap").exists()
+
+
+def test_first_map_takes_one_of_several_files(tmp_path: Path) -> None:
+    done = CliRunner().invoke(treadlink, ["import", "--guess", "a.csv", "b.csv"])
+    assert done.exit_code == 2
+    assert "one of the files" in done.output

@@ -1,0 +1,113 @@
+"""TDMS and UFF files made by the libraries of these formats: names, units, steps, start, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.errors import ImportDataError
+from gateway.importing.import_map import FileFormat, parse_map
+from gateway.importing.importer import import_file
+from gateway.importing.map_guess import guess_map
+from gateway.importing.reader_process import ProcessColumns
+from tests.importing.measurements import Decoded, simple_map
+from tests.importing.rolling_wheel import rolling
+
+nptdms = pytest.importorskip("nptdms")
+pyuff = pytest.importorskip("pyuff")
+G = 9.80665
+WHEEL = rolling(9600.0, 1.0)
+AXES_G = WHEEL.axes_mps2 / G
+START = np.datetime64("2024-05-01T12:00:00.250000", "us")
+
+
+def write_tdms(path: Path, *, other_step: bool = False) -> Path:
+    clock = {"wf_increment": 1.0 / 9600.0, "wf_start_time": START, "wf_start_offset": 0.0}
+    channels = [
+        nptdms.ChannelObject("rig", name, AXES_G[:, k], {**clock, "unit_string": "g"}) for k, name in enumerate("xyz")
+    ]
+    channels.append(nptdms.ChannelObject("rig", "note", ["start", "stop"]))
+    if other_step:
+        channels[0] = nptdms.ChannelObject("rig", "x", AXES_G[:, 0], {**clock, "wf_increment": 1e-3})
+    with nptdms.TdmsWriter(str(path)) as writer:
+        writer.write_segment(channels)
+    return path
+
+
+def write_uff(path: Path, *, binary: bool) -> Path:
+    parts = ("abscissa", "ordinate", "orddenom", "z_axis")
+    units = {f"{part}_{unit}_unit_exp": 0 for part in parts for unit in ("len", "force", "temp")}
+    kinds = {f"{part}_spec_data_type": 0 for part in parts}
+    labels = {f"{part}_axis_units_lab": "NONE" for part in parts} | {"ordinate_axis_units_lab": "g"}
+    names = {f"id{k}": "NONE" for k in range(2, 6)} | {"rsp_ent_name": "NONE", "ref_ent_name": "NONE"}
+    numbers = {"ver_num": 1, "load_case_id": 0, "rsp_node": 12, "ref_node": 1, "ref_dir": 3, "z_axis_value": 0.0}
+    spacing = {"abscissa_spacing": 1, "abscissa_min": 0.0, "abscissa_inc": 1.0 / 9600.0, "num_pts": len(AXES_G)}
+    sets = [
+        pyuff.prepare_58(
+            binary=int(binary), id1=name, func_type=1, rsp_dir=k + 1, ord_data_type=4, data=AXES_G[:, k],
+            x=WHEEL.times_s, **units, **kinds, **labels, **names, **numbers, **spacing,
+        )
+        for k, name in enumerate(("acc x", "acc y", "NONE"))
+    ]  # fmt: skip
+    for one in sets:
+        pyuff.UFF(str(path)).write_sets(one, "add")
+    return path
+
+
+def named(x: str, y: str, z: str, time: str) -> str:
+    return simple_map(
+        sampling=f'time_column = "{time}"',
+        **{
+            "axis.circumferential": f'column = "{x}"\nunit = "g"',
+            "axis.lateral": f'column = "{y}"\nunit = "g"',
+            "axis.radial": f'column = "{z}"\nunit = "g"',
+        },
+    )
+
+
+def test_tdms_gives_names_units_step_and_start(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "run.tdms")
+    reader = ProcessColumns(path, FileFormat.TDMS)
+    assert (reader.facts.units["rig/z"], reader.facts.time_column) == ("g", "time")
+    assert reader.facts.unusable["rig/note"][0] == "contains text"
+    reader.close()
+    text = named("rig/x", "rig/y", "rig/z", "time")
+    report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+    assert report.rate_hz == pytest.approx(9600.0, rel=1e-9)
+    assert not report.start_is_file_date
+    decoded = Decoded(report.recording)
+    assert decoded.items[0].host_ns == int(START.astype("datetime64[ns]").astype(np.int64))
+    assert np.abs(decoded.samples_mps2 - WHEEL.axes_mps2).max() < 0.1
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_uff_in_both_forms(tmp_path: Path, binary: bool) -> None:
+    path = write_uff(tmp_path / "run.uff", binary=binary)
+    report = import_file(path, parse_map(named("acc x", "acc y", "12 Z", "time"), "map"), tmp_path / "out.mcap")
+    # The format keeps six digits of the step.
+    assert report.rate_hz == pytest.approx(9600.0, rel=5e-6)
+    assert np.abs(Decoded(report.recording).samples_mps2 - WHEEL.axes_mps2).max() < 0.1
+
+
+def test_first_map_of_a_tdms_file_imports_as_it_is(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "run.tdms")
+    text = guess_map(path)
+    assert 'time_column = "time"' in text
+    assert "rig/note: contains text" in text
+    assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").samples == len(AXES_G)
+
+
+def test_channels_of_different_steps_are_refused(tmp_path: Path) -> None:
+    path = write_tdms(tmp_path / "run.tdms", other_step=True)
+    with pytest.raises(ImportDataError, match="differ in their step"):
+        import_file(path, parse_map(named("rig/x", "rig/y", "rig/z", "time"), "map"), tmp_path / "out.mcap")
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.tdms", b""), ("a.tdms", b"TDSm" + bytes(40)), ("a.uff", b"x" * 99)])
+def test_damaged_file_is_an_error_that_names_it(tmp_path: Path, name: str, content: bytes) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(ImportDataError, match=name):
+        import_file(path, parse_map(simple_map(), "map"), tmp_path / "out.mcap")
