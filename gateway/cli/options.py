@@ -93,7 +93,8 @@ publish_option = click.option(
     multiple=True,
     metavar="URI",
     help="Publish revolutions and alarms while they arrive; repeat for several receivers. jsonl:- or jsonl:PATH (lines "
-    "of JSON), mqtt://HOST/PREFIX or mqtts://, foxglove://127.0.0.1:8765, can:INTERFACE:CHANNEL, web://HOST:PORT.",
+    "of JSON), mqtt://HOST/PREFIX or mqtts://, foxglove://127.0.0.1:8765, can:INTERFACE:CHANNEL, web://HOST:PORT, "
+    "influx:PATH or influx://HOST/BUCKET (line protocol), prometheus://127.0.0.1:9464.",
 )
 web_option = click.option(
     "--web",

@@ -219,6 +219,9 @@ SINKS: Final[dict[str, SinkKind]] = {
     "foxglove": SinkKind("gateway.publishing.foxglove_server:open_foxglove", "foxglove"),
     "can": SinkKind("gateway.publishing.can_bus:open_can", "can"),
     "web": SinkKind("gateway.publishing.page_server:open_page", "web", state_interval_s=0.25),
+    "influx": SinkKind("gateway.publishing.influx:open_influx", "influx"),
+    "influxs": SinkKind("gateway.publishing.influx:open_influx", "influx"),
+    "prometheus": SinkKind("gateway.publishing.prometheus:open_prometheus", "prometheus"),
 }
 """Live outputs of this package by the scheme of their URI; plug-ins add others."""
 
@@ -268,7 +271,8 @@ def parse_sink_uri(uri: str) -> SinkAddress:
     if "@" in authority:
         raise SinkError(
             f"--publish {scheme}: has a user name or password in its address, where others can read it",
-            "Set the environment variables TREADLINK_MQTT_USERNAME and TREADLINK_MQTT_PASSWORD.",
+            "Set the environment variables TREADLINK_MQTT_USERNAME and TREADLINK_MQTT_PASSWORD, or "
+            "TREADLINK_INFLUX_TOKEN.",
         )
     if not target:
         raise SinkError(f"--publish '{uri}' has no target after '{scheme}:'", "Give a path, host, port or channel.")

@@ -1,0 +1,137 @@
+"""Live output as an endpoint that Prometheus scrapes: the last state of wheels, links and session as metrics."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator
+from typing import Any, Final
+from wsgiref.simple_server import WSGIServer
+
+from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+
+from gateway.estimators.estimator import Status
+from gateway.pipeline.results import WheelSnapshot
+from gateway.publishing.payloads import JsonObject, messages
+from gateway.publishing.sink import Item, PublishedState, SinkAddress, SinkDownError, SinkSetting, host_and_port
+
+_PORT: Final = 9464
+_LABELS: Final = {"wheel": ("wheel",), "link": ("link",), "session": ()}
+_COUNTERS: Final = frozenset({
+    "revolutions", "revolutions_rejected", "samples", "samples_lost", "samples_saturated", "bytes_received", "frames",
+    "frames_lost", "crc_errors", "noise_bytes", "duplicates", "reordered", "dropped",
+})  # fmt: skip
+_NO_NUMBERS: Final = frozenset({"type", "time_s", "wheel", "link"})
+
+
+def open_prometheus(address: SinkAddress, setting: SinkSetting) -> PrometheusEndpoint:
+    """Return the output of `prometheus://HOST[:PORT]`, the address at which it listens.
+
+    Raises:
+        SinkError: there is no host, or an option.
+    """
+    del setting
+    address.check_options(())
+    return PrometheusEndpoint(*host_and_port(address, _PORT))
+
+
+class PrometheusEndpoint:
+    """Server of `/metrics`, by the client library of Prometheus."""
+
+    def __init__(self, host: str, port: int) -> None:
+        """Prepare the server."""
+        self._host, self._port = host, port
+        self._registry = CollectorRegistry()
+        self._state = _LastState()
+        self._registry.register(self._state)
+        self._server: WSGIServer | None = None
+
+    @property
+    def port(self) -> int:
+        """Port at which it listens, 0 before it does."""
+        return 0 if self._server is None else int(self._server.server_port)
+
+    def open(self, stop: threading.Event) -> None:
+        """Listen."""
+        del stop
+        try:
+            self._server, _ = start_http_server(self._port, self._host, self._registry)
+        except OSError as error:
+            raise SinkDownError(f"cannot listen: {error.strerror or error}") from error
+
+    def send(self, item: Item, stop: threading.Event) -> None:
+        """Keep the last state, which has the last revolution of each wheel and all alarms."""
+        del stop
+        if isinstance(item, PublishedState):
+            self._state.item = item
+
+    def poll(self) -> None:
+        """Do nothing: the server has threads of its own."""
+
+    def flush(self, stop: threading.Event) -> int:
+        """Return 0: nobody waits for what is asked for."""
+        del stop
+        return 0
+
+    def close(self) -> None:
+        """Stop listening."""
+        server, self._server = self._server, None
+        if server is not None:
+            server.shutdown()
+            server.server_close()
+
+
+class _LastState(Collector):
+    """Metrics of the last state: what is silent has no number, so that no old one looks like the present."""
+
+    item: PublishedState | None = None
+
+    def describe(self) -> Iterable[Metric]:
+        return ()
+
+    def collect(self) -> Iterator[Metric]:
+        item = self.item
+        if item is None:
+            return
+        metrics: dict[str, Any] = {}
+        for message in messages(item):
+            _add_numbers(metrics, message)
+        yield from metrics.values()
+        alarm = GaugeMetricFamily("treadlink_alarm", "1 while the alarm stands", labels=("subject", "name"))
+        for found in item.snapshot.alarms:
+            alarm.add_metric((found.position, str(found.name)), 1.0)
+        yield alarm
+        yield from _estimates(item.snapshot.wheels)
+
+
+def _add_numbers(metrics: dict[str, Any], message: JsonObject) -> None:
+    kind = message["type"]
+    labels = _LABELS[kind]
+    values = tuple(message[label] for label in labels)
+    for field, value in message.items():
+        if field in _NO_NUMBERS or not isinstance(value, bool | int | float):
+            continue
+        name = f"treadlink_{kind}_{field}"
+        family = CounterMetricFamily if field in _COUNTERS else GaugeMetricFamily
+        metric = metrics.setdefault(name, family(name, f"{field} of a {kind}, as in the states of JSON", labels=labels))
+        metric.add_metric(values, float(value))
+
+
+def _estimates(wheels: Iterable[WheelSnapshot]) -> Iterator[Metric]:
+    """Yield value and standard error of the last revolution's estimates; those that are invalid are left out."""
+    labels = ("wheel", "name")
+    value = GaugeMetricFamily("treadlink_estimate", "estimate of the last revolution, unit in its name", labels=labels)
+    error = GaugeMetricFamily("treadlink_estimate_std", "standard error of an estimate", labels=labels)
+    valid = GaugeMetricFamily("treadlink_estimate_valid", "1 for valid, 0 for provisional", labels=labels)
+    for wheel in wheels:
+        if wheel.last is None or wheel.silence is not None:
+            continue
+        for estimate in wheel.last.estimates:
+            if estimate.status is Status.INVALID:
+                continue
+            place = (wheel.position, estimate.name)
+            value.add_metric(place, estimate.value)
+            error.add_metric(place, estimate.std)
+            valid.add_metric(place, float(estimate.status is Status.VALID))
+    yield from (value, error, valid)

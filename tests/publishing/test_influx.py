@@ -1,0 +1,146 @@
+"""Line protocol: read by a parser of the protocol, complete in a file, and confirmed by a server that may be away."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import pytest
+
+from gateway.clock import SystemClock
+from gateway.pipeline.results import SinkState
+from gateway.publishing.payloads import messages
+from gateway.publishing.sink import SinkError, SinkSetting, open_sink
+from gateway.publishing.sink_worker import SinkWorker
+from tests.publishing.receivers import TIMEOUT_S, until
+
+influx = pytest.importorskip("gateway.publishing.influx")
+TOKEN, lines = influx.TOKEN, influx.lines
+parse_line = pytest.importorskip("line_protocol_parser").parse_line
+
+
+class Server(HTTPServer):
+    """Takes writes with `status`, and keeps what it confirmed."""
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), _Handler)
+        self.status = 204
+        self.requests: list[tuple[str, str]] = []
+        self.lines: list[str] = []
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"])).decode()
+        self.server.requests.append((self.path, self.headers["Authorization"]))
+        if self.server.status == 204:
+            self.server.lines += body.splitlines()
+        self.send_response(self.server.status)
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    found = Server()
+    thread = threading.Thread(target=found.serve_forever, args=(0.01,))
+    thread.start()
+    yield found
+    found.shutdown()
+    thread.join()
+    found.server_close()
+
+
+def worker_of(uri: str) -> SinkWorker:
+    name, sink = open_sink(uri, SinkSetting())
+    return SinkWorker(name, sink, SystemClock())
+
+
+def test_points_are_what_the_json_lines_say(items) -> None:
+    for item in items:
+        expected = list(messages(item))
+        found = [parse_line(line) for line in lines(item)]
+        assert [point["measurement"] for point in found] == [f"treadlink_{message['type']}" for message in expected]
+        for point, message in zip(found, expected, strict=True):
+            assert point["time"] == item.host_ns
+            numbers = {k: v for k, v in message.items() if type(v) in (int, float) and k not in ("time_s", "link")}
+            assert {k: point["fields"][k] for k in numbers} == pytest.approx(numbers)
+            assert all(type(point["fields"][name]) is float for name in numbers)
+            assert {name: point["tags"][name] for name in ("wheel", "link") if name in message} == {
+                name: message[name] for name in ("wheel", "link") if name in message
+            }
+
+
+def test_status_and_invalid_numbers_are_fields(items) -> None:
+    fields = parse_line(next(iter(lines(items[0]))))["fields"]
+    assert fields["speed_mps_status"] == "valid"
+    assert fields["speed_mps_std"] > 0.0
+
+
+def test_file_has_every_revolution_alarm_and_state(items, tmp_path) -> None:
+    path = tmp_path / "drive #1.lp"
+    worker = worker_of(f"influx:{path}")
+    worker.start()
+    for item in items:
+        worker.offer(item)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert path.read_text("utf-8").splitlines() == [line for item in items for line in lines(item)]
+    with pytest.raises(SinkError, match="exists"):
+        open_sink(f"influx:{path}", SinkSetting())
+    open_sink(f"influx:{path}?append=yes", SinkSetting())
+
+
+def test_server_gets_everything_with_bucket_org_and_token(items, server, monkeypatch) -> None:
+    monkeypatch.setenv(TOKEN, "secret")
+    worker = worker_of(f"influx://127.0.0.1:{server.server_port}/car%20a?org=rig")
+    worker.start()
+    for item in items:
+        worker.offer(item)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert sorted(server.lines) == sorted(line for item in items for line in lines(item))
+    path, authorization = server.requests[0]
+    assert "bucket=car+a" in path
+    assert "org=rig" in path
+    assert "precision=ns" in path
+    assert authorization == "Token secret"
+    assert worker.snapshot().dropped == 0
+
+
+def test_what_the_server_refuses_is_sent_again(items, server) -> None:
+    server.status = 401
+    worker = worker_of(f"influx://127.0.0.1:{server.server_port}/car")
+    worker.start()
+    for item in items:
+        worker.offer(item)
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    assert TOKEN in str(worker.snapshot().note)
+    server.status = 204
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert {line for item in items[:-1] for line in lines(item)} <= set(server.lines)
+
+
+def test_server_that_is_away_is_named(items) -> None:
+    worker = worker_of("influx://127.0.0.1:9/car")
+    worker.start()
+    worker.offer(items[-1])
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    assert "does not answer" in str(worker.snapshot().note)
+    worker.abandon()
+    assert worker.join(TIMEOUT_S)
+
+
+@pytest.mark.parametrize(
+    ("uri", "words"),
+    [("influx://host", "names no bucket"), ("influxs:file", "has no host"), ("influx:nosuch/x.lp", "existing folder")],
+)
+def test_wrong_address_is_refused(uri: str, words: str) -> None:
+    with pytest.raises(SinkError, match=words):
+        open_sink(uri, SinkSetting())

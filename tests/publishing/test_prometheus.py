@@ -1,0 +1,101 @@
+"""The endpoint for Prometheus: read by the parser of its client library, and enough for the dashboard of Grafana."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+
+from gateway.publishing.payloads import messages
+from gateway.publishing.sink import PublishedState, SinkDownError, SinkError, SinkSetting, open_sink
+
+parser = pytest.importorskip("prometheus_client.parser")
+prometheus = pytest.importorskip("gateway.publishing.prometheus")
+
+DASHBOARD = Path(__file__).parents[2] / "examples" / "grafana-dashboard.json"
+STOP = threading.Event()
+
+
+def scraped(item: PublishedState | None) -> dict[str, dict[tuple, float]]:
+    """Return what the endpoint says after a state: values by metric, then wheel, link or subject, then name."""
+    endpoint = prometheus.PrometheusEndpoint("127.0.0.1", 0)
+    endpoint.open(STOP)
+    try:
+        if item is not None:
+            endpoint.send(item, STOP)
+        with urlopen(f"http://127.0.0.1:{endpoint.port}/metrics", timeout=20) as answer:
+            text = answer.read().decode()
+    finally:
+        endpoint.close()
+    found: dict[str, dict[tuple, float]] = {}
+    for family in parser.text_string_to_metric_families(text):
+        for sample in family.samples:
+            found.setdefault(sample.name, {})[tuple(sample.labels[k] for k in sorted(sample.labels, reverse=True))] = (
+                sample.value
+            )
+    return found
+
+
+def test_numbers_are_those_of_the_states(items) -> None:
+    state = items[-1]
+    found = scraped(state)
+    for message in messages(state):
+        if message["type"] != "wheel":
+            continue
+        for field in ("speed_mps", "pressure_pa", "load_n"):
+            assert found[f"treadlink_wheel_{field}"][(message["wheel"],)] == message[field]
+        assert found["treadlink_wheel_samples_total"][(message["wheel"],)] == message["samples"]
+    assert set(found["treadlink_link_connected"].values()) == {1.0}
+    first = state.snapshot.wheels[0]
+    estimates = {estimate.name: estimate for estimate in first.last.estimates}
+    place = (first.position, "speed_mps")
+    assert found["treadlink_estimate"][place] == estimates["speed_mps"].value
+    assert found["treadlink_estimate_std"][place] == estimates["speed_mps"].std
+    assert found["treadlink_estimate_valid"][place] == 1.0
+
+
+def test_invalid_estimates_are_left_out(items) -> None:
+    state = items[-1]
+    invalid = {
+        (wheel.position, estimate.name)
+        for wheel in state.snapshot.wheels
+        for estimate in wheel.last.estimates
+        if estimate.status == "invalid"
+    }
+    assert invalid
+    assert not invalid & set(scraped(state)["treadlink_estimate"])
+
+
+def test_nothing_is_claimed_before_the_first_state() -> None:
+    assert scraped(None) == {}
+
+
+def test_dashboard_asks_for_metrics_that_exist(items) -> None:
+    dashboard = json.loads(DASHBOARD.read_text("utf-8"))
+    asked = [target["expr"] for panel in dashboard["panels"] for target in panel.get("targets", [])]
+    named = {name for expression in asked for name in re.findall(r"treadlink_\w+", expression)}
+    assert len(named) > 8
+    # No alarm stands in these states.
+    assert named - set(scraped(items[-1])) <= {"treadlink_alarm"}
+    numbers = [panel["id"] for panel in dashboard["panels"]]
+    assert len(set(numbers)) == len(numbers)
+
+
+def test_port_in_use_is_named() -> None:
+    first = prometheus.PrometheusEndpoint("127.0.0.1", 0)
+    first.open(STOP)
+    try:
+        with pytest.raises(SinkDownError, match="cannot listen"):
+            prometheus.PrometheusEndpoint("127.0.0.1", first.port).open(STOP)
+    finally:
+        first.close()
+        first.close()
+
+
+def test_wrong_option_is_refused() -> None:
+    with pytest.raises(SinkError, match="no option 'x'"):
+        open_sink("prometheus://127.0.0.1?x=1", SinkSetting())
