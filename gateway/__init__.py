@@ -1,10 +1,13 @@
 """Treadlink, the gateway between intelligent tires and the engineer's computer.
 
-Programs and notebooks use it by these names; the command `treadlink` has the same options:
+Programs and notebooks use it by these names, also as `import treadlink`; the command `treadlink` has the same options:
 
     gateway.open("drive.mcap")           a recording: wheels, samples, revolutions, averages, orders, estimates, alarms
     gateway.live("serial:///dev/ttyUSB0")    an iterator over revolutions and their estimates as they complete
     gateway.simulate("demo", duration_s=30)  a simulated recording with the true state of its tires
+    gateway.import_measurement("drum.csv", "drum.map.toml")    a measurement that was made elsewhere, as a recording
+    gateway.calibrate(["a.mcap", "b.mcap"])    load calibration of a tire
+    gateway.campaign("fleet/", "fleet.dataset")    many recordings into a dataset; gateway.tire_trends of it
     gateway.diagnose(["drive.mcap"])     the physical effects that the model of a wheel lacks, with a report
     gateway.Error                        base of every error, with `remedy`
 
@@ -20,8 +23,14 @@ if TYPE_CHECKING:
     from gateway.api.diagnosis_report import diagnose as diagnose
     from gateway.api.estimate_tables import Alarms as Alarms
     from gateway.api.estimate_tables import Estimates as Estimates
+    from gateway.api.fleet_results import CampaignResult as CampaignResult
+    from gateway.api.fleet_results import TireTrends as TireTrends
+    from gateway.api.fleet_results import campaign as campaign
+    from gateway.api.fleet_results import tire_trends as tire_trends
     from gateway.api.live_revolutions import LiveRevolutions as LiveRevolutions
     from gateway.api.live_revolutions import live as live
+    from gateway.api.measurement_import import guess_map as guess_map
+    from gateway.api.measurement_import import import_measurement as import_measurement
     from gateway.api.recording_access import Recording as Recording
     from gateway.api.recording_access import Wheel as Wheel
     from gateway.api.recording_access import WheelNotFoundError as WheelNotFoundError
@@ -34,6 +43,8 @@ if TYPE_CHECKING:
     from gateway.api.signal_tables import Revolutions as Revolutions
     from gateway.api.signal_tables import Samples as Samples
     from gateway.api.simulated_recording import simulate as simulate
+    from gateway.api.tire_calibration import TireCalibration as TireCalibration
+    from gateway.api.tire_calibration import calibrate as calibrate
     from gateway.errors import ConfigError as ConfigError
     from gateway.errors import OutputError as OutputError
     from gateway.errors import RecordingError as RecordingError
@@ -49,6 +60,7 @@ _LAZY = {
     "Alarms": "gateway.api.estimate_tables:Alarms",
     "AngleWaveforms": "gateway.api.signal_tables:AngleWaveforms",
     "AverageWaveform": "gateway.api.signal_tables:AverageWaveform",
+    "CampaignResult": "gateway.api.fleet_results:CampaignResult",
     "ConfigError": "gateway.errors:ConfigError",
     "DiagnosisReport": "gateway.api.diagnosis_report:DiagnosisReport",
     "Environment": "gateway.api.signal_tables:Environment",
@@ -63,12 +75,19 @@ _LAZY = {
     "Revolutions": "gateway.api.signal_tables:Revolutions",
     "Samples": "gateway.api.signal_tables:Samples",
     "SourceError": "gateway.errors:SourceError",
+    "TireCalibration": "gateway.api.tire_calibration:TireCalibration",
+    "TireTrends": "gateway.api.fleet_results:TireTrends",
     "Wheel": "gateway.api.recording_access:Wheel",
     "WheelNotFoundError": "gateway.api.recording_access:WheelNotFoundError",
+    "calibrate": "gateway.api.tire_calibration:calibrate",
+    "campaign": "gateway.api.fleet_results:campaign",
     "diagnose": "gateway.api.diagnosis_report:diagnose",
+    "guess_map": "gateway.api.measurement_import:guess_map",
+    "import_measurement": "gateway.api.measurement_import:import_measurement",
     "live": "gateway.api.live_revolutions:live",
     "open": "gateway.api.recording_access:open",
     "simulate": "gateway.api.simulated_recording:simulate",
+    "tire_trends": "gateway.api.fleet_results:tire_trends",
 }
 
 

@@ -55,13 +55,14 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.trends": {"gateway.estimators"},
     "gateway.fleet": {
         "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.pipeline", "gateway.recording",
-        "gateway.security", "gateway.session", "gateway.trends", "gateway.views",
+        "gateway.security", "gateway.session", "gateway.signal", "gateway.trends", "gateway.views",
     },
     "gateway.papers": {"gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.api": {
-        "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.io",
-        "gateway.pipeline", "gateway.recording", "gateway.security", "gateway.session", "gateway.signal",
-        "gateway.simulator", "gateway.views",
+        "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.exporting",
+        "gateway.fleet", "gateway.importing", "gateway.io", "gateway.pipeline", "gateway.recording",
+        "gateway.security", "gateway.session", "gateway.signal", "gateway.simulator", "gateway.trends",
+        "gateway.views",
     },
     "gateway.cli": {"*"},
 }  # fmt: skip

@@ -17,6 +17,7 @@ from gateway.quantity_catalogue import unit_of as quantity_unit
 if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
+    from matplotlib.figure import Figure
 
 TimeArray = NDArray[np.datetime64]
 TextArray = NDArray[np.object_]
@@ -27,6 +28,7 @@ COLUMN: Final = "column"
 """Key of the metadata of a field that is a column: its description."""
 
 _SHOWN_DIGITS: Final = 6
+_BANDS: Final = ("_std", "_scatter")
 
 
 def column(description: str) -> dict[str, str]:
@@ -120,6 +122,33 @@ class ColumnTable:
         )
         return pyarrow.table(list(arrays.values()), schema=schema)
 
+    def plot(self, *names: str) -> Figure:
+        """Return a matplotlib figure of columns against angle or time, with one axis for each unit.
+
+        Args:
+            names: columns with one number a row; none for all that have a unit. A column `x_std_...` or
+                `x_scatter_...` is the band of its quantity.
+
+        Raises:
+            KeyError: there is no such column.
+            OutputError: matplotlib is not installed.
+        """
+        from gateway.api.table_plot import abscissa_of, drawn
+
+        x = abscissa_of(self.columns)
+        numbers = [name for name in self.columns if self[name].ndim == 1 and self[name].dtype.kind == "f"]
+        chosen = list(names) or [
+            name for name in numbers if name != x and unit_of(name) and not _is_band(name) and unit_of(name) != "s"
+        ]
+        series = {}
+        for name in chosen:
+            values = self[name]
+            if values.ndim != 1 or values.dtype.kind not in "iufb":
+                raise KeyError(f"column '{name}' has no single number a row: {', '.join(numbers)} have")
+            band = next((other for other in numbers if _band_of(other) == name), None)
+            series[name] = values.astype(np.float64), None if band is None else self[band], unit_of(name)
+        return drawn(self[x], f"{x} ({unit_of(x)})", series, self._title())
+
     def _attributes(self) -> dict[str, Any]:
         return {"units": self.units, "descriptions": self.descriptions, **self.metadata}
 
@@ -152,6 +181,15 @@ class ColumnTable:
             for line in self._lines()
         )
         return f"<p><b>{escape(type(self).__name__)}</b>: {escape(self._title())}</p><table>{head}{rows}</table>"
+
+
+def _band_of(name: str) -> str:
+    """Return the column whose error or scatter a column is, empty for any other."""
+    return next((name.replace(part, "") for part in _BANDS if part in name), "")
+
+
+def _is_band(name: str) -> bool:
+    return any(part in name for part in _BANDS)
 
 
 def require_pandas() -> Any:

@@ -29,6 +29,7 @@ from gateway.views.wording import joined, text
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.figure import Figure
 
 IndexArray = NDArray[np.int64]
 
@@ -83,6 +84,27 @@ class Estimates(ColumnTable):
             wanted_status = {Status(one).value for one in ([status] if isinstance(status, str) else status)}
             chosen &= np.isin(self.status.astype(str), sorted(wanted_status))
         return self._selected(chosen)
+
+    def plot(self, *names: str) -> Figure:
+        """Return a matplotlib figure of quantities against time, with bands of their standard errors.
+
+        Args:
+            names: quantities; none for all. Invalid estimates are left out.
+
+        Raises:
+            KeyError: there is no such quantity.
+            OutputError: matplotlib is not installed.
+        """
+        from gateway.api.table_plot import drawn_each
+
+        series = {}
+        for name in names or self.names:
+            rows = self.select(name)
+            for wheel in dict.fromkeys(rows.wheel.tolist()):
+                good: BoolArray = (rows.wheel == wheel) & (rows.status != Status.INVALID.value)
+                label, unit = f"{wheel} {name}", str(rows.unit[0])
+                series[label] = rows.device_end_s[good], rows.value[good], rows.std[good], unit
+        return drawn_each(series, "device_end_s (s)", self._title())
 
     def to_pandas(self, *, wide: bool = False) -> pd.DataFrame:
         """Return a DataFrame; text columns are categories.

@@ -23,7 +23,7 @@ from gateway.api.signal_tables import (
 )
 from gateway.config.effects_file import effects_doubts
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
-from gateway.errors import RecordingError, TreadlinkError
+from gateway.errors import OutputError, RecordingError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.nearest_name import nearest
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
@@ -113,7 +113,9 @@ class _Settings:
 
     vehicle: VehicleConfig | None
     config_path: Path | None
+    has_config_tables: bool
     effects: tuple[CorrectionTable, ...]
+    effects_paths: tuple[Path, ...]
     keys: Path | None
     estimators: tuple[str, ...]
     progress: Progress | None
@@ -174,6 +176,8 @@ def recording_of(
     settings = _Settings(
         vehicle=vehicle,
         config_path=path_of(config),
+        has_config_tables=config is not None and path_of(config) is None,
+        effects_paths=tuple(paths(effects)),
         effects=open_effects(paths(effects), vehicle),
         keys=None if keys is None else Path(keys),
         estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
@@ -351,6 +355,54 @@ class Recording(Mapping[str, "Wheel"]):
         )
 
     # Life cycle
+
+    def export(
+        self,
+        out: PathLike,
+        *,
+        what: str | Sequence[str] = "samples",
+        wheels: Sequence[str] = (),
+        estimators: str | Sequence[str] = (),
+        force: bool = False,
+    ) -> Path:
+        """Write measurements to a file of another program, as `treadlink export`, and return its path.
+
+        Args:
+            out: file; its suffix gives the format: .csv, .parquet, .mat, .mf4, .npz, .tdx or .mcap.
+            what: `samples`, `angle`, `orders`, `average` or `estimates`; several for .mcap only.
+            wheels: positions; all when empty.
+            estimators: for estimates; none for the default ones.
+            force: overwrite the file.
+
+        Raises:
+            OutputError: the recording is in memory only or its configuration no file; the file exists or cannot be
+                written.
+        """
+        from gateway.exporting.export_registry import check_format, format_of
+        from gateway.exporting.recording_export import export_recording
+        from gateway.views.output_file import check_outputs
+
+        if not self.path.is_file():
+            raise OutputError("a simulation in memory cannot be exported", "Give gateway.simulate a file: out=...")
+        if self._settings.has_config_tables:
+            raise OutputError("a configuration that is no file cannot be exported with", "Give config as a TOML file.")
+        target, contents = Path(out), several_names(what)
+        name = format_of(target, None)
+        check_outputs([target], (self.path, self._settings.config_path), force=force)
+        check_format(target, name, contents)
+        export_recording(
+            self.path,
+            target,
+            contents=contents,
+            format_name=name,
+            wheels=tuple(wheels),
+            estimators=several_names(estimators) or self._settings.estimators or DEFAULT_ESTIMATORS,
+            config_path=self._settings.config_path,
+            effects_paths=self._settings.effects_paths,
+            key_file=self._settings.keys,
+            force=force,
+        )
+        return target
 
     def close(self) -> None:
         """Free what is kept in memory; may be called twice. Tables stay valid."""

@@ -10,7 +10,6 @@ import click
 
 from gateway.cli.options import force_option
 from gateway.cli.summary_output import SummaryOutput
-from gateway.errors import TreadlinkError
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
 
@@ -72,20 +71,26 @@ def load(
     also with each recording left out in turn.
     """
     check_outputs((out_path,), (*recordings, config_path), force=force)
-    from gateway.cli.calibration_points import ESTIMATOR, MIN_REVOLUTIONS, calibration_toml, fit_lines, recording_points
     from gateway.config.vehicle import load_vehicle
     from gateway.estimators.tire_fit import fit_load_calibration, reference_numbers
+    from gateway.fleet.calibration_points import (
+        ESTIMATOR,
+        calibration_toml,
+        fit_lines,
+        no_points_error,
+        recording_points,
+    )
     from gateway.recording.file_content import check_distinct
 
     check_distinct(recordings)
     fallback = load_vehicle(config_path) if config_path is not None else None
-    points = [point for path in recordings for point in recording_points(path, fallback, positions)]
+    points = [
+        point
+        for path in recordings
+        for point in recording_points(path, fallback, positions, lambda why: click.echo(f"left out: {why}", err=True))
+    ]
     if not points:
-        raise TreadlinkError(
-            "no wheel of these recordings can be used",
-            f"A wheel needs a stated load, a pressure and {MIN_REVOLUTIONS} valid revolutions"
-            + (f", and must be one of {', '.join(positions)}." if positions else "."),
-        )
+        raise no_points_error(positions)
     fit = fit_load_calibration(points)
     reference = reference_numbers(points, ESTIMATOR)
     say = SummaryOutput(err=is_stdout(out_path))

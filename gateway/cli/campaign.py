@@ -15,17 +15,13 @@ from gateway.cli import exit_status
 from gateway.cli.options import FiniteRange, config_option, effects_option, keys_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
-from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names, in_order
+from gateway.estimators.registry import CAMPAIGN_ESTIMATORS, estimator_names, in_order
 from gateway.views.text import clean, counted
 from gateway.views.wording import text
 
 if TYPE_CHECKING:
     from gateway.fleet.campaign_run import CampaignProgress
     from gateway.fleet.recording_estimation import Failure
-
-# A recording has its own column of the distance; the mean of a growing one says nothing.
-CAMPAIGN_ESTIMATORS: Final = tuple(in_order({*DEFAULT_ESTIMATORS, "self-calibration", "load"} - {"distance"}))
-"""What trends of a fleet need beyond the defaults: errors of the sensors and measured loads."""
 
 _LINE_EVERY_NS: Final = 30_000_000_000
 _LISTED_FAILURES: Final = 20

@@ -38,6 +38,11 @@ ESTIMATORS: Final[dict[str, str]] = {
 }
 
 DEFAULT_ESTIMATORS: Final[tuple[str, ...]] = ("kinematic", "distance", "weak-form", "wear", "ply-steer")
+# A recording has its own column of the distance; the mean of a growing one says nothing.
+CAMPAIGN_ESTIMATORS: Final[tuple[str, ...]] = tuple(
+    name for name in ESTIMATORS if name in {*DEFAULT_ESTIMATORS, "self-calibration", "load"} - {"distance"}
+)
+"""What trends of a fleet need beyond the defaults: errors of the sensors and measured loads."""
 
 
 def estimator_names() -> list[str]:

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.cli.campaign import CAMPAIGN_ESTIMATORS
 from gateway.errors import OutputError
-from gateway.estimators.registry import ESTIMATORS, make_estimator
+from gateway.estimators.registry import CAMPAIGN_ESTIMATORS, ESTIMATORS, make_estimator
 from gateway.fleet.dataset import Description, opened
 from gateway.fleet.history_reading import read_histories
 from gateway.fleet.recording_estimation import _EVERYTHING_STATED, estimate_names

@@ -26,7 +26,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_wheel_holds_both_packages_with_their_data(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     tops = {name.split("/")[0] for name in names}
-    assert {top for top in tops if not top.endswith(".dist-info")} == {"gateway", "firmware_protocol"}
+    assert {top for top in tops if not top.endswith(".dist-info")} == {"gateway", "firmware_protocol", "treadlink"}
     for needed in (
         "gateway/py.typed",
         "firmware_protocol/py.typed",

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-import click
 import numpy as np
 
 from gateway.config.toml_writer import toml_text
@@ -31,8 +30,10 @@ _NOTED_SCATTER: Final = 2.0
 _SKIPPED_REVOLUTIONS: Final = 5
 
 
-def recording_points(path: Path, fallback: VehicleConfig | None, positions: Sequence[str]) -> list[TirePoint]:
-    """Estimate one recording and return its usable wheels; the others are reported."""
+def recording_points(
+    path: Path, fallback: VehicleConfig | None, positions: Sequence[str], on_left_out: Callable[[str], None]
+) -> list[TirePoint]:
+    """Estimate one recording and return its usable wheels; `on_left_out` gets the others with the reason."""
     reader = RecordingReader(path)
     try:
         vehicle = recorded_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
@@ -55,10 +56,19 @@ def recording_points(path: Path, fallback: VehicleConfig | None, positions: Sequ
     for position, results in wheels.items():
         point = _point(f"{path.name} {position}", results)
         if isinstance(point, str):
-            click.echo(f"left out: {path.name} {position}: {point}", err=True)
+            on_left_out(f"{path.name} {position}: {point}")
         else:
             points.append(point)
     return points
+
+
+def no_points_error(positions: Sequence[str]) -> TreadlinkError:
+    """Return the error where no wheel of any recording can be used."""
+    among = f", and must be one of {', '.join(positions)}." if positions else "."
+    return TreadlinkError(
+        "no wheel of these recordings can be used",
+        f"A wheel needs a stated load, a pressure and {MIN_REVOLUTIONS} valid revolutions{among}",
+    )
 
 
 def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
