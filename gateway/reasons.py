@@ -246,6 +246,7 @@ class Code(StrEnum):
     WEAR_NOW = "wear_now"
     # - Silence
     AXIS_SILENT = "axis_silent"
+    BUS_NOT_MAPPED = "bus_not_mapped"
     BUS_SILENT = "bus_silent"
     ENVIRONMENT_SILENT = "environment_silent"
     HUB_OF_WHEEL_SILENT = "hub_of_wheel_silent"

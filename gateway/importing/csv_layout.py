@@ -18,7 +18,7 @@ _LINES: Final = 400
 # Another sign for minus is no number to the reader, but the cell is none of a header.
 _NUMBER: Final = re.compile(r"[+\-\u2212\u2013]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
 _FIGURE: Final = re.compile(r"\d[.,]\d")
-_DATE: Final = re.compile(r"\d{4}-\d\d-\d\d[T ]\s*\d\d:\d\d:\d\d.*")
+_DATE: Final = re.compile(r"(\d{1,4})[-/.](\d{1,2})[-/.](\d{1,4})[T ]\s*\d{1,2}:\d\d:\d\d.*")
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _MAX_HEADER_LINES: Final = 200
 
@@ -31,12 +31,14 @@ class TextLayout:
         layout: as in the import map.
         units: text of the line of units, by column; empty without such a line.
         dates: columns of dates with times.
+        date_order: of year, month and day in them: `ymd`, `dmy`, `mdy`; `?` where days and months look alike.
         texts: columns of other texts, each with its first.
     """
 
     layout: FileLayout
     units: dict[str, str]
     dates: frozenset[str]
+    date_order: str
     texts: dict[str, str]
 
 
@@ -86,7 +88,18 @@ def recognise_layout(path: Path) -> TextLayout:
         if name not in dates and _is_text(cells)
     }
     units = dict(zip(names, rows[start - 1], strict=True)) if has_units else {}
-    return TextLayout(layout, units, frozenset(dates), texts)
+    order = _date_order([cell for name in dates for cell in columns[name]])
+    return TextLayout(layout, units, frozenset(dates), order, texts)
+
+
+def _date_order(cells: Sequence[str]) -> str:
+    """Return the order of year, month and day in dates; `?` where both orders of day and month are possible."""
+    found = [match for cell in cells if (match := _DATE.fullmatch(cell)) is not None]
+    if all(len(match[1]) == 4 for match in found):
+        return "ymd"
+    if any(int(match[1]) > 12 for match in found):
+        return "dmy"
+    return "mdy" if any(int(match[2]) > 12 for match in found) else "?"
 
 
 def _is_text(cells: Sequence[str]) -> bool:

@@ -71,7 +71,9 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
     try:
         if file_format is FileFormat.CSV:
             dated = sampling.time_column is not None and sampling.time_unit == ISO
-            times = IsoTimes(path, sampling.time_column or "", sampling.time_zone) if dated else None
+            times = (
+                IsoTimes(path, sampling.time_column or "", sampling.time_zone, sampling.date_order) if dated else None
+            )
             return CsvColumns(path, layout, times)
         if file_format is FileFormat.MAT and _is_hdf5(path):
             file_format = FileFormat.HDF5

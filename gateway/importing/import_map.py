@@ -157,6 +157,9 @@ class Sampling(Section):
         description="time zone of ISO times that state none: an IANA name such as Europe/Berlin, UTC, or an offset "
         "such as +02:00",
     )
+    date_order: Literal["ymd", "dmy", "mdy"] = Field(
+        default="ymd", description="order of year, month and day in the dates of a text file, such as dmy in 31.12.2024"
+    )
     start_s: float = Field(
         default=0.0, ge=0, le=1e7, description="time after the first row in s; earlier rows are left out"
     )

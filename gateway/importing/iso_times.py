@@ -16,8 +16,12 @@ from gateway.importing.import_map import zone_of
 from gateway.types import FloatArray
 
 _TIME: Final = re.compile(
-    r"\s*(\d{4}-\d\d-\d\d)[T ]\s*(\d\d:\d\d:\d\d(?:[.,]\d{1,9})?)\d*\s*(Z|[+-]\d\d(?::?\d\d)?)?\s*", re.IGNORECASE
+    r"\s*(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})[T ]\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d{1,9})?)\d*\s*([ap]\.?m\.?)?\s*"
+    r"(Z|[+-]\d\d(?::?\d\d)?)?\s*",
+    re.IGNORECASE,
 )
+# Place of year, month and day in a date.
+_PLACES: Final = {"ymd": (0, 1, 2), "dmy": (2, 1, 0), "mdy": (2, 0, 1)}
 _MISSING: Final = ("", "nan", "nat", "null", "none")
 _EXAMPLE: Final = "2024-05-01T12:00:00.0001+02:00"
 _ZONE_REMEDY: Final = (
@@ -34,16 +38,18 @@ class IsoTimes:
         start_ns: the first time, ns since 1970 (UTC); None before there is one.
     """
 
-    def __init__(self, path: Path, column: str, zone: str | None) -> None:
+    def __init__(self, path: Path, column: str, zone: str | None, order: str = "ymd") -> None:
         """Prepare the conversion.
 
         Args:
             path: file, for messages.
             column: name of the column.
             zone: time zone of times that state none, None when not stated.
+            order: of year, month and day: `ymd`, `dmy` or `mdy`.
         """
         self.start_ns: int | None = None
         self._path = path
+        self._order = order
         self.column = column
         self._zone_name = zone or ""
         self._zone: tzinfo | None = None if zone is None else zone_of(zone)
@@ -62,11 +68,11 @@ class IsoTimes:
         offsets: list[str | None] = []
         known: list[int] = []
         for row, cell in enumerate(cells):
-            found = _TIME.fullmatch(cell)
-            if found is not None:
-                date, clock, offset = found.groups()
-                times.append(f"{date}T{clock}")
-                offsets.append(offset)
+            found = _TIME.fullmatch(cell.strip().strip('"'))
+            time = None if found is None else _iso(*found.groups()[:3], self._order)
+            if found is not None and time is not None:
+                times.append(time)
+                offsets.append(found[4])
                 known.append(row)
             elif cell.strip().strip('"').lower() not in _MISSING:
                 raise self._unreadable(cell, where(row))
@@ -139,8 +145,23 @@ class IsoTimes:
     def _unreadable(self, cell: str, place: str) -> ImportDataError:
         return ImportDataError(
             f"{self._path}: {place}, column '{self.column}': '{cell.strip()[:60]}' is not an ISO time",
-            f"Write date and time, such as {_EXAMPLE}; or seconds, with another time_unit; or state rate_hz.",
+            f"Write date and time, such as {_EXAMPLE}, or state [sampling] date_order; or write seconds, with another "
+            "time_unit; or state rate_hz.",
         )
+
+
+def _iso(date: str, clock: str, half: str | None, order: str) -> str | None:
+    """Return date and time of day as ISO text, None where the date has another order or the hour no such half."""
+    parts = re.split(r"[-/.]", date)
+    year, month, day = (parts[place] for place in _PLACES[order])
+    hour, rest = clock.split(":", 1)
+    number = int(hour)
+    if len(year) != 4 or len(month) > 2 or len(day) > 2 or (half is not None and not 1 <= number <= 12):
+        return None
+    if half is not None:
+        # 12 am is midnight, 12 pm noon.
+        number = number % 12 + (12 if half[0] in "pP" else 0)
+    return f"{year}-{month:0>2}-{day:0>2}T{number:02}:{rest}"
 
 
 def _buckets(

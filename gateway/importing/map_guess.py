@@ -165,6 +165,7 @@ class _Found:
         no_time: why a column of times cannot be used, None without one.
         rate_hz: sampling rate, None where it is unknown.
         since_1970_s: time of the first row since 1970, None where the times have another zero.
+        date_order: of year, month and day in dates, `?` where it is not certain.
         candidates: columns that may be accelerations.
         missed: columns whose name or unit says an acceleration, and that cannot be read.
         references: reference columns.
@@ -179,6 +180,7 @@ class _Found:
     no_time: str | None = None
     rate_hz: float | None = None
     since_1970_s: float | None = None
+    date_order: str = "ymd"
     candidates: list[_Seen] = field(default_factory=list)
     missed: list[str] = field(default_factory=list)
     references: list[_Reference] = field(default_factory=list)
@@ -309,6 +311,7 @@ def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) ->
     dates = list(facts.dates) or (sorted(text.dates) if text is not None else [])
     if dates:
         found.time, found.time_unit = dates[0], ISO
+        found.date_order = text.date_order if text is not None else "ymd"
     finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
     if found.time is None:
         _find_time(finite, found)
@@ -592,6 +595,9 @@ def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) ->
         lines += [f"time_column = {_quoted(found.time)}{seen}", f"time_unit = {_quoted(found.time_unit)}"]
         if found.time_unit == ISO:
             lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
+        if found.date_order != "ymd":
+            known = found.date_order != "?"
+            lines.append(f'date_order = "{found.date_order if known else "dmy"}"' + ("" if known else "   # ? or mdy"))
     elif found.no_time is not None:
         rate = f"; {rate_hz:.6g} Hz by its other steps" if rate_hz else ""
         lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(found.no_time)}{rate}")

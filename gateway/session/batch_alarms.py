@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -46,6 +46,8 @@ class BatchAlarms:
             vehicle: configuration; None without one.
             logs: whether alarms go to the program's log too.
         """
+        # Returns the alarms of what the vehicle's signals contradict.
+        self.witnesses: Callable[[], Iterable[Alarm]] = tuple
         self._thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
         self._has_limits = has_wheel_limits(self._thresholds)
         self._configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
@@ -111,6 +113,7 @@ class BatchAlarms:
         """Take the faults of sensors after the results of a block."""
         wheels = self._pipeline.wheels()
         flags = [Alarm(wheel.position, flag.name, flag.reason) for wheel in wheels for flag in wheel.flags]
+        flags += self.witnesses()
         others = frozenset({*_OF_STREAMS, *THRESHOLDS})
         self._log.update(flags, self._silence.elapsed_s(), covers=lambda key: key[1] not in others)
 

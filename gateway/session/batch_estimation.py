@@ -72,6 +72,8 @@ def estimated_results(
     if alarms is not None:
         alarms.begin(pipeline)
     join = VehicleJoin(signals.history) if signals is not None else None
+    if join is not None and alarms is not None:
+        alarms.witnesses = join.alarms
 
     def with_alarms(result: RevolutionResult) -> RevolutionResult:
         result = join.joined(result) if join is not None else result

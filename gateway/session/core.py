@@ -223,6 +223,8 @@ class SessionCore:
 
     def _bus_frames(self, link: _Link, item: BusFrames) -> None:
         """Decode frames of the vehicle's bus, and record the values."""
+        if self._signals is None and link.bus_frames is None:
+            self._report(item.link, [Notice(item.link, Reason(Code.BUS_NOT_MAPPED), Level.WARNING)], item.host_ns)
         link.bus_frames = (link.bus_frames or 0) + sum(1 for _ in unpack(item.data, item.host_ns))
         values = self._signals.take(item) if self._signals is not None else {}
         if values:

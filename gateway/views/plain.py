@@ -57,10 +57,12 @@ class PlainView:
         line = self._line(name, cells, reading, result)
         note = clean(reading.note)
         valid = reading.status is Status.VALID and not reading.ratios_only and not result.revolution.faults
-        self._write(crop((line if valid else line + note).rstrip(), LINE_WIDTH))
+        codes = codes_of(reading.reasons)
+        # That a load is missing holds for every line, and is said with the first.
+        is_said = valid or (reading.ratios_only and codes == self._given.get(result.position))
+        self._write(crop((line if is_said else line + note).rstrip(), LINE_WIDTH))
         # A note on valid numbers is written once; a reason that does not fit is written in full when it is new. Its
         # numbers may change with every revolution, so its codes are compared.
-        codes = codes_of(reading.reasons)
         if valid:
             if codes and codes not in self._noted:
                 self._noted.add(codes)

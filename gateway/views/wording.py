@@ -406,6 +406,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.AXIS_SILENT: (
         "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
     ),
+    Code.BUS_NOT_MAPPED: (
+        "no signal of this bus is mapped: its frames are recorded, but nothing is shown or compared (list the signals "
+        "in [vehicle_signals] of the vehicle file)"
+    ),
     Code.BUS_SILENT: "no frame of the vehicle's bus for {silence_s:.0f s}. Ignition off, cable loose, or bus off?",
     Code.ENVIRONMENT_SILENT: "no pressure or temperature for {silence_s:.0f s}: the last values are that old",
     Code.HUB_OF_WHEEL_SILENT: "no frame of its hub for {silence_s:.0f s}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -128,3 +128,41 @@ def test_first_map_takes_one_of_several_files(tmp_path: Path) -> None:
     done = CliRunner().invoke(treadlink, ["import", "--guess", "a.csv", "b.csv"])
     assert done.exit_code == 2
     assert "one of the files" in done.output
+
+
+def dated(path: Path, texts: list[str]) -> Path:
+    rows = zip(texts, *(values.tolist() for values in AXES.values()), strict=True)
+    path.write_text("\n".join(["when,x,y,z", *(f"{s},{x!r},{y!r},{z!r}" for s, x, y, z in rows)]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("order", "date", "form"),
+    [
+        ("mdy", "5/31/2024", "%I:%M:%S.{} %p"), ("dmy", "31.5.2024", "%H:%M:%S.{}"),
+        ("ymd", "2024-05-31", "%I:%M:%S.{} %p"), ("mdy", "05-31-2024", "%I:%M:%S.{} p.m."),
+    ],
+)  # fmt: skip
+def test_dates_of_other_countries_and_halves_of_the_day(tmp_path: Path, order: str, date: str, form: str) -> None:
+    begin = datetime(2024, 5, 31, 12, 59, 59, 500_000)
+    stamps = [begin + timedelta(seconds=time_s) for time_s in WHEEL.times_s]
+    texts = [f"{date} {stamp.strftime(form.format(f'{stamp.microsecond:06}'))}" for stamp in stamps]
+    path = dated(tmp_path / "run.csv", texts)
+    text = guess_map(path).replace('# time_zone = "Europe/Berlin"', 'time_zone = "UTC"')
+    assert (f'date_order = "{order}"' in text) == (order != "ymd")
+    report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+    assert report.rate_hz == pytest.approx(RATE_HZ, rel=1e-5)
+    assert Decoded(report.recording).items[0].host_ns == int(begin.replace(tzinfo=UTC).timestamp() * 1e6) * 1000
+
+
+def test_day_and_month_that_look_alike_have_a_mark(tmp_path: Path) -> None:
+    texts = [f"1/2/2024 1:00:0{time_s:.6f} PM" for time_s in WHEEL.times_s]
+    assert 'date_order = "dmy"   # ? or mdy' in guess_map(dated(tmp_path / "run.csv", texts))
+
+
+@pytest.mark.parametrize("cell", ["13/1/2024 13:00:00 PM", "2024/13/13 1:00:00", "1/2/24 1:00:00"])
+def test_impossible_dates_are_refused(tmp_path: Path, cell: str) -> None:
+    path = dated(tmp_path / "run.csv", [cell] * ROWS)
+    sampling = 'time_column = "when"\ntime_unit = "iso"\ntime_zone = "UTC"\ndate_order = "mdy"'
+    with pytest.raises(ImportDataError, match="is not an ISO time"):
+        import_file(path, parse_map(simple_map(sampling=sampling), "map"), tmp_path / "out.mcap")

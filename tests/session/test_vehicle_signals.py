@@ -23,6 +23,7 @@ from gateway.pipeline.vehicle_signals import Quantity, SignalHistory, SignalSetu
 from gateway.reasons import Code, codes_of
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
+from gateway.session.batch_alarms import BatchAlarms
 from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
 from gateway.session.signal_decoding import SignalDecoder, open_decoder
@@ -121,6 +122,26 @@ def test_wrong_rate_is_contradicted_by_the_wheel_speed(wheel) -> None:
     assert values(results[3])["speed_mps"].status == "valid", "a few revolutions prove nothing"
 
 
+def test_contradiction_is_an_alarm_in_estimate_as_live(wheel) -> None:
+    items, vehicle = drive(wheel, rotation=1.05, speed=1.05)
+    alarms = BatchAlarms(vehicle)
+    results = []
+    estimate_items(Recorded(items), vehicle, results.append, signals=decoder(vehicle), estimators=FAST, alarms=alarms)
+    found = {record.name: record for record in alarms.finish() if record.name == "wheel speed"}
+    assert found["wheel speed"].position == results[0].position
+    core = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
+    for item in items:
+        core.take(item)
+    assert "wheel speed" in {alarm.name for alarm in core.snapshot(3.0).alarms}
+
+
+def test_contradicted_recording_has_the_alarm_in_its_summary(wheel, tmp_path) -> None:
+    path = written(wheel, tmp_path, rotation=1.05, speed=1.05)
+    run = CliRunner().invoke(treadlink, ["estimate", str(path)])
+    alarms = run.output.partition("alarms")[2]
+    assert "wheel speed" in alarms, run.output
+
+
 def test_wrong_radius_is_contradicted_by_the_vehicle_speed(wheel) -> None:
     items, vehicle = drive(wheel, speed=1.08)
     core = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
@@ -164,7 +185,11 @@ def test_silent_bus_leaves_its_signals_unknown(wheel) -> None:
 
 @pytest.fixture
 def recording(wheel, tmp_path) -> Path:
-    items, vehicle = drive(wheel)
+    return written(wheel, tmp_path)
+
+
+def written(wheel, tmp_path, **false) -> Path:
+    items, vehicle = drive(wheel, **false)
     path = tmp_path / "drive.mcap"
     writer = RecordingWriter(path, start_ns=items[0].host_ns, vehicle_toml=vehicle.to_toml(), dbc_text=DBC.read_text())
     for item in items:
@@ -240,6 +265,22 @@ def test_bus_and_wheels_share_one_recording(wheel, tmp_path) -> None:
     assert {"/link/can:drive.asc/can", "/vehicle/signals"} <= topics
     assert any(topic.endswith("/revolution") for topic in topics)
     assert reader.dbc_text == DBC.read_text()
+
+
+def test_bus_that_the_vehicle_file_does_not_map_is_named_once(wheel) -> None:
+    items, toml, _, _ = wheel
+    begin_ns = items[0].host_ns
+    bus = blocks(frames(begin_ns, begin_ns + 500_000_000, 56.0, SPEED_MPS))
+    core = SessionCore(parse_vehicle(toml, "car"), estimators=FAST)
+    for item in merged(items, bus):
+        core.take(item)
+    found = [notice for notice in core.take_notices() if notice.reason.code is Code.BUS_NOT_MAPPED]
+    assert [notice.subject for notice in found] == [vehicle_bus.LINK]
+    items, vehicle = drive(wheel)
+    mapped = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
+    for item in items:
+        mapped.take(item)
+    assert not any(notice.reason.code is Code.BUS_NOT_MAPPED for notice in mapped.take_notices())
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".asc", ".log"])

@@ -132,3 +132,13 @@ def test_differing_marks_are_at_the_numbers(made, plain):
     view.result(made.result(estimates=estimates))
     assert "Cw 0.1953±0.0012 " in lines[1]
     assert "Ts 2.5±2.6~" in lines[1]
+
+
+def test_missing_load_is_said_with_the_first_line_of_a_wheel_only(made, plain):
+    view, lines = plain
+    for position in ("FL", "FR"):
+        for index in range(3):
+            view.result(made.result(position, index=index, load_n=None))
+    for position in ("FL", "FR"):
+        own = [line for line in lines if line.startswith(position)]
+        assert ["ratios only" in line for line in own] == [True, False, False]
