@@ -9,6 +9,8 @@ from typing import Any
 from gateway.api.document_tables import document_text
 from gateway.api.recording_access import PathLike, Recording, paths
 from gateway.api.recording_access import open as open_recording
+from gateway.errors import ImportDataError
+from gateway.importing.exported_file import import_exported
 from gateway.importing.import_map import ImportMap, load_map, parse_map
 from gateway.importing.importer import import_file
 from gateway.importing.map_guess import guess_map as guessed_map
@@ -18,7 +20,7 @@ _MAP = "the import map"
 
 def import_measurement(
     files: PathLike | Sequence[PathLike],
-    import_map: ImportMap | Mapping[str, Any] | PathLike,
+    import_map: ImportMap | Mapping[str, Any] | PathLike | None = None,
     *,
     out: PathLike | None = None,
 ) -> Recording:
@@ -26,18 +28,24 @@ def import_measurement(
 
     Args:
         files: CSV, MATLAB, HDF5, MDF, TDMS, UFF or Parquet; several in the order of time are one measurement.
-        import_map: meaning of the columns: a TOML file, or its tables as a dictionary.
+        import_map: meaning of the columns: a TOML file, or its tables as a dictionary; None for one CSV or MF4 file of
+            samples that `Recording.export` has written.
         out: new .mcap file, or a folder for it; None for the name of the first file with .mcap in the current folder.
 
     Raises:
         TreadlinkError: the map has faults, the measurement does not match it, or `out` exists.
     """
     given = paths(files)
+    target = Path(f"{given[0].stem}.mcap") if out is None else Path(out)
+    if import_map is None:
+        if len(given) > 1:
+            raise ImportDataError("several files need an import map", "Give one file, or a map.")
+        return open_recording(import_exported(given[0], target).recording)
     if isinstance(import_map, Mapping):
         import_map = parse_map(document_text(import_map, _MAP), _MAP)
     elif not isinstance(import_map, ImportMap):
         import_map = load_map(Path(import_map))
-    report = import_file(given, import_map, Path(f"{given[0].stem}.mcap") if out is None else Path(out))
+    report = import_file(given, import_map, target)
     return open_recording(report.recording)
 
 

@@ -35,15 +35,17 @@ def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, gu
     """Convert the measurement FILE to a recording.
 
     FILE is CSV, MATLAB (MAT), HDF5, MDF (MF4), TDMS, UFF or Parquet. Several files, in the order of time, are one
-    measurement. The import map states the meaning of the columns; --guess writes a first one. A recording is never
+    measurement. The import map states the meaning of the columns; --guess writes a first one. A CSV or MF4 file of
+    samples that `treadlink export` has written needs none: its wheels come back. A recording is never
     overwritten; --force overwrites a map.
     """
+    from gateway.importing.exported_file import import_exported
     from gateway.importing.import_map import load_map
     from gateway.importing.importer import import_file
     from gateway.views.progress import progress_bar
     from gateway.views.text import clean
 
-    if guess == (map_path is not None):
+    if guess and map_path is not None:
         raise click.UsageError("Give either --map with an import map, or --guess to write a first one.")
     file = files[0]
     if guess:
@@ -51,10 +53,15 @@ def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, gu
             raise click.UsageError("Give --guess one of the files: the map that it writes holds for all.")
         _guess(file, out, force=force)
         return
-    assert map_path is not None
-    import_map = load_map(map_path)
+    import_map = load_map(map_path) if map_path is not None else None
+    if import_map is None and len(files) > 1:
+        raise click.UsageError("Several files need an import map: --map.")
+    recording = out or Path(f"{file.stem}.mcap")
     with progress_bar(f"importing {file.name}") as bar:
-        report = import_file(files, import_map, out or Path(f"{file.stem}.mcap"), bar.show)
+        if import_map is None:
+            report = import_exported(file, recording, bar.show)
+        else:
+            report = import_file(files, import_map, recording, bar.show)
     for line in report_lines(report):
         click.echo(clean(line))
     if report.references:

@@ -50,13 +50,14 @@ class CsvColumns:
         unreadable: number of cells in the current pass that are no numbers, where the layout takes them for missing.
     """
 
-    def __init__(self, path: Path, layout: FileLayout, times: IsoTimes | None = None) -> None:
+    def __init__(self, path: Path, layout: FileLayout, times: IsoTimes | None = None, line_start: str = "") -> None:
         """Read the header.
 
         Args:
             path: the file.
             layout: its layout.
             times: converter of a column of ISO times, None without one.
+            line_start: text with which the lines of data begin; others are skipped.
 
         Raises:
             ImportDataError: the encoding is wrong or the file is empty.
@@ -66,6 +67,7 @@ class CsvColumns:
         self._layout = layout
         self._times = times
         self.unreadable = 0
+        self._line_start = line_start
         self._delimiter = DELIMITERS[layout.delimiter]
         self._lines_before_data = layout.skip_rows + (1 + layout.skip_rows_after_header if layout.header else 0)
         with self._open() as file:
@@ -95,8 +97,12 @@ class CsvColumns:
             while lines := list(itertools.islice(source, BLOCK_ROWS)):
                 numbers = list(range(line_number, line_number + len(lines)))
                 line_number += len(lines)
-                if any(not line.strip() for line in lines):
-                    kept = [(line, number) for line, number in zip(lines, numbers, strict=True) if line.strip()]
+                if self._line_start or any(not line.strip() for line in lines):
+                    kept = [
+                        (line, number)
+                        for line, number in zip(lines, numbers, strict=True)
+                        if line.strip() and line.startswith(self._line_start)
+                    ]
                     lines, numbers = [line for line, _ in kept], [number for _, number in kept]
                 if not lines:
                     continue

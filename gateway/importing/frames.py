@@ -70,7 +70,15 @@ class Quantiser:
 class FrameStream:
     """Builder of frames from blocks of rows; rows that do not fill a chunk wait for the next block."""
 
-    def __init__(self, sensor: Sensor, wheel: ImportedWheel, number: int, rate_hz: float, quantiser: Quantiser) -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        wheel: ImportedWheel,
+        number: int,
+        rate_hz: float,
+        quantiser: Quantiser,
+        begin_s: float = 0.0,
+    ) -> None:
         """Prepare the hello.
 
         Args:
@@ -79,11 +87,13 @@ class FrameStream:
             number: number of the wheel at the hub.
             rate_hz: sampling rate.
             quantiser: conversion of its axes.
+            begin_s: time of the first sample by the hub's clock.
         """
         axes = wheel.axis.present()
         self._mask = sum(1 << axis for axis in axes)
         self._wheel = number
         self._rate_hz = rate_hz
+        self._begin_us = begin_s * 1e6
         self._hello = _hello(sensor, wheel, number, rate_hz, quantiser)
         self._block_samples = (wire.MAX_PAYLOAD_BYTES - wire.SAMPLES_HEADER_BYTES) // (2 * len(axes))
         self._chunk_samples = max(1, round(CHUNK_S * rate_hz / self._block_samples)) * self._block_samples
@@ -147,7 +157,7 @@ class FrameStream:
         return b"".join(parts)
 
     def _frame(self, kind: MessageType, message: Message) -> bytes:
-        tick_us = round(self._sample * 1e6 / self._rate_hz) & 0xFFFF_FFFF
+        tick_us = round(self._begin_us + self._sample * 1e6 / self._rate_hz) & 0xFFFF_FFFF
         frame = Frame(kind, 0, self._wheel, self._seq & 0xFFFF_FFFF, tick_us, message)
         self._seq += 1
         try:

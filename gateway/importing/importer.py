@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from firmware_protocol.messages import Axis, Coupling
-from gateway.config.vehicle import ASSUMED_RADIUS_MM
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
 from gateway.errors import ImportDataError, RecordingError
 from gateway.importing.columns import BlockReader, FileFacts, require_columns
 from gateway.importing.data_scan import Scan, WheelScan, scan
@@ -170,11 +170,19 @@ def _opened(paths: Sequence[Path], import_map: ImportMap, processes: ReaderProce
 class _WheelStream:
     """Frames of one wheel, and its report."""
 
-    def __init__(self, import_map: ImportMap, wheel: ImportedWheel, number: int, found: Scan) -> None:
+    def __init__(
+        self,
+        import_map: ImportMap,
+        wheel: ImportedWheel,
+        number: int,
+        found: Scan,
+        hub_wheel: int,
+        begin_s: float,
+    ) -> None:
         self._wheel = wheel
         self._found = found.wheels[number]
         self._quantiser = Quantiser.of(wheel, self._found)
-        self._stream = FrameStream(import_map.sensor, wheel, number, found.rate_hz, self._quantiser)
+        self._stream = FrameStream(import_map.sensor, wheel, hub_wheel, found.rate_hz, self._quantiser, begin_s)
         self._errors_mps2 = np.zeros(len(self._quantiser.scale_mps2))
         self._lines, self._findings = _bridges(self._found)
         self._findings += _unit_findings(import_map, wheel, self._found, found.rate_hz)
@@ -228,6 +236,72 @@ class _WheelStream:
         )
 
 
+class WheelRows(NamedTuple):
+    """A wheel with rows of its own.
+
+    Attributes:
+        reader: its rows.
+        import_map: their meaning, for this wheel alone.
+        begin_s: time of the first row from the start of the recording.
+    """
+
+    reader: BlockReader
+    import_map: ImportMap
+    begin_s: float
+
+
+class _Part:
+    """Wheels that share their rows, and the references beside them."""
+
+    def __init__(
+        self,
+        path: Path,
+        reader: GapFilledColumns,
+        import_map: ImportMap,
+        progress: Callable[[float], None],
+        *,
+        first_wheel: int = 0,
+        begin_s: float = 0.0,
+    ) -> None:
+        """Read the rows once."""
+        _check_dates(path, reader, import_map)
+        self.reader, self.import_map, self.begin_s = reader, import_map, begin_s
+        self.found = found = scan(path, reader, import_map, progress)
+        _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
+        self.streams = [
+            _WheelStream(import_map, wheel, number, found, first_wheel + number, begin_s)
+            for number, wheel in enumerate(import_map.wheels())
+        ]
+        self._channels = [
+            ReferenceChannel(reference, found.rate_hz, *map(float, limits))
+            for reference, limits in zip(import_map.reference, found.ranges, strict=True)
+        ]
+        self.values = dict.fromkeys((reference.name for reference in import_map.reference), 0)
+
+    @property
+    def end_s(self) -> float:
+        """Time of the end of the last sample from the start of the recording."""
+        return self.begin_s + max(stream.end_s for stream in self.streams)
+
+    def writes(
+        self, writer: RecordingWriter, link: str, progress: Callable[[float], None]
+    ) -> Iterator[tuple[float, Callable[[int], None]]]:
+        """Yield (time in s from the start of the recording, what writes it) of chunks and values, in order."""
+        for rows, places, share, last in _selected(self.reader, self.import_map, self.found):
+            if not last:
+                progress(share)
+            parts: list[Iterator[tuple[float, Callable[[int], None]]]] = [
+                _written(writer, link, stream.chunks(rows, columns, last=last))
+                for stream, columns in zip(self.streams, places, strict=True)
+            ]
+            for channel in self._channels:
+                column = rows[:, self.import_map.columns().index(channel.reference.column)]
+                positions = _positions(channel, self.import_map)
+                parts.append(_written_values(writer, channel, positions, self.values, column))
+            for time_s, write in heapq.merge(*parts, key=lambda part: part[0]):
+                yield self.begin_s + time_s, write
+
+
 def _import(
     paths: Sequence[Path],
     reader: GapFilledColumns,
@@ -236,35 +310,75 @@ def _import(
     progress: Callable[[float], None],
 ) -> ImportReport:
     path = paths[0]
-    _check_dates(path, reader, import_map)
-    found = scan(path, reader, import_map, lambda share: progress(0.5 * share))
-    _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
-    streams = [_WheelStream(import_map, wheel, number, found) for number, wheel in enumerate(import_map.wheels())]
-    references = [
-        ReferenceChannel(reference, found.rate_hz, *map(float, limits))
-        for reference, limits in zip(import_map.reference, found.ranges, strict=True)
-    ]
-    start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, found)
-    link = f"import:{path.name}"
+    part = _Part(path, reader, import_map, lambda share: progress(0.5 * share))
+    start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, part.found)
     more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-    vehicle = import_map.vehicle(() if found.decimation is None else (_decimation_text(found.decimation),))
+    vehicle = import_map.vehicle(() if part.found.decimation is None else (_decimation_text(part.found.decimation),))
+    recording = _recorded([part], vehicle, path, more, start_ns, out, lambda share: progress(0.5 + 0.5 * share))
+    return _report([part], vehicle, recording, start_is_file_date=start_is_file_date)
+
+
+def import_wheels(
+    path: Path,
+    wheels: Sequence[WheelRows],
+    whole: ImportMap,
+    start_ns: int,
+    out: Path,
+    progress: Callable[[float], None] = lambda _: None,
+) -> ImportReport:
+    """Import wheels that have rows of their own, at times of one clock, into the new recording `out`.
+
+    Args:
+        path: file, for messages.
+        wheels: at least one.
+        whole: map of all wheels, for the configuration.
+        start_ns: start of the recording, ns since 1970.
+        out: a new file, or a folder.
+        progress: called with the share done, 0 to 1.
+
+    Raises:
+        ImportDataError: the rows do not fit together.
+        RecordingError: the recording exists or cannot be written.
+    """
+    if out.is_file():
+        raise RecordingError(
+            f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
+        )
+    count = len(wheels)
+    parts = [
+        _Part(
+            path,
+            GapFilledColumns(path, rows.reader, rows.import_map.sampling),
+            rows.import_map,
+            lambda share, number=number: progress(0.5 * (number + share) / count),  # type: ignore[misc]
+            first_wheel=number,
+            begin_s=rows.begin_s,
+        )
+        for number, rows in enumerate(wheels)
+    ]
+    vehicle = whole.vehicle()
+    recording = _recorded(parts, vehicle, path, "", start_ns, out, lambda share: progress(0.5 + 0.5 * share))
+    return _report(parts, vehicle, recording, start_is_file_date=False)
+
+
+def _recorded(
+    parts: Sequence[_Part],
+    vehicle: VehicleConfig,
+    path: Path,
+    more: str,
+    start_ns: int,
+    out: Path,
+    progress: Callable[[float], None],
+) -> Path:
+    """Write the recording and return its path."""
+    link = f"import:{path.name}"
     writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,))
-    values = dict.fromkeys((reference.name for reference in import_map.reference), 0)
     try:
         writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{more}"))
-        for rows, places, share, last in _selected(reader, import_map, found):
-            if not last:
-                progress(0.5 + 0.5 * share)
-            parts: list[Iterator[tuple[float, Callable[[int], None]]]] = [
-                _written(writer, link, stream.chunks(rows, columns, last=last))
-                for stream, columns in zip(streams, places, strict=True)
-            ]
-            for channel in references:
-                column = rows[:, import_map.columns().index(channel.reference.column)]
-                parts.append(_written_values(writer, channel, _positions(channel, import_map), values, column))
-            for time_s, write in heapq.merge(*parts, key=lambda part: part[0]):
-                write(start_ns + round(time_s * 1e9))
-        end_ns = start_ns + round(max(stream.end_s for stream in streams) * 1e9)
+        writes = [part.writes(writer, link, progress) for part in parts]
+        for time_s, write in heapq.merge(*writes, key=lambda one: one[0]):
+            write(start_ns + round(time_s * 1e9))
+        end_ns = start_ns + round(max(part.end_s for part in parts) * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
         writer.close()
     except BaseException:
@@ -272,21 +386,29 @@ def _import(
         writer.close()
         writer.path.unlink(missing_ok=True)
         raise
+    return writer.path
+
+
+def _report(
+    parts: Sequence[_Part], vehicle: VehicleConfig, recording: Path, *, start_is_file_date: bool
+) -> ImportReport:
+    longest = max(parts, key=lambda part: part.found.samples / part.found.rate_hz)
+    found = longest.found
     return ImportReport(
-        recording=writer.path,
-        size_bytes=writer.path.stat().st_size,
+        recording=recording,
+        size_bytes=recording.stat().st_size,
         samples=found.samples,
         skipped=found.skipped,
-        left_out=reader.left_out,
-        unreadable=reader.unreadable,
+        left_out=sum(part.reader.left_out for part in parts),
+        unreadable=sum(part.reader.unreadable for part in parts),
         rate_std_hz=found.rate_std_hz,
         rounding_s=found.rounding_s,
         rate_hz=found.rate_hz,
         decimation=found.decimation,
         duration_s=found.samples / found.rate_hz,
         jitter_s=found.jitter_s,
-        wheels=tuple(stream.report() for stream in streams),
-        references=values,
+        wheels=tuple(stream.report() for part in parts for stream in part.streams),
+        references=parts[0].values,
         assumed=vehicle.vehicle.assumed,
         start_is_file_date=start_is_file_date,
     )

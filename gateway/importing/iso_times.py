@@ -69,7 +69,7 @@ class IsoTimes:
         known: list[int] = []
         for row, cell in enumerate(cells):
             found = _TIME.fullmatch(cell.strip().strip('"'))
-            time = None if found is None else _iso(*found.groups()[:3], self._order)
+            time = None if found is None else _iso(found[1], found[2], found[3], self._order)
             if found is not None and time is not None:
                 times.append(time)
                 offsets.append(found[4])

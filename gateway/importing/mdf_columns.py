@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -82,7 +83,12 @@ class MdfColumns:
         """Every channel of numbers, and the time."""
         names = (*self._channels, *(() if TIME in self._channels else (TIME,)))
         return FileFacts(
-            names, units=self._units, unusable=dict(self._unusable), start_ns=self._start_ns, time_column=TIME
+            names,
+            units=self._units,
+            unusable=dict(self._unusable),
+            start_ns=self._start_ns,
+            time_column=TIME,
+            conditions=self._conditions(),
         )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
@@ -100,6 +106,19 @@ class MdfColumns:
         """Close the file."""
         with contextlib.suppress(Exception):  # a damaged file; nothing was written
             self._mdf.close()
+
+    def _conditions(self) -> dict[str, dict[str, Sequence[str]]]:
+        """Return the properties of each group by its name."""
+        found: dict[str, dict[str, Sequence[str]]] = {}
+        for group in self._mdf.groups:
+            block = group.channel_group
+            with contextlib.suppress(ElementTree.ParseError, AttributeError, TypeError):
+                entries = ElementTree.fromstring(block.comment).iterfind("./common_properties/e")
+                properties = {entry.get("name", ""): (entry.text or "", entry.get("desc", "")) for entry in entries}
+                if properties:
+                    wheel = _text(str(block.acq_name))
+                    found[wheel] = {name: tuple(map(_text, pair)) for name, pair in properties.items()}
+        return found
 
     def _list(self) -> None:
         found = []

@@ -1,0 +1,213 @@
+"""Import of samples that `treadlink export` has written to CSV or MF4: wheels, conditions and start come back.
+
+Each wheel has rows of its own, at the times of the hub's clock. What its sensor measured on average of pressure and
+temperature is repeated as messages of the sensor.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from pydantic import ValidationError
+
+from gateway.config.vehicle import Mounting
+from gateway.constants import AXIS_NAMES
+from gateway.errors import ImportDataError
+from gateway.importing.columns import Block, ColumnReader, FileFacts
+from gateway.importing.csv_columns import CsvColumns
+from gateway.importing.file_formats import open_columns, suffix_format
+from gateway.importing.import_map import (
+    Axes,
+    AxisColumn,
+    EnvironmentColumns,
+    FileFormat,
+    FileLayout,
+    ImportedWheel,
+    ImportMap,
+    Sampling,
+    Sensor,
+    StatedConditions,
+)
+from gateway.importing.importer import ImportReport, WheelRows, import_wheels
+from gateway.importing.reader_process import ReaderProcesses
+
+Conditions = dict[str, tuple[str, str]]
+"""Conditions of a wheel by name: value and source as text."""
+
+_MARK: Final = "exported_by"
+_BY_SENSOR: Final = "measured by the sensor"
+_CONDITION: Final = re.compile(r"# (.+?) ([a-z][a-z0-9_]*): (.*?)(?: \(([^()]*)\))?\s*")
+_COLUMN: Final = re.compile(r"# column ")
+_MOST_LINES: Final = 10_000
+_TIME: Final = "device_s"
+_SLOW: Final = ("pressure_pa", "temperature_degc")
+_PROBE: Final = ImportMap(
+    sampling=Sampling(rate_hz=1e4), axis=Axes(radial=AxisColumn(column="?", unit="g")), sensor=Sensor(coupling="DC")
+)
+
+
+def exported_wheels(path: Path, processes: ReaderProcesses | None = None) -> dict[str, Conditions]:
+    """Return the conditions of every wheel of a file that treadlink has exported, nothing for any other file.
+
+    Raises:
+        ImportDataError: an MF4 file cannot be read.
+    """
+    kind = suffix_format(path)
+    if kind is FileFormat.CSV and path.is_file():
+        return _csv_conditions(path)[0]
+    if kind is FileFormat.MF4 and path.is_file():
+        with contextlib.closing(open_columns(path, _PROBE, processes)) as reader:
+            return {wheel: _pairs(found) for wheel, found in reader.facts.conditions.items() if _MARK in found}
+    return {}
+
+
+def import_exported(path: Path, out: Path, progress: Callable[[float], None] = lambda _: None) -> ImportReport:
+    """Import samples that treadlink has exported into the new recording `out`, without a map.
+
+    Raises:
+        ImportDataError: the file is no such export, holds no samples, or is damaged.
+        RecordingError: the recording exists or cannot be written.
+    """
+    processes = ReaderProcesses()
+    wheels = exported_wheels(path, processes)
+    if not wheels:
+        raise ImportDataError(
+            f"{path} is no export of treadlink, so that its columns need an import map",
+            f"Write a first one: treadlink import --guess {path}",
+        )
+    parts = []
+    with contextlib.ExitStack() as stack:
+        for position, conditions in wheels.items():
+            reader = stack.enter_context(contextlib.closing(_wheel_reader(path, position, conditions, processes)))
+            missing = [name for name in (_TIME, "radial_mps2") if name not in reader.facts.names]
+            if missing:
+                raise ImportDataError(
+                    f"{path}: wheel {position} has no column '{missing[0]}'", "Export samples: --what samples."
+                )
+            parts.append(WheelRows(reader, _wheel_map(path, position, conditions, reader), reader.begin_s()))
+        whole = parts[0].import_map.model_copy(update={"wheel": tuple(part.import_map.wheel[0] for part in parts)})
+        start_ns = _start_ns(next(iter(wheels.values()))) or path.stat().st_mtime_ns
+        return import_wheels(path, parts, whole, start_ns, out, progress)
+
+
+class _WheelReader:
+    """Columns of one wheel by the names of an export, with the constant means of pressure and temperature."""
+
+    def __init__(self, reader: ColumnReader, prefix: str, time: str, constants: Mapping[str, float]) -> None:
+        self._reader, self._prefix, self._begin, self._constants = reader, prefix, time, constants
+        own = [name.removeprefix(prefix) for name in reader.facts.names if name.startswith(prefix)]
+        self.facts = FileFacts((*own, *constants), start_ns=reader.facts.start_ns)
+
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named columns."""
+        read = [name for name in names if name not in self._constants]
+        for block in self._reader.blocks([f"{self._prefix}{name}" for name in read]):
+            columns = {name: block.values[:, k] for k, name in enumerate(read)}
+            rows = len(block.values)
+            values = [columns[name] if name in columns else np.full(rows, self._constants[name]) for name in names]
+            yield Block(block.first_row, np.column_stack(values), block.where, block.progress)
+
+    def begin_s(self) -> float:
+        """Return the time of the first sample from the start of the recording."""
+        # A channel of the wheel tells an MF4 file whose time is meant.
+        names = [f"{self._prefix}{_TIME}", self._begin]
+        block = self._reader.sample(names)
+        return 0.0 if block is None or not len(block.values) else float(block.values[0, 1])
+
+    def close(self) -> None:
+        """Release the file."""
+        self._reader.close()
+
+
+def _wheel_reader(path: Path, position: str, conditions: Conditions, processes: ReaderProcesses) -> _WheelReader:
+    constants = {}
+    for name in _SLOW:
+        value = _number(conditions, name)
+        if value is not None and conditions[name][1] == _BY_SENSOR:
+            constants[name] = value
+    if suffix_format(path) is FileFormat.CSV:
+        layout = FileLayout(skip_rows=_csv_conditions(path)[1])
+        return _WheelReader(CsvColumns(path, layout, line_start=f"{position},"), "", "time_s", constants)
+    return _WheelReader(open_columns(path, _PROBE, processes), f"{position}.", "time", constants)
+
+
+def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _WheelReader) -> ImportMap:
+    present = dict.fromkeys((conditions.get("axes", ("", ""))[0] or ", ".join(AXIS_NAMES)).split(", "))
+    axes = {
+        name: AxisColumn(column=f"{name}_mps2", unit="m/s^2")
+        for name in AXIS_NAMES
+        if name in present and f"{name}_mps2" in reader.facts.names
+    }
+    constants = [name if name in reader.facts.names else None for name in _SLOW]
+    radius_m, pressure_pa = _number(conditions, "radius_m"), _number(conditions, "pressure_pa")
+    offset_m, load_n = _number(conditions, "mounting_offset_m"), _number(conditions, "load_n")
+    is_assumed = "assumed" in conditions.get("radius_m", ("", ""))[1]
+    try:
+        wheel = ImportedWheel(
+            position=position,
+            sensor_id=conditions.get("sensor_id", ("", ""))[0] or None,
+            load_n=load_n,
+            load_std_n=_number(conditions, "load_std_n") if load_n is not None else None,
+            radius_mm=None if radius_m is None or is_assumed else radius_m * 1e3,
+            pressure_kpa=None if pressure_pa is None or constants[0] is not None else pressure_pa * 1e-3,
+            axis=Axes(**axes),
+            environment=EnvironmentColumns(
+                pressure_column=constants[0], pressure_unit="Pa", temperature_column=constants[1]
+            ),
+            mounting=Mounting() if offset_m is None else Mounting(offset_mm=offset_m * 1e3),
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ImportDataError(
+            f"{path}: wheel '{position}': {'.'.join(map(str, first['loc']))}: {first['msg']}",
+            "Import it with a map: treadlink import --guess writes a first one.",
+        ) from error
+    assumed = conditions.get("assumed", ("", ""))[0]
+    named = {"name": conditions.get("vehicle"), "tire": conditions.get("tire_size")}
+    return ImportMap(
+        assumed=(assumed,) if assumed else (),
+        sampling=Sampling(time_column=_TIME),
+        sensor=Sensor(coupling="AC" if conditions.get("coupling", ("", ""))[0] == "ac" else "DC"),
+        conditions=StatedConditions.model_validate(
+            {key: found[0] for key, found in named.items() if found is not None}
+        ),
+        wheel=(wheel,),
+    )
+
+
+def _csv_conditions(path: Path) -> tuple[dict[str, Conditions], int]:
+    """Return the conditions in the comments of a CSV file, and the number of comment lines."""
+    wheels: dict[str, Conditions] = {}
+    count = 0
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            if not line.startswith("# ") or count >= _MOST_LINES:
+                break
+            count += 1
+            match = None if _COLUMN.match(line) else _CONDITION.fullmatch(line)
+            if match is not None:
+                wheels.setdefault(match[1], {})[match[2]] = match[3], match[4] or ""
+    return {wheel: found for wheel, found in wheels.items() if _MARK in found}, count
+
+
+def _pairs(found: Mapping[str, Sequence[str]]) -> Conditions:
+    return {name: (value, source) for name, (value, source) in found.items()}
+
+
+def _start_ns(conditions: Conditions) -> int | None:
+    """Return the start of the recording, None where it is unknown. A double would round it to 0.2 us."""
+    text = conditions.get("start_ns", ("", ""))[0].split(" ")[0]
+    return int(text) if text.isdecimal() and int(text) > 0 else None
+
+
+def _number(conditions: Conditions, name: str) -> float | None:
+    """Return the number of a condition, whose unit may follow it; None where there is none."""
+    try:
+        return float(conditions[name][0].split(" ")[0])
+    except (KeyError, ValueError):
+        return None

@@ -1,0 +1,97 @@
+"""Samples that treadlink has exported come back whole: wheels, samples, start, load, radius, pressure, temperature."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import gateway
+from gateway.cli import treadlink
+from gateway.errors import ImportDataError
+from gateway.importing.exported_file import import_exported
+
+SCENARIO = {
+    "scenario": {"seed": 7, "faults": ["drop:rate=0.01"]},
+    "motion": {"speed_kmh": 70},
+    "hub": [{"hub": 0, "clock_ppm": 120}],
+    "tire": {"radius_mm": 315.0},
+    "wheel": [
+        {"position": "FL", "wheel": 0, "load_n": 4200, "sensor_id": "0000a001"},
+        {"position": "FR", "wheel": 1, "load_n": 3900, "sensor_id": "0000a002"},
+        {"position": "RL", "wheel": 2, "load_n": 3100, "sensor_id": "0000a003"},
+        {"position": "RR", "wheel": 3, "load_n": 3300, "sensor_id": "0000a004"},
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> gateway.Recording:
+    path = tmp_path_factory.mktemp("own") / "drive.mcap"
+    gateway.simulate(SCENARIO, duration_s=4.0, out=path)
+    return gateway.open(path)
+
+
+@pytest.mark.parametrize("suffix", ["csv", "mf4"])
+def test_four_wheels_come_back_whole(drive, suffix: str, tmp_path: Path) -> None:
+    if suffix == "mf4":
+        pytest.importorskip("asammdf")
+    exported = drive.export(tmp_path / f"drive.{suffix}")
+    again = gateway.import_measurement(exported, out=tmp_path / "again.mcap")
+    assert again.wheels == drive.wheels == ("FL", "FR", "RL", "RR")
+    assert again.info.start_ns == drive.info.start_ns
+    for position in drive.wheels:
+        before, after = drive[position].samples(), again[position].samples()
+        assert len(after) == len(before)
+        # Samples are stored in counts of the largest value.
+        np.testing.assert_allclose(after.axes_mps2, before.axes_mps2, atol=0.05)
+        shifts_s = (after.host_utc - before.host_utc).astype(np.int64) * 1e-9
+        np.testing.assert_allclose(shifts_s, 0.0, atol=0.02)
+        assert after.lost_before.sum() == before.lost_before.sum()
+        assert before.lost_before.sum() > 0
+        assert again[position].sensor_id == drive[position].sensor_id
+        assert again[position].radius_m == pytest.approx(drive[position].radius_m)
+    loads = {setup.position: setup.load_n for setup in again.vehicle.wheel_setups()}
+    assert loads == {"FL": 4200.0, "FR": 3900.0, "RL": 3100.0, "RR": 3300.0}
+    for name in ("pressure_pa", "temperature_degc"):
+        for position in drive.wheels:
+            expected = np.nanmean(getattr(drive[position].environment(), name))
+            assert np.nanmean(getattr(again[position].environment(), name)) == pytest.approx(expected, rel=1e-3)
+    speeds = [recording.estimates().select("speed_mps", status="valid") for recording in (drive, again)]
+    assert np.median(speeds[1].value) == pytest.approx(np.median(speeds[0].value), rel=1e-4)
+
+
+def test_command_needs_no_map(drive, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    drive.export(tmp_path / "drive.csv")
+    done = CliRunner().invoke(treadlink, ["import", "drive.csv"])
+    assert done.exit_code == 0, done.output
+    assert "wheel RR; range" in done.output
+    assert gateway.open(tmp_path / "drive.mcap").wheels == ("FL", "FR", "RL", "RR")
+
+
+def test_stated_pressure_without_a_sensor_is_stated_again(tmp_path: Path) -> None:
+    text = (
+        "# FL exported_by: treadlink 0.1.0\r\n# FL load_n: 4000.0 N (configuration)\r\n"
+        "# FL pressure_pa: 220000.0 Pa (configuration)\r\n# FL axes: radial\r\n# FL coupling: ac (measured)\r\n"
+        "# column wheel: position\r\nwheel,time_s,radial_mps2,device_s\r\n"
+    )
+    rows = [f"FL,{0.5 + k / 9600!r},{float(np.sin(k / 50))!r},{k / 9600!r}" for k in range(4000)]
+    path = tmp_path / "one.csv"
+    path.write_text(text + "\r\n".join(rows) + "\r\n", newline="")
+    vehicle = gateway.open(import_exported(path, tmp_path / "one.mcap").recording).vehicle
+    (setup,) = vehicle.wheel_setups()
+    assert (setup.pressure_pa, setup.load_n) == (220e3, 4000.0)
+
+
+def test_other_files_and_contents_are_refused(drive, tmp_path: Path) -> None:
+    foreign = tmp_path / "foreign.csv"
+    foreign.write_text("t,z\n0,1\n")
+    with pytest.raises(ImportDataError, match="is no export of treadlink"):
+        import_exported(foreign, tmp_path / "a.mcap")
+    estimates = drive.export(tmp_path / "estimates.csv", what="estimates")
+    with pytest.raises(ImportDataError, match="has no column"):
+        import_exported(estimates, tmp_path / "b.mcap")
+    assert not list(tmp_path.glob("*.mcap"))
