@@ -70,7 +70,7 @@ def test_the_architecture_page_draws_the_import_rules():
 
 def test_layer_diagram_follows_import_order():
     page = (ROOT / "docs" / "contributing" / "architecture.md").read_text("utf-8")
-    rows = re.findall(r"^ (\d) {2}(.*)$", page, re.MULTILINE)
+    rows = re.findall(r"^( \d|\d\d) {2}(.*)$", page, re.MULTILINE)
     level = {name: int(number) for number, names in rows for name in names.split()}
     layers = {layer.removeprefix("gateway."): allowed for layer, allowed in ALLOWED.items()}
     assert set(level) == set(layers) | {module.removeprefix("gateway.") for module in FOUNDATION - {"gateway"}}
