@@ -23,6 +23,7 @@ from gateway.importing.columns import (
     require_equal_lengths,
     row_places,
 )
+from gateway.importing.matlab_objects import CLASSES, can_read_objects, object_columns, seconds_of
 from gateway.types import FloatArray
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ _MATLAB_TABLE: Final = (
 class _Column:
     """Place of a column: a vector, a line of a matrix along `axis`, or a field of a compound type."""
 
-    data: h5py.Dataset
+    data: Any
     rows: int
     axis: int = 0
     line: int = 0
@@ -78,14 +79,17 @@ class Hdf5Columns:
             start = file.read(128)
         if not start:
             raise ImportDataError(f"{path} is empty", "Check the file.")
-        self._matlab = start.startswith(b"MATLAB 7.3")
+        self._matlab = start.startswith(b"MATLAB ")
         self._columns: dict[str, _Column] = {}
         self._units: dict[str, str] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
+        self._dates: dict[str, int | None] = {}
+        self._objects: set[str] = set()
         self._count = 0
         try:
             self._file = h5py.File(path, "r")
             self._add_group("", self._file, 0, frozenset())
+            self._add_objects()
         except (MemoryError, ImportDataError):
             raise
         except Exception as error:  # h5py raises whatever a damaged file makes it stumble over
@@ -96,7 +100,9 @@ class Hdf5Columns:
     @property
     def facts(self) -> FileFacts:
         """Every numeric vector, matrix column and field."""
-        return FileFacts(tuple(self._columns), units=self._units, unusable=dict(self._unusable))
+        return FileFacts(
+            tuple(self._columns), units=self._units, unusable=dict(self._unusable), dates=dict(self._dates)
+        )
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
@@ -185,6 +191,8 @@ class Hdf5Columns:
             self._unusable[name] = ("is text", _AS_VECTORS)
         elif matlab_class and matlab_class not in _MATLAB_NUMBERS:
             self._unusable[name] = (f"is a MATLAB object of class {_text(matlab_class)}", _MATLAB_TABLE)
+            if matlab_class in CLASSES:
+                self._objects.add(name)
         elif kind == "c" or set(data.dtype.names or ()) == {"real", "imag"}:
             self._unusable[name] = ("is complex", "Save its real part: real(x).")
         elif data.dtype.names:
@@ -196,6 +204,20 @@ class Hdf5Columns:
             self._unusable[name] = ("is text" if text else f"is of type {data.dtype}", _AS_VECTORS)
         else:
             self._add_numbers(name, data)
+
+    def _add_objects(self) -> None:
+        """Add the columns of tables and times, which MATLAB stores in a form of its own."""
+        if not self._objects or not can_read_objects():
+            return
+        try:
+            found = object_columns(self._path)
+        except ImportDataError:  # they stay named as objects, and the other columns can be used
+            return
+        for name, column in found.items():
+            self._unusable.pop(name.partition(".")[0], None)
+            if column.dtype.kind == "M":
+                self._dates[name], column = None, seconds_of(column)
+            self._columns[name] = _Column(column, len(column))
 
     def _add_numbers(self, name: str, data: h5py.Dataset) -> None:
         shape = data.shape
@@ -249,6 +271,8 @@ class Hdf5Columns:
 
     def _check_size(self, name: str, data: h5py.Dataset) -> None:
         """Check that a dataset can be read with bounded memory and in bounded time."""
+        if isinstance(data, np.ndarray):
+            return
         chunk_bytes = int(np.prod(data.chunks, dtype=object)) * data.dtype.itemsize if data.chunks else 0
         if chunk_bytes > _MAX_CHUNK_BYTES:
             raise ImportDataError(

@@ -5,6 +5,7 @@ scipy's parser can crash the process on a damaged file, so `gateway.importing.re
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -21,6 +22,7 @@ from gateway.importing.columns import (
     require_equal_lengths,
     row_places,
 )
+from gateway.importing.matlab_objects import REMEDY, can_read_objects, object_columns, seconds_of
 
 _MAX_DEPTH: Final = 16
 
@@ -39,6 +41,7 @@ class MatColumns:
             OSError: the file cannot be read.
         """
         from scipy.io import loadmat
+        from scipy.io.matlab import MatlabOpaque
 
         with path.open("rb") as file:
             start = file.read(128)
@@ -46,7 +49,9 @@ class MatColumns:
         if not start:
             raise ImportDataError(f"{path} is empty", "Check the file.")
         try:
-            content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # objects have no name of their own
+                content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
         except MemoryError:
             raise
         except Exception as error:  # scipy raises whatever a damaged file makes it stumble over
@@ -55,14 +60,24 @@ class MatColumns:
             ) from error
         self._columns: dict[str, NDArray[Any]] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
+        self._dates: dict[str, int | None] = {}
+        has_objects = content.pop("__function_workspace__", None) is not None
         for name, value in content.items():
-            if not name.startswith("__"):
+            if not name.startswith("__") and not isinstance(value, MatlabOpaque):
                 self._add(name, value, 0)
+        if has_objects and can_read_objects():
+            for name, column in object_columns(path).items():
+                if column.dtype.kind == "M":
+                    # MATLAB states no zone that this is sure of.
+                    self._dates[name], column = None, seconds_of(column)
+                self._columns[name] = column
+        elif has_objects:
+            self._unusable["tables and times"] = ("are MATLAB objects", REMEDY)
 
     @property
     def facts(self) -> FileFacts:
         """Every numeric vector and matrix column."""
-        return FileFacts(tuple(self._columns), unusable=dict(self._unusable))
+        return FileFacts(tuple(self._columns), unusable=dict(self._unusable), dates=dict(self._dates))
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
