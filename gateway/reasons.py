@@ -56,6 +56,17 @@ class Code(StrEnum):
     WHEEL_STANDS = "wheel_stands"
     WHEEL_TOO_SLOW = "wheel_too_slow"
 
+    # Planned sensors
+    PLAN_AC_CORNER = "plan_ac_corner"
+    PLAN_BAND = "plan_band"
+    PLAN_FEW_REVOLUTIONS = "plan_few_revolutions"
+    PLAN_NOISE_UNKNOWN = "plan_noise_unknown"
+    PLAN_RANGE = "plan_range"
+    PLAN_RATE = "plan_rate"
+    PLAN_RATE_UNKNOWN = "plan_rate_unknown"
+    PLAN_STEPS = "plan_steps"
+    PLAN_SURVIVAL = "plan_survival"
+
     # Plug-ins
     PLUGIN_EFFECT_TAKEN = "plugin_effect_taken"
     PLUGIN_FAILED = "plugin_failed"

@@ -64,6 +64,10 @@ ALLOWED: dict[str, set[str]] = {
         "gateway.security", "gateway.session", "gateway.signal", "gateway.simulator", "gateway.trends",
         "gateway.views",
     },
+    "gateway.planning": {
+        "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.pipeline", "gateway.simulator",
+        "gateway.views",
+    },
     "gateway.cli": {"*"},
 }  # fmt: skip
 # The top package names the interface for programs, and loads it on first use.

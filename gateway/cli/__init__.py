@@ -44,6 +44,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires."),
+    "plan": ("gateway.cli.plan:plan", "Say what a sensor will be able to measure before it is bought."),
     "figures": ("gateway.cli.figures:figures", "Draw the figures of the papers from simulated tires."),
     "scan": ("gateway.cli.scan:scan", "List hubs in range and serial ports."),
     "command": ("gateway.cli.command:command", "Send a command to a hub and print its reply."),

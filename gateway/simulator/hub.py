@@ -36,6 +36,26 @@ _MASK = 0xFFFF_FFFF
 SENSOR_SUPPLY_V = 3.0
 
 
+def hello_of(wheel: WheelSimulator) -> Hello:
+    """Return what the hub of a wheel says of its sensor."""
+    return Hello(
+        protocol_major=wire.VERSION_MAJOR,
+        protocol_minor=wire.VERSION_MINOR,
+        hub_id=HUB_ID + wheel.plan.hub.hub,
+        sensor_id=wheel.plan.sensor_id,
+        firmware=FIRMWARE,
+        boot_count=wheel.plan.hub.boot_count,
+        rate_hz=wheel.plan.sensor.rate_hz,
+        axes=wheel.chain.axes,
+        coupling=wheel.chain.coupling,
+        highpass_hz=wheel.chain.highpass_hz,
+        range_mps2=wheel.chain.range_mps2,
+        scale_mps2=wheel.chain.scale_mps2,
+        offset_counts=(0.0, 0.0, 0.0),
+        saturation_counts=FULL_SCALE_COUNTS,
+    )
+
+
 class TimedFrame(NamedTuple):
     """An encoded frame and the true time, s since the beginning, at which the hub hands it to the link."""
 
@@ -110,7 +130,7 @@ class HubSimulator:
             yield self._due(0.0, HUB_ITSELF, MessageType.LOG_TEXT, LogText(LogLevel.INFO, self._title))
         for time_s in _times(begin_s, end_s, wire.HELLO_PERIOD_S):
             for wheel in self._wheels:
-                yield self._due(time_s, wheel.plan.wheel, MessageType.HELLO, self._hello(wheel))
+                yield self._due(time_s, wheel.plan.wheel, MessageType.HELLO, hello_of(wheel))
         for time_s in _times(begin_s, end_s, wire.ENVIRONMENT_PERIOD_S):
             for wheel in self._wheels:
                 pressure, temperature = wheel.plan.told_pressure_pa(time_s), wheel.plan.temperature_degc.at(time_s)
@@ -123,24 +143,6 @@ class HubSimulator:
 
     def _due(self, time_s: float, wheel: int, type_: MessageType, message: Message) -> _Due:
         return _Due(time_s, wheel, self._tick(time_s), type_, message)
-
-    def _hello(self, wheel: WheelSimulator) -> Hello:
-        return Hello(
-            protocol_major=wire.VERSION_MAJOR,
-            protocol_minor=wire.VERSION_MINOR,
-            hub_id=HUB_ID + self._hub.hub,
-            sensor_id=wheel.plan.sensor_id,
-            firmware=FIRMWARE,
-            boot_count=self._hub.boot_count,
-            rate_hz=wheel.plan.sensor.rate_hz,
-            axes=wheel.chain.axes,
-            coupling=wheel.chain.coupling,
-            highpass_hz=wheel.chain.highpass_hz,
-            range_mps2=wheel.chain.range_mps2,
-            scale_mps2=wheel.chain.scale_mps2,
-            offset_counts=(0.0, 0.0, 0.0),
-            saturation_counts=FULL_SCALE_COUNTS,
-        )
 
     def _status(self, time_s: float) -> HubStatus:
         hub = self._hub

@@ -252,6 +252,9 @@ class Sensor(Section):
     bandwidth_hz: float | None = Field(
         default=None, ge=10, le=11_520, description="bandwidth in Hz; default: up to half the sampling rate"
     )
+    resolution_mg: float | None = Field(
+        default=None, gt=0, le=1e5, description="step of the output in mg; default: a 16-bit word over the range"
+    )
     coupling: Literal["dc", "ac"] = Field(default="dc", description="coupling of the signal")
     highpass_hz: float = Field(default=0.5, gt=0, le=100, description="corner frequency of an AC-coupled sensor in Hz")
     coupling_declared: bool = Field(default=True, description="whether the hello states the AC coupling")

@@ -99,6 +99,7 @@ class SensorChain:
         per_mg = 1e-3 * STANDARD_GRAVITY_MPS2 * self._counts_per_mps2
         self._gain_drift = 0.01 * np.array(sensor.gain_drift_percent_per_k)[self._columns]
         self._offset_drift = per_mg * np.array(sensor.zero_g_drift_mg_per_k)[self._columns]
+        self._step = None if sensor.resolution_mg is None else np.abs(per_mg) * sensor.resolution_mg
         self._tone = np.abs(per_mg) * np.array(sensor.tone_mg)[self._columns]
         self._tone_radps = 2.0 * math.pi * sensor.tone_hz
         self._defect = SensorDefect(defect, [AXIS_NAMES[axis] for axis in self._columns], sensor.rate_hz)
@@ -130,6 +131,8 @@ class SensorChain:
             signal = section(signal)
         if self._tone.any():
             signal += np.sin(self._tone_radps * time_s)[:, None] * self._tone
+        if self._step is not None:
+            signal = np.rint(signal / self._step) * self._step
         np.rint(signal, out=signal)
         np.clip(signal, -FULL_SCALE_COUNTS, FULL_SCALE_COUNTS, out=signal)
         counts = signal.astype(np.int16)

@@ -114,6 +114,15 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
     ),
     # Plug-ins
+    Code.PLAN_AC_CORNER: "AC coupling: the corner is {ratio:.2f} of the wheel's frequency, which biases the numbers",
+    Code.PLAN_BAND: "the band ends at {ratio:.0f} times the wheel's frequency, which biases length and Bs",
+    Code.PLAN_FEW_REVOLUTIONS: "{share:.0f} % of the simulated wheels gave no estimates",
+    Code.PLAN_NOISE_UNKNOWN: "the noise is not known: only steps and sampling are counted",
+    Code.PLAN_RANGE: "the peak of {peak_g:.0f} g exceeds the range of {range_g:.0f} g",
+    Code.PLAN_RATE: "{rate_hz:.0f} samples per second are fewer than the {least_hz:.0f} that the protocol carries",
+    Code.PLAN_RATE_UNKNOWN: "neither rate nor band is known",
+    Code.PLAN_STEPS: "steps of {step_mg:.0f} mg are more than twice the noise, which biases the numbers",
+    Code.PLAN_SURVIVAL: "the peak of {peak_g:.0f} g exceeds the {survival_g:.0f} g that the part survives",
     Code.PLUGIN_EFFECT_TAKEN: "its name or its rank is that of {effect} of {by}, rank {rank}",
     Code.PLUGIN_FAILED: "the plug-in failed: {error}",
     Code.PLUGIN_FIELD_REFUSED: "the plug-in gave an estimate whose {field} cannot be used: {given}",

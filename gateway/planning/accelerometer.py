@@ -1,0 +1,53 @@
+"""Accelerometers as their data sheets describe them, and the list that is shipped."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Final
+
+from pydantic import Field
+
+from gateway.config.validation import Section, parse_document
+
+SHIPPED: Final = "accelerometers.toml"
+
+
+class Accelerometer(Section):
+    """`[[sensor]]`: one part at one setting. What its data sheet does not tell stays out."""
+
+    name: str = Field(min_length=1, max_length=60, description="part and setting")
+    range_g: float = Field(ge=1, le=10_000, description="range in g")
+    rate_hz: float | None = Field(
+        default=None, gt=0, le=1e6, description="sampling rate in Hz; left out for an analog part"
+    )
+    bandwidth_hz: float | None = Field(default=None, ge=10, le=1e6, description="-3 dB bandwidth in Hz")
+    noise_mg_rthz: float | None = Field(default=None, ge=0, le=1000, description="noise density in mg/sqrt(Hz)")
+    resolution_mg: float | None = Field(default=None, gt=0, le=1e5, description="step of the output in mg")
+    highpass_hz: float | None = Field(default=None, gt=0, le=100, description="corner of an AC-coupled part in Hz")
+    zero_g_offset_g: float = Field(default=0.0, ge=-1000, le=1000, description="error of the zero in g")
+    gain_error_percent: float = Field(default=0.0, ge=-50, le=50, description="error of the sensitivity in percent")
+    axes: int | None = Field(default=None, ge=1, le=3, description="number of axes")
+    interface: str = Field(default="", description="how it is read")
+    survival_g: float | None = Field(default=None, gt=0, description="shock that it survives in g")
+    current_ma: float | None = Field(default=None, gt=0, description="supply current while it measures, in mA")
+    source: str = Field(default="", description="document and its number")
+
+
+class AccelerometerList(Section):
+    """A file of accelerometers."""
+
+    sensor: tuple[Accelerometer, ...] = Field(strict=False, min_length=1, description="the accelerometers")
+
+
+def parse_accelerometers(text: str, origin: str) -> tuple[Accelerometer, ...]:
+    """Return the accelerometers of a TOML document.
+
+    Raises:
+        ConfigError: it has faults; the message names every one.
+    """
+    return parse_document(AccelerometerList, text, origin).sensor
+
+
+def shipped_accelerometers() -> tuple[Accelerometer, ...]:
+    """Return the accelerometers of the list that is shipped."""
+    return parse_accelerometers((files("gateway.planning") / SHIPPED).read_text("utf-8"), SHIPPED)

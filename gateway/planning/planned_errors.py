@@ -1,0 +1,282 @@
+"""Usability of a sensor on a tire, and the errors that it will have: simulated drives through the gateway's estimators.
+
+The drives go through the same pipeline as a recording, so the efficiency of the estimators, aliasing, band, steps and
+clipping are in the result. Nothing is predicted by a formula that the drives could contradict.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from firmware_protocol.messages import Environment
+from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
+from gateway.config.vehicle import parse_vehicle
+from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.estimators.estimator import Status
+from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.timebase import HostClock
+from gateway.pipeline.wheel_pipeline import WheelPipeline
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.planning.accelerometer import Accelerometer
+from gateway.reasons import Code, Reason
+from gateway.simulator.hub import hello_of
+from gateway.simulator.scenario import vehicle_toml
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.scenario_tables import Motion
+from gateway.simulator.sensor import REFERENCE_DEGC
+from gateway.simulator.simulated_wheel import WheelSimulator
+from gateway.simulator.time_series import constant
+from gateway.simulator.truth import WheelTruth
+from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
+
+AFTER: Final = (1, 10, 100)
+"""Revolutions after which the errors are given."""
+_ESTIMATORS: Final = ("kinematic", "weak-form", "wear", "load")
+_BLOCK: Final = 36
+# The pipeline needs the contacts before and after a revolution, and its first ones may be left out.
+_SPARE_REVOLUTIONS: Final = 6
+# An analog part is sampled so that its band lies within 0.4 of the rate.
+_SAMPLES_PER_BAND: Final = 2.5
+# Share of the rate up to which the simulator's low-pass is exact.
+_LARGEST_BAND: Final = 0.45
+# From here on the trap biases a number by more than a percent (simulated drives).
+_LEAST_BAND: Final = 60.0
+_LARGEST_AC_CORNER: Final = 0.1
+_STEPS_OF_NOISE: Final = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedError:
+    """Errors of one quantity after some revolutions.
+
+    Attributes:
+        quantity: name in the catalogue.
+        revolutions: averaged.
+        scatter: standard deviation over wheels, in the quantity's unit.
+        stays: mean error over wheels, which no averaging removes.
+        stays_std: standard error of this mean.
+        stated: median of the standard errors that the estimator itself states.
+        truth: true value.
+        wheels: that gave an estimate.
+        valid_share: of the wheels, that called it valid.
+    """
+
+    quantity: str
+    revolutions: int
+    scatter: float
+    stays: float
+    stays_std: float
+    stated: float
+    truth: float
+    wheels: int
+    valid_share: float
+
+
+@dataclass(frozen=True, slots=True)
+class SensorPlan:
+    """What a sensor does on a tire at one speed.
+
+    Attributes:
+        sensor: the sensor.
+        speed_mps: of the wheel.
+        rate_hz: at which it is sampled; NaN when unknown.
+        peak_mps2: largest radial acceleration.
+        contact_samples: in one passage of the contact.
+        usable: whether its revolutions can be used at all.
+        reasons: why it cannot be used, or what to doubt.
+        errors: of every quantity; empty when it cannot be used.
+    """
+
+    sensor: Accelerometer
+    speed_mps: float
+    rate_hz: float
+    peak_mps2: float
+    contact_samples: float
+    usable: bool
+    reasons: tuple[Reason, ...]
+    errors: tuple[PlannedError, ...]
+
+
+def sampling_rate_hz(sensor: Accelerometer) -> float:
+    """Return the rate at which the hub samples the sensor, NaN when neither rate nor band is known."""
+    if sensor.rate_hz is not None:
+        return min(sensor.rate_hz, MAX_RATE_HZ)
+    if sensor.bandwidth_hz is None:
+        return math.nan
+    return min(max(_SAMPLES_PER_BAND * sensor.bandwidth_hz, MIN_RATE_HZ), MAX_RATE_HZ)
+
+
+def plan_sensor(
+    scenario: Scenario, sensor: Accelerometer, speed_mps: float, *, wheels: int, seed: int = 0
+) -> SensorPlan:
+    """Return what a sensor does on the first wheel of a scenario at one speed.
+
+    Args:
+        scenario: gives the tire, load, pressure and disturbances; its sensor and motion are replaced.
+        sensor: its data.
+        speed_mps: of the wheel.
+        wheels: simulated drives; scatter is known to 1 / sqrt(2 wheels) of itself.
+        seed: of the random numbers.
+    """
+    rate_hz = sampling_rate_hz(sensor)
+    planned = _with_sensor(scenario, sensor, speed_mps, rate_hz)
+    (plan,) = wheel_plans(planned)
+    load_n, pressure_pa, omega_radps = plan.load_n.at(0.0), plan.pressure_pa.at(0.0), speed_mps / plan.radius_m
+    table = plan.table()
+    shape = table.waveform(load_n, pressure_pa, omega_radps)[:, 0]
+    peak_mps2 = float(np.abs(shape).max()) * omega_radps**2 + STANDARD_GRAVITY_MPS2
+    leading_rad, trailing_rad = table.edges_rad(load_n, pressure_pa, omega_radps)
+    contact_samples = (trailing_rad - leading_rad) / omega_radps * rate_hz
+    refusals = tuple(_refusals(sensor, rate_hz, peak_mps2))
+    errors: tuple[PlannedError, ...] = ()
+    doubts = tuple(_doubts(sensor, rate_hz, omega_radps))
+    if not refusals:
+        drives = _drives(planned, plan, omega_radps, wheels, seed)
+        complete = [drive for drive in drives if len(drive) >= AFTER[-1]]
+        if len(complete) < wheels:
+            doubts += (Reason(Code.PLAN_FEW_REVOLUTIONS, share=100.0 * (1.0 - len(complete) / wheels)),)
+        if len(complete) > 1:
+            errors = tuple(_errors(complete, _truths(WheelTruth(plan, 0.0), planned.wheels()[0].tire.wear_mm)))
+    return SensorPlan(
+        sensor=sensor,
+        speed_mps=speed_mps,
+        rate_hz=rate_hz,
+        peak_mps2=peak_mps2,
+        contact_samples=contact_samples,
+        usable=bool(errors),
+        reasons=(*refusals, *doubts),
+        errors=errors,
+    )
+
+
+def _with_sensor(scenario: Scenario, sensor: Accelerometer, speed_mps: float, rate_hz: float) -> Scenario:
+    """Return the scenario with its first wheel alone, with the sensor, at the speed."""
+    first = scenario.wheels()[0]
+    sampled_hz = rate_hz if MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ else MIN_RATE_HZ
+    band = sensor.bandwidth_hz
+    data_sheet = first.sensor.model_copy(
+        update={
+            "rate_hz": sampled_hz,
+            "axes": ("radial",),
+            "range_g": sensor.range_g,
+            "noise_mg_rthz": (sensor.noise_mg_rthz or 0.0,) * 3,
+            "bandwidth_hz": band if band is not None and band <= _LARGEST_BAND * sampled_hz else None,
+            "resolution_mg": sensor.resolution_mg,
+            "coupling": "dc" if sensor.highpass_hz is None else "ac",
+            "highpass_hz": sensor.highpass_hz or first.sensor.highpass_hz,
+            "zero_g_offset_g": (sensor.zero_g_offset_g,) * 3,
+            "gain_error_percent": (sensor.gain_error_percent,) * 3,
+        }
+    )
+    steady = Motion(speed_kmh=constant(3.6 * speed_mps), direction=first.motion.direction)
+    # The simulated rubber does not soften, while the estimators take it that the real one does.
+    cool = constant(REFERENCE_DEGC)
+    wheel = first.model_copy(update={"sensor": data_sheet, "motion": steady, "temperature_degc": cool})
+    return scenario.model_copy(update={"wheel": (wheel,)})
+
+
+def _refusals(sensor: Accelerometer, rate_hz: float, peak_mps2: float) -> Iterator[Reason]:
+    """Yield why no revolution can be used."""
+    peak_g = peak_mps2 / STANDARD_GRAVITY_MPS2
+    if peak_g > sensor.range_g:
+        yield Reason(Code.PLAN_RANGE, peak_g=peak_g, range_g=sensor.range_g)
+    if sensor.survival_g is not None and peak_g > sensor.survival_g:
+        yield Reason(Code.PLAN_SURVIVAL, peak_g=peak_g, survival_g=sensor.survival_g)
+    if math.isnan(rate_hz):
+        yield Reason(Code.PLAN_RATE_UNKNOWN)
+    elif rate_hz < MIN_RATE_HZ:
+        yield Reason(Code.PLAN_RATE, rate_hz=rate_hz, least_hz=MIN_RATE_HZ)
+
+
+def _doubts(sensor: Accelerometer, rate_hz: float, omega_radps: float) -> Iterator[Reason]:
+    """Yield what biases the numbers, or what the errors do not count."""
+    wheel_hz = omega_radps / (2.0 * math.pi)
+    if sensor.bandwidth_hz is not None and sensor.bandwidth_hz < _LEAST_BAND * wheel_hz:
+        yield Reason(Code.PLAN_BAND, ratio=sensor.bandwidth_hz / wheel_hz)
+    if sensor.highpass_hz is not None and sensor.highpass_hz > _LARGEST_AC_CORNER * wheel_hz:
+        yield Reason(Code.PLAN_AC_CORNER, ratio=sensor.highpass_hz / wheel_hz)
+    if sensor.noise_mg_rthz is None:
+        yield Reason(Code.PLAN_NOISE_UNKNOWN)
+    elif sensor.resolution_mg is not None:
+        band_hz = min(sensor.bandwidth_hz or math.inf, 0.5 * rate_hz)
+        if sensor.resolution_mg > _STEPS_OF_NOISE * sensor.noise_mg_rthz * math.sqrt(band_hz):
+            yield Reason(Code.PLAN_STEPS, step_mg=sensor.resolution_mg)
+
+
+def _drives(
+    scenario: Scenario, plan: WheelPlan, omega_radps: float, wheels: int, seed: int
+) -> list[list[RevolutionResult]]:
+    """Return the revolutions of independent drives, which differ in noise and in the sensor's angle at the start."""
+    (setup,) = parse_vehicle(vehicle_toml(scenario), "the plan").wheel_setups()
+    seconds = (AFTER[-1] + _SPARE_REVOLUTIONS) * 2.0 * math.pi / omega_radps
+    generators = np.random.default_rng(seed).spawn(wheels)
+    return [_drive(WheelSimulator(plan, rng), setup, seconds) for rng in generators]
+
+
+def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[RevolutionResult]:
+    pipeline, host, rate_hz = WheelPipeline(setup, _ESTIMATORS), HostClock(), wheel.plan.sensor.rate_hz
+    pipeline.hello(hello_of(wheel))
+    reading = Environment(wheel.plan.pressure_pa.at(0.0), wheel.plan.temperature_degc.at(0.0), None)
+    counts = wheel.advance(seconds).counts
+    results: list[RevolutionResult] = []
+    second = max(1, round(rate_hz) // _BLOCK) * _BLOCK
+    for first in range(0, len(counts) // _BLOCK * _BLOCK, second):
+        part = counts[first : first + second]
+        part = part[: len(part) // _BLOCK * _BLOCK]
+        ticks = [round((first + start) * 1e6 / rate_hz) for start in range(0, len(part), _BLOCK)]
+        pipeline.environment(ticks[0], reading)
+        results += pipeline.samples(first, ticks, wheel.chain.axes, part, host)
+    return results + pipeline.finish(host)
+
+
+def _truths(truth: WheelTruth, wear_mm: float) -> dict[str, float]:
+    """Return the true value of each quantity that is planned."""
+    numbers = truth.numbers(0.0)
+    leading_rad, trailing_rad = truth.contact_edges_rad(0.0)
+    values = {
+        "speed_mps": truth.speed_mps(0.0),
+        "contact_length_m": (trailing_rad - leading_rad) * truth.plan.radius_m,
+        "load_by_angle_n": truth.load_n(0.0),
+        "load_by_width_n": truth.load_n(0.0),
+        "wear_mm": wear_mm,
+    }
+    values |= {name: getattr(numbers, name) for name in RING_NUMBERS}
+    return values | {f"{name}/Cw": values[name] / values["Cw"] for name in RING_NUMBERS if name != "Cw"}
+
+
+def _errors(drives: Sequence[Sequence[RevolutionResult]], truths: Mapping[str, float]) -> Iterator[PlannedError]:
+    for name, truth in truths.items():
+        for count in AFTER:
+            found = [given for drive in drives if (given := _estimate(drive, name, count)) is not None]
+            if len(found) < 2:
+                continue
+            values = np.array([value for value, _, _ in found])
+            scatter = float(values.std(ddof=1))
+            yield PlannedError(
+                quantity=name,
+                revolutions=count,
+                scatter=scatter,
+                stays=float(values.mean()) - truth,
+                stays_std=scatter / math.sqrt(len(values)),
+                stated=float(np.median([std for _, std, _ in found])),
+                truth=truth,
+                wheels=len(values),
+                valid_share=sum(valid for _, _, valid in found) / len(found),
+            )
+
+
+def _estimate(drive: Sequence[RevolutionResult], name: str, count: int) -> tuple[float, float, bool] | None:
+    """Return value, stated standard error and validity after some revolutions; None for no finite value.
+
+    The speed is of one revolution each: after several it is their mean, and what is stated remains that of one.
+    """
+    result = next(item for item in drive[count - 1].estimates if item.name == name)
+    value = result.value
+    if name == "speed_mps":
+        value = float(np.mean([item.value for row in drive[:count] for item in row.estimates if item.name == name]))
+    return (value, result.std, result.status is Status.VALID) if math.isfinite(value) else None

@@ -1,0 +1,99 @@
+"""What a sensor will measure: refusals, doubts and errors by simulated drives."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli.plan import plan
+from gateway.errors import ConfigError
+from gateway.planning.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
+from gateway.planning.planned_errors import SensorPlan, plan_sensor
+from gateway.reasons import Code
+from gateway.simulator.scenario import load_scenario
+
+QUIET = Accelerometer(name="quiet", range_g=500.0, rate_hz=4000.0, noise_mg_rthz=1.0)
+
+
+@cache
+def planned(sensor: Accelerometer, speed_kmh: float = 80.0, wheels: int = 4) -> SensorPlan:
+    return plan_sensor(load_scenario("lab"), sensor, speed_kmh / 3.6, wheels=wheels)
+
+
+def codes(sensor: Accelerometer, speed_kmh: float = 80.0) -> list[Code]:
+    return [reason.code for reason in planned(sensor, speed_kmh).reasons]
+
+
+def scatter(result: SensorPlan, quantity: str, revolutions: int) -> float:
+    return next(e.scatter for e in result.errors if (e.quantity, e.revolutions) == (quantity, revolutions))
+
+
+def test_noise_grows_the_scatter_and_revolutions_reduce_it():
+    quiet, noisy = planned(QUIET), planned(QUIET.model_copy(update={"noise_mg_rthz": 20.0}))
+    assert quiet.usable
+    assert noisy.usable
+    assert scatter(noisy, "Cw", 10) > 5.0 * scatter(quiet, "Cw", 10)
+    assert scatter(noisy, "Cw", 100) < 0.6 * scatter(noisy, "Cw", 10)
+    assert {e.quantity for e in quiet.errors} >= {"speed_mps", "contact_length_m", "wear_mm", "load_by_width_n", "Ts"}
+
+
+def test_ac_corner_biases_ts_and_is_named():
+    sensor = QUIET.model_copy(update={"highpass_hz": 6.0})
+    assert Code.PLAN_AC_CORNER in codes(sensor)
+    bias = next(e.stays / e.truth for e in planned(sensor).errors if (e.quantity, e.revolutions) == ("Ts", 100))
+    assert bias > 0.1
+
+
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        ({"range_g": 100.0}, Code.PLAN_RANGE),
+        ({"survival_g": 100.0}, Code.PLAN_SURVIVAL),
+        ({"rate_hz": 1000.0}, Code.PLAN_RATE),
+        ({"rate_hz": None}, Code.PLAN_RATE_UNKNOWN),
+    ],
+)
+def test_refusals_are_named_and_have_no_errors(changed, code):
+    sensor = QUIET.model_copy(update=changed)
+    assert code in codes(sensor)
+    assert not planned(sensor).usable
+    assert planned(sensor).errors == ()
+
+
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        ({"bandwidth_hz": 500.0}, Code.PLAN_BAND),
+        ({"noise_mg_rthz": None}, Code.PLAN_NOISE_UNKNOWN),
+        ({"resolution_mg": 400.0}, Code.PLAN_STEPS),
+    ],
+)
+def test_doubts_leave_the_sensor_usable(changed, code):
+    sensor = QUIET.model_copy(update=changed)
+    assert code in codes(sensor)
+    assert planned(sensor).usable
+
+
+def test_shipped_list_has_sources_and_no_guessed_noise():
+    parts = shipped_accelerometers()
+    assert len(parts) >= 12
+    assert all(part.source for part in parts)
+    assert len({part.name for part in parts}) == len(parts)
+
+
+def test_fault_of_a_list_names_the_key():
+    with pytest.raises(ConfigError, match="range_g"):
+        parse_accelerometers('[[sensor]]\nname = "x"\nrange_g = -1.0\n', "parts.toml")
+
+
+def test_command_prints_and_writes_what_is_refused(tmp_path):
+    out = tmp_path / "plan.json"
+    done = CliRunner().invoke(plan, ["lab", "--sensor", "H3LIS331DL", "--speed", "60", "--json", str(out)])
+    assert done.exit_code == 1
+    assert "not usable" in done.output
+    assert "1000 samples per second" in done.output
+    (entry,) = json.loads(out.read_text())
+    assert entry["reasons"][0]["code"] == "plan_rate"
