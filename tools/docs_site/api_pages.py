@@ -25,6 +25,7 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.exporting": "export of measurements to the files of other programs",
     "gateway.session": "live, batch and campaign sessions",
     "gateway.api": "recordings, live estimates, simulation and diagnosis for programs",
+    "gateway.planning": "what a sensor will be able to measure, before it is bought",
     "gateway.publishing": "live outputs: JSON lines, MQTT, Foxglove, CAN",
     "gateway.trends": "trends of tires: regression, steps, outliers",
     "gateway.fleet": "campaigns over thousands of recordings and their dataset",
