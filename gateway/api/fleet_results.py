@@ -17,17 +17,14 @@ from gateway.fleet.campaign_run import CampaignRun, find_recordings
 from gateway.fleet.content_keys import estimators_version
 from gateway.fleet.dataset import Description, opened
 from gateway.fleet.history_reading import read_histories, read_odometer
+from gateway.fleet.local_tasks import LocalTasks
 from gateway.fleet.parquet_parts import require_campaign_packages
 from gateway.fleet.recording_estimation import EstimationSettings, RowsKept, estimate_names
-from gateway.fleet.worker_cluster import local_workers
-from gateway.fleet.worker_tasks import WorkerTasks
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.trend_result import FleetTrends
 from gateway.views.output_file import write_whole
 from gateway.views.trend_report.trend_tables import trend_lines, trends_csv, trends_json
 from gateway.views.wording import text
-
-_WORKER_BYTES = 2_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,9 +89,8 @@ def campaign(
     failures: list[tuple[Path, str]] = []
     with (
         opened(Path(dataset), Description(chosen, settings.columns, str(settings.rows)), lambda _: False) as content,
-        local_workers(jobs, _WORKER_BYTES) as workers,
+        LocalTasks(jobs) as tasks,
     ):
-        tasks = WorkerTasks(workers, _WORKER_BYTES)
         progress = CampaignRun(
             dataset=content,
             settings=settings,

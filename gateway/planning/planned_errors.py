@@ -89,7 +89,7 @@ class SensorPlan:
         contact_samples: in one passage of the contact.
         usable: whether its revolutions can be used at all.
         reasons: why it cannot be used, or what to doubt.
-        errors: of every quantity; empty when it cannot be used.
+        errors: of every quantity; empty when it cannot be used, or its noise is not known.
     """
 
     sensor: Accelerometer
@@ -135,7 +135,8 @@ def plan_sensor(
     refusals = tuple(_refusals(sensor, rate_hz, peak_mps2))
     errors: tuple[PlannedError, ...] = ()
     doubts = tuple(_doubts(sensor, rate_hz, omega_radps))
-    if not refusals:
+    # Without its noise, the scatter would be that of a perfect sensor.
+    if not refusals and sensor.noise_mg_rthz is not None:
         drives = _drives(planned, plan, omega_radps, wheels, seed)
         complete = [drive for drive in drives if len(drive) >= AFTER[-1]]
         if len(complete) < wheels:
@@ -148,7 +149,7 @@ def plan_sensor(
         rate_hz=rate_hz,
         peak_mps2=peak_mps2,
         contact_samples=contact_samples,
-        usable=bool(errors),
+        usable=bool(errors) or (not refusals and sensor.noise_mg_rthz is None),
         reasons=(*refusals, *doubts),
         errors=errors,
     )

@@ -182,7 +182,7 @@ class SessionCore:
         """Set the present state of the live outputs, for alarms and snapshots."""
         self._alarms.sinks = sinks
 
-    def records_to(self, room: DiskRoom | None) -> None:
+    def watches_disk(self, room: DiskRoom | None) -> None:
         """Set what is left of the disk of the recording, for alarms and snapshots; say it once."""
         if self.recorder is None:
             room = None

@@ -24,7 +24,7 @@ from gateway.session.computer_watch import ComputerWatch
 from gateway.session.core import SessionCore
 from gateway.session.disk_watch import DiskWatch
 from gateway.session.publication import Publication
-from gateway.session.recording_stage import Recorder, RecordingStage, Stage
+from gateway.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
 from gateway.session.signal_decoding import SignalDecoder
 from gateway.views.session_summary import ResultSummary
 
@@ -175,7 +175,8 @@ class LiveSession:
             if self._open_recorder is None or not self._may_record:
                 raise RecordingError("this session begins no recording", "A replay is recorded already.")
             self._close_recording()
-            stage = RecordingStage(self._open_recorder(), self._clock)
+            recorder = self._open_recorder()
+            stage = RecordingStage(recorder, self._clock, disk_watch_of(recorder))
             now_ns = self._clock.now_ns()
             for link in self._snapshot.links:
                 if link.connected:
@@ -436,8 +437,8 @@ class LiveSession:
                 self.core.dropped(link, dict(stages))
         if self._publication is not None:
             self.core.publishes_to(self._publication.sinks())
-        if self._recording is not None:
-            self.core.records_to(self._recording.room)
+        recording = self._recording
+        self.core.watches_disk(None if recording is None else recording.room)
         self._snapshot = self.core.snapshot(self._elapsed_s(now_ns), ended=ended)
         self._notices.extend(self.core.take_notices())
         if self._publication is not None:

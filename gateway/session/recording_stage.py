@@ -14,6 +14,7 @@ from gateway.clock import Clock
 from gateway.errors import RecordingError
 from gateway.io.source import LinkEvent, LinkItem
 from gateway.pipeline.results import DiskRoom
+from gateway.recording.split_writer import SplitWriter
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.disk_watch import DiskWatch
 
@@ -249,3 +250,9 @@ class RecordingStage:
             self._writer.close()
         while self._waiting.get() is not None:
             pass
+
+
+def disk_watch_of(recorder: Recorder) -> DiskWatch:
+    """Return the watch of the disk that a recording is written to."""
+    most_bytes = recorder.most_bytes if isinstance(recorder, SplitWriter) else lambda: None
+    return DiskWatch(recorder.path.parent, lambda: recorder.size_bytes, most_bytes)

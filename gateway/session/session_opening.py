@@ -20,10 +20,10 @@ from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
-from gateway.session.disk_watch import DiskWatch
 from gateway.session.effects_opening import open_effects
 from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
+from gateway.session.recording_stage import disk_watch_of
 from gateway.session.signal_decoding import open_decoder
 from gateway.views.session_summary import ResultSummary
 
@@ -120,13 +120,15 @@ def open_session(
             patient=[not is_live(uri) for uri in uris],
             summary=summary,
             recorder=recorder,
-            disk=_disk_watch(recorder),
+            disk=None if recorder is None else disk_watch_of(recorder),
             estimators=estimators or DEFAULT_ESTIMATORS,
             guard=guard,
             effects=effects,
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
-            open_recorder=(None if all(is_replay) else lambda: _open_recorder(folder, clock, vehicle, uris, dbc_text)),
+            open_recorder=(
+                None if all(is_replay) else lambda: _open_recorder(folder, None, clock, vehicle, uris, dbc_text)
+            ),
         )
         live.start()
     except BaseException:
@@ -160,13 +162,6 @@ def _open_recorder(
 
     start_ns = clock.now_ns()
     return opened(path, start_ns) if split is None else SplitWriter(opened, path, start_ns, split)
-
-
-def _disk_watch(recorder: RecordingWriter | SplitWriter | None) -> DiskWatch | None:
-    if recorder is None:
-        return None
-    most_bytes = recorder.most_bytes if isinstance(recorder, SplitWriter) else lambda: None
-    return DiskWatch(recorder.path.parent, lambda: recorder.size_bytes, most_bytes)
 
 
 def _remove_empty(recorder: RecordingWriter | SplitWriter) -> bool:

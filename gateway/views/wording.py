@@ -117,7 +117,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.PLAN_AC_CORNER: "AC coupling: the corner is {ratio:.2f} of the wheel's frequency, which biases the numbers",
     Code.PLAN_BAND: "the band ends at {ratio:.0f} times the wheel's frequency, which biases length and Bs",
     Code.PLAN_FEW_REVOLUTIONS: "{share:.0f} % of the simulated wheels gave no estimates",
-    Code.PLAN_NOISE_UNKNOWN: "the noise is not known: only steps and sampling are counted",
+    Code.PLAN_NOISE_UNKNOWN: "the noise is not known, so that no errors are planned: state it with --sensors",
     Code.PLAN_RANGE: "the peak of {peak_g:.0f} g exceeds the range of {range_g:.0f} g",
     Code.PLAN_RATE: "{rate_hz:.0f} samples per second are fewer than the {least_hz:.0f} that the protocol carries",
     Code.PLAN_RATE_UNKNOWN: "neither rate nor band is known",
