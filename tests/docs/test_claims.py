@@ -41,13 +41,6 @@ def test_named_tests_exist(page):
     assert [(path, name) for path, name in tests if f"def {name}(" not in (ROOT / path).read_text("utf-8")] == []
 
 
-def test_new_names_in_the_changelog_exist():
-    page = (ROOT / "CHANGELOG.md").read_text("utf-8")
-    names = re.findall(r"^ *\| `gateway.* \| `(gateway[\w.]+)` \|$", page, re.MULTILINE)
-    assert names
-    assert [name for name in names if not resolves(name)] == []
-
-
 def resolves(name: str) -> bool:
     """Return whether a dotted name is a module or an attribute of one."""
     try:
