@@ -69,7 +69,7 @@ _PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
 _KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
 # Order 2 of the circumferential axis that the mounting leaves on belts of random tires, over R Omega^2.
-_HUB_AT_REST: Final = 6e-5
+_HUB_AT_REST: Final = 1e-4
 # Memory of the hub's motion, as that of the running average that contains it.
 _KEEP_OF_HUB: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
 # Share of its prior error below which the zero-g offset counts as determined.
@@ -560,7 +560,7 @@ class SelfCalibrationEstimator:
             # What a belt without any such motion leaves does not count.
             motion = np.nan_to_num(hub_motion_mps2(hub, found[:, 0], found[:, 1]))
             at_rest = _HUB_AT_REST * block.conditions[taken[0]].radius_m * np.square(block.arrays.omega_radps[taken])
-            hub_mps2 = np.sqrt(np.maximum(np.square(motion) - at_rest**2, 0.0)).tolist()
+            hub_mps2 = np.maximum(motion - np.square(at_rest) / np.maximum(motion, 1e-12), 0.0).tolist()
         floor = self._last.floor
         contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
         equations = sums[:, _MEAN.start : _GRAVITY.stop].tolist()

@@ -66,7 +66,7 @@ _FURTHER_PASSES: Final = 2
 # and is taken to leave the weights of the orders among each other.
 _SCATTER_CHANGE: Final = 0.5
 # Order 2 by motion of the hub, over R Omega^2, whose changes do not renew the solution.
-_NEGLIGIBLE_HUB: Final = 3e-4
+_NEGLIGIBLE_HUB: Final = 1.5e-4
 # Relative changes of scatter, errors of the sensor, and speed from which the solution is renewed.
 _SCATTER: Final = 2
 _STATE_SHARES: Final[FloatArray] = np.array([_SCATTER_CHANGE, *[SHARE_OF_STD] * 5])
