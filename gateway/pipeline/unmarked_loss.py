@@ -64,7 +64,10 @@ class UnmarkedLossCheck:
         """
         if len(self._products) < _LEAST or not mean_mps2 > _LEAST_MEAN_MPS2:
             return 1
-        turns = math.sqrt(mean_mps2 * period * period / statistics.median(self._products))
+        middle = statistics.median(self._products)
+        if not middle > 0.0:
+            return 1
+        turns = math.sqrt(mean_mps2 * period * period / middle)
         # The mean of a wheel that slows down falls with the square of its speed, so the product stays.
         if turns < _SEVERAL_TURNS or abs(turns - round(turns)) > _WHOLE_WITHIN:
             return 1
