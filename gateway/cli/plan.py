@@ -79,7 +79,7 @@ def plan(
     from gateway.simulator.scenario import load_scenario
     from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
-    check_outputs((json_path,), (sensors_path,), force=force)
+    check_outputs((json_path,), (sensors_path, Path(scenario)), force=force)
     if sensors_path is None:
         known = shipped_accelerometers()
     else:

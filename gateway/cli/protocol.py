@@ -11,7 +11,7 @@ import click
 
 from gateway.cli.options import FiniteRange, config_option, force_option, keys_option
 from gateway.errors import TreadlinkError
-from gateway.views.output_file import write_whole
+from gateway.views.output_file import check_outputs, write_whole
 
 _OUT = click.option(
     "--out",
@@ -78,6 +78,7 @@ def check(
     from gateway.security.key_file import command_keys
     from gateway.session.bringup.clauses import Verdict
 
+    check_outputs((junit,), (Path(source) if is_file(source) else None, key_file), force=force)
     for_s = None if shown_duration is None else duration_s(shown_duration)
     reports = check_link(
         source,

@@ -47,7 +47,7 @@ from gateway.recording.writing_lock import is_being_written
 
 # Those of `import`, which is a layer above, and the first bytes of its formats that have some.
 MEASUREMENT_SUFFIXES: Final = frozenset(
-    {".csv", ".txt", ".tsv", ".dat", ".mat", ".h5", ".hdf5", ".mf4", ".mdf", ".parquet", ".pq"}
+    {".csv", ".txt", ".tsv", ".dat", ".mat", ".h5", ".hdf5", ".mf4", ".mdf", ".parquet", ".pq", ".tdms", ".uff", ".unv"}
 )
 _MEASUREMENT_MAGICS: Final = (b"\x89HDF\r\n", b"MATLAB ", b"MDF     ", b"UnFinMF ", b"PAR1")
 REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."

@@ -39,6 +39,10 @@ OVERWRITING += [
         for out in (f"{name}.toml", "car.toml", "hard.mcap")
     ),
     "import --guess rec.csv --out rec.csv",
+    "plan scenario.toml --sensors car.toml --json car.toml",
+    "plan scenario.toml --json scenario.toml",
+    "protocol check rec.mcap --junit rec.mcap",
+    "protocol check rec.mcap --junit hard.mcap",
     "export rec.mcap rec.mcap",
     "export rec.mcap car.toml --format csv --config car.toml",
     "orders rec.mcap --csv rec.mcap",
@@ -148,7 +152,9 @@ def test_outputs_must_be_different_files(files: Path) -> None:
 def test_every_command_with_force_is_covered() -> None:
     """The commands figures, protocol and repair read no file that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
-    covered = {" ".join(line.split()[: 2 if line.startswith("calibrate ") else 1]) for line in OVERWRITING}
+    covered = {
+        " ".join(line.split()[: 2 if line.startswith(("calibrate ", "protocol ")) else 1]) for line in OVERWRITING
+    }
     assert forcing == covered | {
         "figures", "repair", "protocol collector", "protocol dbc", "protocol encoder", "protocol header",
         "protocol kaitai", "protocol schema", "protocol vectors", "protocol wireshark",

@@ -143,9 +143,9 @@ def test_configuration_faults_and_unknowns_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "car.toml"
     path.write_text(GOOD, encoding="utf-8")
     found = list(checks.check_config(path))
-    assert [check.level for check in found] == [Level.OK, Level.WARNING]
+    assert [check.level for check in found] == [Level.OK, Level.OK, Level.WARNING]
     assert "FL (hub 0, wheel 0)" in found[0].text
-    assert found[1].text.startswith("pressure of FL is unknown")
+    assert found[2].text.startswith("pressure of FL is unknown")
     path.write_text(GOOD.replace("320", "0.32").replace("4000", "4"), encoding="utf-8")
     found = list(checks.check_config(path))
     assert [check.level for check in found] == [Level.FAULT] * 2

@@ -228,7 +228,12 @@ def test_undamaged_recording_needs_no_repair(tmp_path: Path) -> None:
     assert not needs_repair(streams.write(tmp_path / "r.mcap", items).path)
     unfinished = streams.write(tmp_path / "u.mcap", items, finish=False)
     unfinished.tick(items[-1].host_ns + 10**9)
-    assert needs_repair(unfinished.path)
+    with pytest.raises(RecordingError, match="being recorded"):
+        needs_repair(unfinished.path)
+    # As a killed writer leaves it.
+    left = tmp_path / "left.mcap"
+    left.write_bytes(unfinished.path.read_bytes())
+    assert needs_repair(left)
 
 
 def test_repair_never_overwrites(tmp_path: Path) -> None:
