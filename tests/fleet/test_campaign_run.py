@@ -309,15 +309,8 @@ def test_stop_leaves_a_whole_dataset(campaign, recordings, tmp_path):
 
 
 def test_file_that_changes_meanwhile_is_tried_again(campaign, recordings, tmp_path):
-    path = recordings / "drive0.mcap"
-
-    def grow(progress: CampaignProgress) -> None:
-        if progress.workers and path.stat().st_size % 2 == size % 2:
-            with path.open("ab") as file:
-                file.write(b"x")
-
-    size = path.stat().st_size
-    assert campaign(path, on_progress=grow).failed == 1
+    path = (recordings / "drive0.mcap").rename(recordings / "grows.mcap")
+    assert campaign(path, work=faulty_work).failed == 1
     (row,) = rows(tmp_path, "failures")
     assert (row["code"], row["is_final"]) == ("recording_changed", False)
 

@@ -36,6 +36,9 @@ def faulty_work(order: EstimationOrder, on_bytes: Callable[[int], None] | None =
             return estimate_recording(order, on_bytes)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    elif name.startswith("grows"):
+        with order.content.path.open("ab") as file:
+            file.write(b"x")
     elif name.startswith("memory_error"):
         raise MemoryError
     return estimate_recording(order, on_bytes)
