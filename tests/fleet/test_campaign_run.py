@@ -297,14 +297,15 @@ def test_stop_leaves_a_whole_dataset(campaign, recordings, tmp_path):
     stop = threading.Event()
 
     def after_first(progress: CampaignProgress) -> None:
-        if progress.estimated == 1:
+        if progress.estimated:
             stop.set()
 
-    found = campaign(recordings, stop=stop, on_progress=after_first)
-    assert found.estimated == 1
+    # What other processes work on when the stop comes may still end.
+    stopped = campaign(recordings, stop=stop, on_progress=after_first).estimated
+    assert 1 <= stopped <= 3
     assert is_whole(tmp_path)
     again = campaign(recordings)
-    assert (again.known, again.estimated) == (1, 2)
+    assert (again.known, again.estimated) == (stopped, 3 - stopped)
     assert is_whole(tmp_path)
 
 
