@@ -81,15 +81,15 @@ def plan(
 
     check_outputs((json_path,), (sensors_path, Path(scenario)), force=force)
     if sensors_path is None:
-        known = shipped_accelerometers()
+        parts = shipped_accelerometers()
     else:
-        known = parse_accelerometers(read_text(sensors_path, "the accelerometers"), str(sensors_path))
+        parts = parse_accelerometers(read_text(sensors_path, "the accelerometers"), str(sensors_path))
     for name in names:
-        if not any(part.name.lower().startswith(name.lower()) for part in known):
+        if not any(part.name.lower().startswith(name.lower()) for part in parts):
             raise ConfigError(
-                f"there is no accelerometer '{name}'", f"Known: {', '.join(part.name for part in known)}."
+                f"there is no accelerometer '{name}'", f"Known: {', '.join(part.name for part in parts)}."
             )
-    chosen = [part for part in known if not names or part.name.lower().startswith(tuple(n.lower() for n in names))]
+    chosen = [part for part in parts if not names or part.name.lower().startswith(tuple(n.lower() for n in names))]
     loaded = load_scenario(scenario)
     say = SummaryOutput(err=is_stdout(json_path))
     plans = []

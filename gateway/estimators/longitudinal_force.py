@@ -29,6 +29,7 @@ from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
 from gateway.physics.asymmetric_belt import curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
 from gateway.reasons import Code, Reason
+from gateway.signal.sensor_mounting import HUB_ORDER
 from gateway.types import FloatArray
 
 NAMES: Final = ("longitudinal_force_n", "axle_torque_nm", "longitudinal_ratio", "rolling_resistance", "damping_loss")
@@ -52,8 +53,6 @@ _LEVEL_STD_RAD: Final = 2e-4
 # the force over the load (docs/explanation/forces.md). The strain of a belt is not known.
 _EXTENSION_STD: Final = 0.02
 _EXTENSION_LOSS_STD: Final = 0.004
-# Order that contains motion of the hub at the wheel's frequency.
-_HUB_ORDER: Final = 2
 # Largest standard error of a valid force near zero, over the load: driving at steady speed takes 1 to 5 % of it.
 _USEFUL_STD: Final = 0.02
 
@@ -223,7 +222,7 @@ class LongitudinalForceEstimator:
         half_angle_rad = 0.5 * (edges_rad[1] - edges_rad[0])
         signal = orders_about(average.radial_mps2, 0.5 * (edges_rad[0] + edges_rad[1]), max_order)
         waves = wave_std(signal, std / math.sqrt(average.effective_count), max_order)
-        waves[_HUB_ORDER] = math.hypot(waves[_HUB_ORDER], hub_mps2 / mean_mps2)
+        waves[HUB_ORDER] = math.hypot(waves[HUB_ORDER], hub_mps2 / mean_mps2)
         if outdated:
             self._tire.solve(std, waves, half_angle_rad, None)
         self._now.solve(std, waves, half_angle_rad, self._prior(revolution.omega_radps))

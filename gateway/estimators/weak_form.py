@@ -38,6 +38,7 @@ from gateway.physics.belt_shape import (
 )
 from gateway.reasons import Code, Reason
 from gateway.signal.order_spectrum import ORDER_COUNT
+from gateway.signal.sensor_mounting import HUB_ORDER
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
 # The solution of the first revolution is the start of the next, so it need not converge on the noise.
@@ -349,7 +350,7 @@ def systematic_errors(
         gravity = gravity_orders(plain)[0, :ORDER_COUNT] * (STANDARD_GRAVITY_MPS2 / mean)
         changes[3] = conditions.gain_std * gravity
     if conditions.hub_mps2:
-        changes[5, 2] = conditions.hub_mps2 / mean
+        changes[5, HUB_ORDER] = conditions.hub_mps2 / mean
         changes[6] = conditions.hub_mps2 / mean * uneven_rotation(plain[0, :ORDER_COUNT])
     changes[[0, 2, 3, 4, 6], :2] = 0.0  # order 0 is 1 and order 1 is the closure's
     return changes

@@ -20,13 +20,12 @@ from numpy.typing import NDArray
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid
-from gateway.signal.sensor_mounting import BeltKinematics
+from gateway.signal.sensor_mounting import HUB_ORDER, BeltKinematics
 from gateway.types import ComplexArray, FloatArray
 
 _CIRCUMFERENTIAL, _LATERAL, _RADIAL = range(3)
-# Orders that the relations use. Order 2 has motion of the hub in it.
+# Orders that the relations use, but for that of the hub's motion.
 _HIGHEST_ORDER: Final = 30
-_HUB_ORDER: Final = 2
 _LEAST_ORDERS: Final = 10
 # Lags that are tried: 2.5 ms are 0.5 rad at 240 km/h.
 _LAGS_RAD: Final[FloatArray] = np.linspace(-0.75, 0.75, 301)
@@ -108,7 +107,7 @@ def axis_relations(
     late_along = late_lateral = 0.0
     is_swapped, roll_rad = False, math.nan
     if has_along:
-        orders = np.delete(np.arange(1, count + 1), _HUB_ORDER - 1)
+        orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
         known = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
         factors = np.array([square_radps2 * belt.along[orders], spectra[_RADIAL, orders]])
         along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, known[orders])

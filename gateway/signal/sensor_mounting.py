@@ -27,7 +27,8 @@ HIGHEST_ORDER: Final = 60
 _BANDS: Final = (0, 2, 4, 6, 9, 13, 18, 24, 31, 39, 48)
 # Products of e, tilt and left-hand side by band, three products with the zero-g offset, and the number of equations.
 MOUNTING_SIZE: Final = 6 * len(_BANDS) + 4
-_HUB_ORDER: Final = 2
+HUB_ORDER: Final = 2
+"""Order of the circumferential and the radial axis that has motion of the hub at the wheel's frequency."""
 HUB_SIZE: Final = 7
 
 # Prior of the constant in the mean of the lateral axis: zero-g offset after the calibration in the hello (0.1 g) and
@@ -236,9 +237,9 @@ def mounting_rows(
     used[:, 0] = math.sqrt(0.5) if with_mean else 0.0
     hub = np.empty((len(left), HUB_SIZE))
     for place, factor in enumerate((left, by_offset, by_tilt)):
-        hub[:, place], hub[:, place + 3] = factor[:, _HUB_ORDER].real, factor[:, _HUB_ORDER].imag
+        hub[:, place], hub[:, place + 3] = factor[:, HUB_ORDER].real, factor[:, HUB_ORDER].imag
     hub[:, -1] = 1.0
-    used[:, _HUB_ORDER] = 0.0
+    used[:, HUB_ORDER] = 0.0
     left *= used
     by_tilt *= used
     by_offset = by_offset * used
@@ -253,7 +254,7 @@ def mounting_rows(
     sums[:, -4] = by_tilt[:, 0].real * by_zero
     sums[:, -3] = by_zero**2
     sums[:, -2] = left[:, 0].real * by_zero
-    sums[:, -1] = 2 * count - 1 - (not with_mean) - 2 * (count > _HUB_ORDER)
+    sums[:, -1] = 2 * count - 1 - (not with_mean) - 2 * (count > HUB_ORDER)
     return MountingRows(sums, hub)
 
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 import pytest
 
 from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.ply_steer import HORIZON_REVOLUTIONS
 from gateway.pipeline.own_drift import OwnDrift
+from gateway.quantity_catalogue import quantity_of
+from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
+
+
+def test_memories_are_those_of_the_averages() -> None:
+    assert quantity_of("Bs").memory_revolutions == DEFAULT_HORIZON_REVOLUTIONS
+    assert quantity_of("ply_steer_peak_rad").memory_revolutions == HORIZON_REVOLUTIONS
 
 
 def estimates(value: float, status: Status = Status.VALID) -> tuple[Estimate, ...]:

@@ -80,7 +80,12 @@ def kind_table(judged: Sequence[Judged]) -> Table:
              _number(float(np.sqrt(np.mean(np.square(pulls)))) if len(pulls) else math.nan))
         )  # fmt: skip
     heads = ("cases", "runs", "judged", "valid", *(f"false at {limit:g}" for limit in LIMITS), "rms pull")
-    return Table("By kind of case", "every revolution; false: valid and so many errors off", heads, tuple(rows))
+    return Table(
+        "By kind of case",
+        "all revolutions; false: valid, but off by more than so many of its standard errors",
+        heads,
+        tuple(rows),
+    )
 
 
 def quantity_table(judged: Sequence[Judged]) -> Table:
