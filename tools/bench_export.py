@@ -34,6 +34,7 @@ from gateway.exporting.export_registry import FORMATS  # noqa: E402
 from gateway.exporting.recording_export import export_recording  # noqa: E402
 from gateway.recording.recorded_file import open_recorded_file  # noqa: E402
 from gateway.session.recorded_signals import sample_blocks  # noqa: E402
+from gateway.session.recording_pass import OpenedRecording  # noqa: E402
 
 WHEEL = "FL"
 COLUMN = "radial_mps2"
@@ -156,7 +157,7 @@ def compare(recording: Path, folder: Path) -> Iterator[str]:
     source = open_recorded_file(recording)
     assert source.vehicle_toml is not None
     vehicle = recorded_vehicle(source.vehicle_toml, "recording")
-    blocks = sample_blocks(source, vehicle, wheels=[WHEEL])
+    blocks = sample_blocks(OpenedRecording(source, vehicle), wheels=[WHEEL])
     truth = np.concatenate([block.axes_mps2[:, 2] for block in blocks])
     yield f"| format | read by | samples of {WHEEL} | agreement |"
     yield "|---|---|---|---|"

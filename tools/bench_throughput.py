@@ -77,9 +77,9 @@ STAGES: Final = {
         "gateway.pipeline.tire_estimates:TireEstimates.take_block",
     ),
     "alarms": (
-        "gateway.session.batch_alarms:BatchAlarms.batch",
-        "gateway.session.batch_alarms:BatchAlarms.result",
-        "gateway.session.batch_alarms:BatchAlarms.end_of_block",
+        "gateway.session.alarm_watch:RecordingAlarms.batch",
+        "gateway.session.alarm_watch:RecordingAlarms.result",
+        "gateway.session.alarm_watch:RecordingAlarms.end_of_block",
     ),
     "summary": ("gateway.views.session_summary:ResultSummary.add",),
 }
@@ -171,12 +171,9 @@ def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     """Estimate a recording and return its revolutions, CPU in s, and peak memory in MB."""
     from gateway.config.vehicle import parse_vehicle
     from gateway.estimators.registry import DEFAULT_ESTIMATORS, make_estimator
-    from gateway.io.source import Chunk
-    from gateway.recording.decoder_blocks import LinkBlocks
     from gateway.recording.reader import RecordingReader
-    from gateway.session.batch_alarms import BatchAlarms
-    from gateway.session.batch_estimation import estimate_items
     from gateway.session.core import SessionCore
+    from gateway.session.recording_pass import OpenedRecording, RecordingPass
     from gateway.views.session_summary import ResultSummary
 
     if clock is not None:
@@ -197,7 +194,8 @@ def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     items = list(reader.items()) if case.way == "live" else []
     begin = resource.getrusage(resource.RUSAGE_SELF).ru_utime
     if case.way == "batch":
-        estimate_items(reader, vehicle, take, estimators=names, alarms=BatchAlarms(vehicle))
+        for result in RecordingPass(OpenedRecording(reader, vehicle), names):
+            take(result)
     elif case.way == "live":
         core = SessionCore(vehicle, estimators=names)
         for item in items:
@@ -206,14 +204,8 @@ def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
         for result in core.finish():
             take(result)
     else:
-        links: dict[str, LinkBlocks] = {}
-        for item in reader.items():
-            if isinstance(item, Chunk):
-                for batch, _ in links.setdefault(item.link, LinkBlocks(item.link)).add(item):
-                    batch.sample_groups()
-        for blocks in links.values():
-            for batch, _ in blocks.finish():
-                batch.sample_groups()
+        for _, batch, _ in OpenedRecording(reader).verified_blocks():
+            batch.sample_groups()
     cpu_s = resource.getrusage(resource.RUSAGE_SELF).ru_utime - begin
     peak_mb = int(Path("/proc/self/status").read_text().split("VmHWM:")[1].split()[0]) / 1024
     stages = clock.spent_s if clock is not None else {}

@@ -21,19 +21,13 @@ from gateway.api.signal_tables import (
     Revolutions,
     Samples,
 )
-from gateway.config.effects_file import effects_doubts
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, choose_vehicle, parse_vehicle
 from gateway.errors import OutputError, RecordingError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.nearest_name import nearest
-from gateway.pipeline.results import RevolutionResult, WheelSnapshot
-from gateway.reasons import Notice
+from gateway.pipeline.results import RevolutionResult
 from gateway.recording.recorded_file import RecordedFile, open_recorded_file
-from gateway.security.guard import Guard, open_guard
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimated_results
 from gateway.session.effects_opening import open_effects
-from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
 from gateway.session.recorded_signals import (
     EnvironmentReading,
     HeardWheel,
@@ -43,17 +37,11 @@ from gateway.session.recorded_signals import (
     signals,
     survey,
 )
-from gateway.session.signal_decoding import SignalDecoder, open_decoder
-from gateway.session.statement_watch import StatementWatch
-from gateway.session.wheel_identity import SensorsHeard, configured, positions
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
+from gateway.session.wheel_identity import configured
 from gateway.views.wording import notice_text, text
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from firmware_protocol.block_decoder import FrameBatch
-    from gateway.pipeline.wheel_setup import CorrectionTable
     from gateway.simulator.truth import WheelTruth
 
 PathLike = Path | str
@@ -109,16 +97,11 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True)
 class _Settings:
-    """Options of a recording, resolved."""
+    """Options that an open recording does not have."""
 
-    vehicle: VehicleConfig | None
-    config_path: Path | None
     has_config_tables: bool
-    effects: tuple[CorrectionTable, ...]
     effects_paths: tuple[Path, ...]
-    keys: Path | None
     estimators: tuple[str, ...]
-    progress: Progress | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,17 +156,21 @@ def recording_of(
 ) -> Recording:
     """Return an open file as a recording; arguments and errors as for `open`, `truth` as in `Recording`."""
     vehicle = chosen_vehicle(config, [file.vehicle_toml], str(file.info.path))
-    settings = _Settings(
-        vehicle=vehicle,
-        config_path=path_of(config),
-        has_config_tables=config is not None and path_of(config) is None,
-        effects_paths=tuple(paths(effects)),
+    size = max(1, file.info.size_bytes)
+    opened = OpenedRecording(
+        file,
+        vehicle,
         effects=open_effects(paths(effects), vehicle),
-        keys=None if keys is None else Path(keys),
-        estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
-        progress=progress,
+        key_file=None if keys is None else Path(keys),
+        config_path=path_of(config),
+        on_position=None if progress is None else lambda position: progress(min(1.0, position / size)),
     )
-    return Recording(file, settings, truth)
+    settings = _Settings(
+        has_config_tables=config is not None and opened.config_path is None,
+        effects_paths=tuple(paths(effects)),
+        estimators=several_names(estimators) or DEFAULT_ESTIMATORS,
+    )
+    return Recording(opened, settings, truth)
 
 
 def path_of(config: Config | None) -> Path | None:
@@ -225,11 +212,14 @@ class Recording(Mapping[str, "Wheel"]):
         truth: true state of the wheels of a simulation, by position; empty for a recording.
     """
 
-    def __init__(self, file: RecordedFile, settings: _Settings, truth: Mapping[str, WheelTruth] | None = None) -> None:
-        """Take an open file; use `gateway.open`."""
-        self.vehicle = settings.vehicle
+    def __init__(
+        self, opened: OpenedRecording, settings: _Settings, truth: Mapping[str, WheelTruth] | None = None
+    ) -> None:
+        """Take an open recording; use `gateway.open`."""
+        self.vehicle = opened.vehicle
         self.truth: Mapping[str, WheelTruth] = truth or {}
-        self._file = file
+        self._recording = opened
+        self._file = opened.file
         self._settings = settings
         self._survey: Survey | None = None
         self._damage = ""
@@ -324,18 +314,9 @@ class Recording(Mapping[str, "Wheel"]):
         Args:
             estimators: names; none for those given to `open`.
         """
-        alarms = BatchAlarms(self.vehicle)
-        results = estimated_results(
-            self._opened(),
-            self.vehicle,
-            estimators=several_names(estimators) or self._settings.estimators,
-            effects=self._settings.effects,
-            guard=self._guard(),
-            on_bytes=self._on_bytes,
-            alarms=alarms,
-            signals=self._signals(),
-        )
-        for result in results:
+        recording = self._opened()
+        names = several_names(estimators) or self._settings.estimators
+        for result in RecordingPass(recording, names, signals=recording.signals()):
             yield Revolution(result, has_host_time=self._has_host_time)
 
     def samples(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> dict[str, Samples]:
@@ -350,9 +331,7 @@ class Recording(Mapping[str, "Wheel"]):
 
     def sample_blocks(self, wheels: Sequence[str] | None = None) -> Iterator[SignalBlock]:
         """Yield the samples of all wheels, or of some, in blocks of some seconds, in constant memory."""
-        yield from sample_blocks(
-            self._opened(), self.vehicle, wheels=wheels, guard=self._guard(), on_bytes=self._on_bytes
-        )
+        yield from sample_blocks(self._opened(), wheels=wheels)
 
     # Life cycle
 
@@ -382,13 +361,14 @@ class Recording(Mapping[str, "Wheel"]):
         from gateway.exporting.recording_export import export_recording
         from gateway.views.output_file import check_outputs
 
+        recording = self._recording
         if not self.path.is_file():
             raise OutputError("a simulation in memory cannot be exported", "Give gateway.simulate a file: out=...")
         if self._settings.has_config_tables:
             raise OutputError("a configuration that is no file cannot be exported with", "Give config as a TOML file.")
         target, contents = Path(out), several_names(what)
         name = format_of(target, None)
-        check_outputs([target], (self.path, self._settings.config_path), force=force)
+        check_outputs([target], (self.path, recording.config_path), force=force)
         check_format(target, name, contents)
         export_recording(
             self.path,
@@ -397,9 +377,9 @@ class Recording(Mapping[str, "Wheel"]):
             format_name=name,
             wheels=tuple(wheels),
             estimators=several_names(estimators) or self._settings.estimators or DEFAULT_ESTIMATORS,
-            config_path=self._settings.config_path,
+            config_path=recording.config_path,
             effects_paths=self._settings.effects_paths,
-            key_file=self._settings.keys,
+            key_file=recording.key_file,
             force=force,
         )
         return target
@@ -440,7 +420,7 @@ class Recording(Mapping[str, "Wheel"]):
     @property
     def _content(self) -> Survey:
         if self._survey is None:
-            self._survey = survey(self._opened(), self.vehicle, guard=self._guard(), on_bytes=self._on_bytes)
+            self._survey = survey(self._opened())
             self._damage = "" if self._file.damage is None else text(self._file.damage)
         return self._survey
 
@@ -448,20 +428,10 @@ class Recording(Mapping[str, "Wheel"]):
     def _has_host_time(self) -> bool:
         return bool(self._content.first_ns)
 
-    def _opened(self) -> RecordedFile:
+    def _opened(self) -> OpenedRecording:
         if self._closed:
             raise RecordingError(f"'{self.name}' is closed", "Open it again with gateway.open.")
-        return self._file
-
-    def _guard(self) -> Guard | None:
-        return open_guard(self.vehicle, self._settings.keys, remembers=False)
-
-    def _signals(self) -> SignalDecoder | None:
-        return open_decoder(self.vehicle, self._settings.config_path, (), [self._file.info.dbc_text])
-
-    def _on_bytes(self, _: int) -> None:
-        if self._settings.progress is not None:
-            self._settings.progress(min(1.0, self._file.position / max(1, self._file.info.size_bytes)))
+        return self._recording
 
     def _revolutions(self, wheel: str) -> Iterator[RevolutionResult]:
         """Yield the revolutions of a wheel; those of a recording of moderate length are kept."""
@@ -469,16 +439,7 @@ class Recording(Mapping[str, "Wheel"]):
             yield from self._kept.get(wheel, ())
             return
         kept: dict[str, list[RevolutionResult]] | None = {} if self._is_small else None
-        for count, result in enumerate(
-            estimated_results(
-                self._opened(),
-                self.vehicle,
-                estimators=(),
-                effects=self._settings.effects,
-                guard=self._guard(),
-                on_bytes=self._on_bytes,
-            )
-        ):
+        for count, result in enumerate(RecordingPass(self._opened(), (), is_watched=False)):
             if kept is not None:
                 kept.setdefault(result.position, []).append(result)
                 if count >= _KEPT_REVOLUTIONS:
@@ -495,44 +456,17 @@ class Recording(Mapping[str, "Wheel"]):
 
     def _estimate(self, estimators: tuple[str, ...]) -> _Estimated:
         """Run the estimators; return their results with everything that the command prints about them."""
-        vehicle = self.vehicle
+        recording = self._opened()
         rows = EstimateRows(has_host_time=self._has_host_time)
-        sensors, watch, alarms = SensorsHeard(), StatementWatch(positions(vehicle)), BatchAlarms(vehicle)
-        guard = self._guard()
-        states: list[WheelSnapshot] = []
         heard: dict[str, None] = {}
-
-        def on_batch(link: str, batch: FrameBatch, _: NDArray[np.int64]) -> None:
-            sensors.take(batch)
-            watch.batch(link, batch)
-
-        results = estimated_results(
-            self._opened(),
-            vehicle,
-            estimators=estimators,
-            on_bytes=self._on_bytes,
-            guard=guard,
-            on_batch=on_batch,
-            on_wheels=states.extend,
-            effects=self._settings.effects,
-            alarms=alarms,
-            signals=self._signals(),
-        )
-        for result in results:
+        estimation = RecordingPass(recording, estimators, signals=recording.signals())
+        for result in estimation:
             heard.setdefault(result.position)
             rows.add(result)
-        links = self._content.links
-        for link, counted in links.items():
-            watch.counters(link, counted)
-        counts = {link: FrameCounts(counted.frames, counted.refused) for link, counted in links.items()}
-        notices: list[Notice] = guard.take_notices() if guard is not None else []
-        notices = [*(notices or sensors.mismatches(vehicle, heard)), *watch.found()]
-        notices += effects_doubts(self._settings.effects, vehicle)
-        notices += [*missing_frames(counts), *missing_revolutions(states, counts)]
         return _Estimated(
             estimates=rows.table(self.name),
-            alarms=Alarms.of(alarms.finish(), recording=self.name),
-            notices=tuple(map(notice_text, notices)),
+            alarms=Alarms.of(estimation.alarms(), recording=self.name),
+            notices=tuple(map(notice_text, (*estimation.notices(list(heard)), *estimation.missing()))),
         )
 
 
@@ -583,13 +517,7 @@ class Wheel:
     def environment(self) -> Environment:
         """Return pressure and temperature in the tire."""
         recording = self.recording
-        items = signals(
-            recording._opened(),
-            recording.vehicle,
-            wheels=(self.position,),
-            guard=recording._guard(),
-            on_bytes=recording._on_bytes,
-        )
+        items = signals(recording._opened(), wheels=(self.position,))
         readings = [item for item in items if isinstance(item, EnvironmentReading)]
         return Environment.of(readings, recording=recording.name, wheel=self.position)
 

@@ -10,17 +10,15 @@ from typing import Final
 
 import numpy as np
 
+from gateway.cli.calibration_runs import read_runs, rounded, run_name
 from gateway.config.force_runs import ForceRunsFile, ForceRunTable
 from gateway.config.tire_tables import SideForceCalibrationTable
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import choose_vehicle
 from gateway.errors import CalibrationError
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.side_force import HORIZON_REVOLUTIONS
 from gateway.estimators.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from gateway.pipeline.results import RevolutionResult
-from gateway.recording.reader import RecordingReader
-from gateway.session.batch_estimation import estimate_items
 
 # Revolutions between two values of the running mean that are taken: beyond twice its memory they are independent.
 _APART: Final = round(2.0 * HORIZON_REVOLUTIONS)
@@ -78,9 +76,11 @@ def measured_force_runs(path: Path, runs: ForceRunsFile, fallback: Path | None) 
         TreadlinkError: a recording cannot be read or has no vehicle configuration.
         CalibrationError: a run cannot be used; every run counts, so none is left out silently.
     """
-    taken = [ForceRun(_name(run), run) for run in runs.run]
+    taken = [ForceRun(run_name(run), run) for run in runs.run]
+    wheels = [run.wheel or runs.wheel for run in runs.run]
+    estimators = ("kinematic", "side-force")
+    read_runs(path, runs.run, wheels, estimators, fallback, lambda index, result: taken[index].take(result))
     for run in taken:
-        _take(path.parent / run.table.recording, run, runs.wheel, fallback)
         if len(run.shifts) < MIN_REVOLUTIONS:
             raise CalibrationError(
                 f"{run.name}: {len(run.shifts)} of {run.offered} revolutions can be used, "
@@ -88,43 +88,6 @@ def measured_force_runs(path: Path, runs: ForceRunsFile, fallback: Path | None) 
                 "Record longer, correct from_s and to_s, or use a sensor with a lateral axis.",
             )
     return taken
-
-
-def _take(recording: Path, run: ForceRun, usual_wheel: str | None, fallback: Path | None) -> None:
-    reader = RecordingReader(recording)
-    vehicle = choose_vehicle(fallback, [reader.vehicle_toml], str(recording))
-    if vehicle is None:
-        raise CalibrationError(
-            f"'{recording}' contains no vehicle configuration",
-            "Give one that states the belt radius: --config VEHICLE.toml.",
-        )
-    wanted = run.table.wheel or usual_wheel
-    first_ns: dict[str, int] = {}
-
-    def take(result: RevolutionResult) -> None:
-        since_s = 1e-9 * (result.host_ns - first_ns.setdefault(result.position, result.host_ns))
-        inside = run.table.from_s <= since_s <= (run.table.to_s or math.inf)
-        if inside and (wanted is None or result.position == wanted):
-            run.take(result)
-
-    estimate_items(reader, vehicle, take, estimators=("kinematic", "side-force"))
-    if wanted is None and len(first_ns) > 1:
-        raise CalibrationError(
-            f"'{recording}' contains {len(first_ns)} wheels: {', '.join(sorted(first_ns))}",
-            'Name the wheel in the runs file: wheel = "FL".',
-        )
-    if wanted is not None and wanted not in first_ns:
-        raise CalibrationError(
-            f"'{recording}' has no revolution of wheel {wanted}",
-            f"Wheels with revolutions: {', '.join(sorted(first_ns)) or 'none'}.",
-        )
-
-
-def _name(run: ForceRunTable) -> str:
-    name = Path(run.recording).name
-    if run.to_s is None:
-        return f"{name} from {run.from_s:g} s" if run.from_s else name
-    return f"{name} {run.from_s:g}-{run.to_s:g} s"
 
 
 def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForceCalibration:
@@ -214,23 +177,19 @@ def force_toml(found: SideForceCalibration) -> str:
     moment: dict[str, float] = {}
     if found.moment is not None:
         moment = {
-            "moment_nm_per_deg": _rounded(found.moment.factor * degree),
-            "moment_std_nm_per_deg": _rounded(found.moment.factor_std * degree),
-            "yaw_zero_deg": _rounded(found.moment.zero / degree),
-            "yaw_zero_std_deg": _rounded(found.moment.zero_std / degree),
+            "moment_nm_per_deg": rounded(found.moment.factor * degree),
+            "moment_std_nm_per_deg": rounded(found.moment.factor_std * degree),
+            "yaw_zero_deg": rounded(found.moment.zero / degree),
+            "yaw_zero_std_deg": rounded(found.moment.zero_std / degree),
         }
     stated = {
-        "side_n_per_mm": _rounded(1e-3 * found.side.factor),
-        "side_std_n_per_mm": _rounded(1e-3 * found.side.factor_std),
-        "shift_zero_mm": _rounded(1e3 * found.side.zero),
-        "shift_zero_std_mm": _rounded(1e3 * found.side.zero_std),
+        "side_n_per_mm": rounded(1e-3 * found.side.factor),
+        "side_std_n_per_mm": rounded(1e-3 * found.side.factor_std),
+        "shift_zero_mm": rounded(1e3 * found.side.zero),
+        "shift_zero_std_mm": rounded(1e3 * found.side.zero_std),
         **moment,
-        "half_angle_min_rad": _rounded(found.half_angle_range_rad[0]),
-        "half_angle_max_rad": _rounded(found.half_angle_range_rad[1]),
+        "half_angle_min_rad": rounded(found.half_angle_range_rad[0]),
+        "half_angle_max_rad": rounded(found.half_angle_range_rad[1]),
     }
     table = SideForceCalibrationTable(**stated)
     return toml_text({"tire": {"side_force_calibration": table.model_dump(include=set(stated))}})
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")

@@ -72,17 +72,16 @@ def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, gu
 
 def _comparison_lines(recording: Path) -> list[str]:
     """Estimate the revolutions of a new recording, and return their differences from its references."""
-    from gateway.config.vehicle import recorded_vehicle
-    from gateway.recording.reader import RecordingReader
-    from gateway.recording.reference_topic import ReferenceItems
-    from gateway.session.batch_estimation import estimate_items
+    from gateway.recording.reference_topic import ReferenceReader
+    from gateway.session.recording_pass import RecordingPass, open_recording
     from gateway.session.reference_check import ReferenceCheck
     from gateway.views.reference_lines import reference_lines
 
-    reader = RecordingReader(recording)
-    vehicle = recorded_vehicle(reader.vehicle_toml or "", str(recording))
-    check = ReferenceCheck(ReferenceItems(reader), vehicle)
-    estimate_items(check, vehicle, check.add, estimators=())
+    reader = ReferenceReader(recording)
+    opened = open_recording(reader, verifies=False)
+    check = ReferenceCheck(reader, opened.vehicle)
+    for result in RecordingPass(opened, (), is_watched=False):
+        check.add(result)
     return reference_lines(check.comparisons())
 
 

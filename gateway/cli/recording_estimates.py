@@ -5,27 +5,13 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
-from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.counters import LinkCounters
 from gateway.cli.estimate_order import EstimateOrder, RecordingEstimated
-from gateway.config.effects_file import effects_doubts
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, choose_vehicle
-from gateway.pipeline.results import RevolutionResult, WheelSnapshot
+from gateway.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.reasons import Code
-from gateway.recording.reader import RecordingReader
-from gateway.recording.reference_topic import ReferenceItems
-from gateway.security.guard import open_guard
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimate_items
-from gateway.session.effects_opening import open_effects
-from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.recording.reference_topic import ReferenceReader
+from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.session.reference_check import ReferenceCheck
-from gateway.session.signal_decoding import open_decoder
-from gateway.session.statement_watch import StatementWatch
-from gateway.session.wheel_identity import SensorsHeard, positions
 from gateway.views.reference_lines import reference_lines
 from gateway.views.session_summary import ResultSummary, effects_line, removed_line, summary_lines
 from gateway.views.tables.result_table import RowMaker
@@ -59,57 +45,35 @@ def estimate_recording(
         on_position: called with the bytes of the file read so far.
         tables: take the rows.
     """
-    reader = RecordingReader(order.path)
-    vehicle = choose_vehicle(order.config_path, [reader.vehicle_toml], str(order.path))
-    guard = open_guard(vehicle, order.key_file, remembers=False)
-    effects = open_effects(order.effects_paths, vehicle)
-    summary, sensors, alarms = ResultSummary(), SensorsHeard(), BatchAlarms(vehicle)
-    watch = StatementWatch(positions(vehicle))
-    states: list[WheelSnapshot] = []
-    check = ReferenceCheck(ReferenceItems(reader), vehicle)
-    name = order.path.name
-
-    def take(result: RevolutionResult) -> None:
+    reader = ReferenceReader(order.path)
+    recording = open_recording(
+        reader,
+        order.config_path,
+        effects_paths=order.effects_paths,
+        key_file=order.key_file,
+        on_position=on_position,
+    )
+    vehicle = recording.vehicle
+    summary, check, name = ResultSummary(), ReferenceCheck(reader, vehicle), order.path.name
+    estimation = RecordingPass(recording, order.estimators, signals=recording.signals())
+    for result in estimation:
         check.add(result)
         summary.add(result)
-        for table in tables:
-            table.write(result, name)
-
-    def on_batch(link: str, batch: FrameBatch, _: NDArray[np.int64]) -> None:
-        sensors.take(batch)
-        watch.batch(link, batch)
-
-    counters = estimate_items(
-        check,
-        vehicle,
-        take,
-        estimators=order.estimators,
-        on_bytes=lambda _: on_position(reader.position),
-        guard=guard,
-        on_batch=on_batch,
-        on_wheels=states.extend,
-        effects=effects,
-        alarms=alarms,
-        signals=open_decoder(vehicle, order.config_path, (), [reader.dbc_text]),
-    )
+        for rows in tables:
+            rows.write(result, name)
     on_position(reader.info.size_bytes)
     assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"
     lines = [f"{order.path}{assumed}"]
-    wheels = summary.wheels(states)
-    of_guard = guard.take_notices() if guard is not None else []
-    for link, counted in counters.items():
-        watch.counters(link, counted)
-    # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
-    notices = of_guard or sensors.mismatches(vehicle, [wheel.position for wheel in wheels])
-    doubts = effects_doubts(effects, vehicle)
-    lines += [f"  {clean(notice_text(notice))}" for notice in (*notices, *watch.found(), *doubts)]
-    for table in effects:
+    wheels = summary.wheels(estimation.wheels)
+    notices = estimation.notices([wheel.position for wheel in wheels])
+    lines += [f"  {clean(notice_text(notice))}" for notice in notices]
+    for table in recording.effects:
         effect_names = [effect.name for effect in table.effects]
         for one in wheels:
             if one.position == table.position:
                 lines.append(clean(f"  {effects_line(one, effect_names)}"))
                 lines += [clean(f"  {line}") for line in (removed_line(one, table),) if line]
-    found = alarms.finish()
+    found = estimation.alarms()
     for alarm in found:
         for rows in tables:
             rows.write_alarm(alarm, name)
@@ -117,9 +81,8 @@ def estimate_recording(
         clean(f"  {line}".rstrip())
         for line in (*summary_lines(wheels, alarms=found), *reference_lines(check.comparisons()))
     ]
-    lines += _link_lines(counters)
-    links = {link: FrameCounts(counted.frames, counted.refused) for link, counted in counters.items()}
-    missing = (*missing_frames(links), *missing_revolutions(states, links))
+    lines += _link_lines(estimation.links)
+    missing = estimation.missing()
     for notice in missing:
         lines.append(f"  {clean(notice_text(notice))}")
         if notice.reason.code is Code.NO_REVOLUTION:

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from gateway.config.slip_runs import RunTable, SlipRunsFile
+from gateway.cli.calibration_runs import read_runs, rounded, run_name
+from gateway.config.slip_runs import SlipRunsFile
 from gateway.config.tire_tables import SlipCalibrationTable
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import VehicleConfig, choose_vehicle
 from gateway.errors import CalibrationError
 from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.estimators.slip_fit import MIN_REVOLUTIONS, SlipFit, SlipRun, SlipRunRevolutions
 from gateway.pipeline.results import RevolutionResult
-from gateway.recording.reader import RecordingReader
-from gateway.session.batch_estimation import estimate_items
 from gateway.signal.sensor_mounting import RollCalibration
-from gateway.views.progress import progress_bar
 
 # The first revolutions of a wheel are timed without a running average to compare them with.
 _SKIPPED_REVOLUTIONS: Final = 5
@@ -40,81 +37,26 @@ def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list
         TreadlinkError: a recording cannot be read or has no vehicle configuration.
         CalibrationError: a run cannot be used; every run counts, so none is left out silently.
     """
-    files: dict[Path, list[int]] = {}
-    for index, run in enumerate(runs.run):
-        files.setdefault(path.parent / run.recording, []).append(index)
     roll = RollCalibration(horizon_revolutions=_ALL_REVOLUTIONS)
     taken = [SlipRunRevolutions(roll) for _ in runs.run]
-    with progress_bar("reading the runs") as bar:
-        for number, (recording, indices) in enumerate(files.items()):
 
-            def show(share: float, name: str = recording.name, done: int = number) -> None:
-                bar.show((done + share) / len(files), name)
+    def take(index: int, result: RevolutionResult) -> None:
+        taken[index].add(result.revolution, result.conditions)
 
-            _take(recording, [(runs.run[index], taken[index]) for index in indices], runs, fallback, show)
-    names = [_name(run) for run in runs.run]
-    for name, found in zip(names, taken, strict=True):
-        _check_usable(name, found)
+    # One sensor on one tire: roll, yaw and share are those of all runs.
+    wheels = [runs.wheel] * len(taken)
+    read_runs(path, runs.run, wheels, ("kinematic",), fallback, take, skipped_revolutions=_SKIPPED_REVOLUTIONS)
+    for run, found in zip(runs.run, taken, strict=True):
+        _check_usable(run_name(run), found)
     return [
         found.run(
-            name,
+            run_name(run),
             math.radians(run.slip_deg),
             math.radians(runs.slip_std_deg if run.slip_std_deg is None else run.slip_std_deg),
             is_reverse=run.direction == "reverse",
         )
-        for name, run, found in zip(names, runs.run, taken, strict=True)
+        for run, found in zip(runs.run, taken, strict=True)
     ]
-
-
-def _take(
-    recording: Path,
-    parts: Sequence[tuple[RunTable, SlipRunRevolutions]],
-    runs: SlipRunsFile,
-    fallback: Path | None,
-    show: Callable[[float], None],
-) -> None:
-    """Add the revolutions of one recording to its runs; `show` takes the share that is read."""
-    reader = RecordingReader(recording)
-    vehicle = _vehicle(reader, recording, fallback)
-    # One sensor on one tire: roll, yaw and share are those of all runs.
-    wanted = runs.wheel
-    seen: dict[str, int] = {}
-    first_ns: dict[str, int] = {}
-
-    def take(result: RevolutionResult) -> None:
-        position = result.position
-        seen[position] = seen.get(position, 0) + 1
-        since_s = 1e-9 * (result.host_ns - first_ns.setdefault(position, result.host_ns))
-        if seen[position] <= _SKIPPED_REVOLUTIONS:
-            return
-        for run, found in parts:
-            if (wanted is None or position == wanted) and run.from_s <= since_s <= (run.to_s or math.inf):
-                found.add(result.revolution, result.conditions)
-
-    def on_bytes(_: int) -> None:
-        show(reader.position / max(reader.info.size_bytes, 1))
-
-    estimate_items(reader, vehicle, take, estimators=("kinematic",), on_bytes=on_bytes)
-    if wanted is None and len(seen) > 1:
-        raise CalibrationError(
-            f"'{recording}' contains {len(seen)} wheels: {', '.join(sorted(seen))}",
-            f'Name one in the runs file, above the runs: wheel = "{min(seen)}".',
-        )
-    if wanted is not None and wanted not in seen:
-        raise CalibrationError(
-            f"'{recording}' has no revolution of wheel {wanted}",
-            f"Wheels with revolutions: {', '.join(sorted(seen)) or 'none'}.",
-        )
-
-
-def _vehicle(reader: RecordingReader, recording: Path, fallback: Path | None) -> VehicleConfig:
-    vehicle = choose_vehicle(fallback, [reader.vehicle_toml], str(recording))
-    if vehicle is None:
-        raise CalibrationError(
-            f"'{recording}' contains no vehicle configuration",
-            "Give one that states the belt radius: --config VEHICLE.toml.",
-        )
-    return vehicle
 
 
 def _check_usable(name: str, found: SlipRunRevolutions) -> None:
@@ -125,13 +67,6 @@ def _check_usable(name: str, found: SlipRunRevolutions) -> None:
             f"{name}: {found.count} of {found.offered} revolutions can be used, {MIN_REVOLUTIONS} are required",
             "Record longer, or correct from_s and to_s. `treadlink inspect` shows what the recording contains.",
         )
-
-
-def _name(run: RunTable) -> str:
-    name = Path(run.recording).name
-    if run.to_s is None:
-        return f"{name} from {run.from_s:g} s" if run.from_s else name
-    return f"{name} {run.from_s:g}-{run.to_s:g} s"
 
 
 def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:
@@ -202,26 +137,26 @@ def slip_toml(found: SlipCalibration) -> str:
     separated: dict[str, float] = {}
     if found.ply_steer_rad is not None and found.conicity_rad is not None:
         separated = {
-            "ply_steer_deg": _rounded(found.ply_steer_rad * degree),
-            "ply_steer_std_deg": _rounded(found.ply_steer_std_rad * degree),
-            "conicity_deg": _rounded(found.conicity_rad * degree),
-            "conicity_std_deg": _rounded(found.conicity_std_rad * degree),
+            "ply_steer_deg": rounded(found.ply_steer_rad * degree),
+            "ply_steer_std_deg": rounded(found.ply_steer_std_rad * degree),
+            "conicity_deg": rounded(found.conicity_rad * degree),
+            "conicity_std_deg": rounded(found.conicity_std_rad * degree),
         }
     table = SlipCalibrationTable(
-        belt_share=_rounded(found.belt_share),
-        belt_share_std=_rounded(found.belt_share_std),
-        zero_deg=_rounded(found.zero_rad * degree),
-        zero_std_deg=_rounded(found.zero_std_rad * degree),
-        saturation_per_deg=_rounded(found.saturation_prad / degree),
-        saturation_std_per_deg=_rounded(found.saturation_std_prad / degree),
-        zero_share_correlation=_rounded(found.zero_share_correlation),
-        share_saturation_correlation=_rounded(found.share_saturation_correlation),
-        slip_min_deg=_rounded(found.slip_range_rad[0] * degree),
-        slip_max_deg=_rounded(found.slip_range_rad[1] * degree),
-        half_angle_min_rad=_rounded(found.half_angle_range_rad[0]),
-        half_angle_max_rad=_rounded(found.half_angle_range_rad[1]),
-        pressure_min_kpa=_rounded(low_kpa),
-        pressure_max_kpa=_rounded(high_kpa),
+        belt_share=rounded(found.belt_share),
+        belt_share_std=rounded(found.belt_share_std),
+        zero_deg=rounded(found.zero_rad * degree),
+        zero_std_deg=rounded(found.zero_std_rad * degree),
+        saturation_per_deg=rounded(found.saturation_prad / degree),
+        saturation_std_per_deg=rounded(found.saturation_std_prad / degree),
+        zero_share_correlation=rounded(found.zero_share_correlation),
+        share_saturation_correlation=rounded(found.share_saturation_correlation),
+        slip_min_deg=rounded(found.slip_range_rad[0] * degree),
+        slip_max_deg=rounded(found.slip_range_rad[1] * degree),
+        half_angle_min_rad=rounded(found.half_angle_range_rad[0]),
+        half_angle_max_rad=rounded(found.half_angle_range_rad[1]),
+        pressure_min_kpa=rounded(low_kpa),
+        pressure_max_kpa=rounded(high_kpa),
         **separated,
     )
     return toml_text(
@@ -231,7 +166,3 @@ def slip_toml(found: SlipCalibration) -> str:
 
 def _unseparated(separated: dict[str, float]) -> set[str]:
     return set() if separated else {"ply_steer_std_deg", "conicity_std_deg"}
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")

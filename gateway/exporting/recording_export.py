@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gateway.config.effects_file import effects_doubts
-from gateway.config.vehicle import choose_vehicle
 from gateway.errors import OutputError
 from gateway.exporting.export_file import ExportFile
 from gateway.exporting.export_registry import CONTENTS
@@ -16,10 +15,9 @@ from gateway.exporting.measured_tables import Source, measured
 from gateway.exporting.wheel_conditions import conditions, first_pass, on_hub_time
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Notice, Reason
-from gateway.recording.recorded_file import RecordedFile, open_recorded_file
-from gateway.security.guard import Guard, open_guard
-from gateway.session.effects_opening import open_effects
+from gateway.recording.recorded_file import open_recorded_file
 from gateway.session.recorded_signals import SignalBlock, revolutions, sample_blocks
+from gateway.session.recording_pass import OpenedRecording, open_recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,69 +72,55 @@ def export_recording(
         TreadlinkError: the recording or the configuration cannot be read, has nothing to export, or the file cannot be
             written, which then is as before.
     """
-    recording = open_recorded_file(path)
-    vehicle = choose_vehicle(config_path, [recording.vehicle_toml], str(path))
-    effects = open_effects(effects_paths, vehicle)
-    passes = 1 + len(contents)
-    done = 0
-
-    def guard() -> Guard | None:
-        # A guard remembers the frames that it has seen, so that each pass needs its own.
-        return open_guard(vehicle, key_file, remembers=False)
-
-    def progress_of(reader: RecordedFile) -> Callable[[int], None]:
-        size = max(reader.info.size_bytes, 1)
-        return lambda _: on_progress((done + reader.position / size) / passes)
-
-    seen = first_pass(recording, vehicle, wheels=wheels, guard=guard(), on_bytes=progress_of(recording))
+    file = open_recorded_file(path)
+    passes, size, done = 1 + len(contents), max(file.info.size_bytes, 1), 0
+    recording = open_recording(
+        file,
+        config_path,
+        effects_paths=effects_paths,
+        key_file=key_file,
+        on_position=lambda position: on_progress((done + position / size) / passes),
+    )
+    seen = first_pass(recording, wheels=wheels)
     done = 1
-    damage = recording.damage
+    damage = file.damage
     positions = [wheel.position for wheel in seen.wheels]
 
-    def samples() -> Iterator[SignalBlock]:
+    def again() -> OpenedRecording:
         # A file of its own, since passes may overlap.
-        own = open_recorded_file(path)
-        blocks = sample_blocks(own, vehicle, wheels=positions, guard=guard(), on_bytes=progress_of(own))
+        return replace(recording, file=open_recorded_file(path))
+
+    def samples() -> Iterator[SignalBlock]:
+        blocks = sample_blocks(again(), wheels=positions)
         return blocks if seen.has_arrivals else map(on_hub_time, blocks)
 
     def results(with_estimators: bool) -> Iterator[RevolutionResult]:
-        own = open_recorded_file(path)
-        found = revolutions(
-            own,
-            vehicle,
-            wheels=positions,
-            estimators=tuple(estimators) if with_estimators else (),
-            effects=effects,
-            guard=guard(),
-            on_bytes=progress_of(own),
-        )
+        found = revolutions(again(), tuple(estimators) if with_estimators else (), wheels=positions)
         return found if seen.has_arrivals else map(_on_hub_time, found)
 
     source = Source(samples, results, path.name, seen.start_ns, estimators)
-    stated = {
-        wheel.position: conditions(wheel, seen, recording, vehicle, from_file=config_path is not None)
-        for wheel in seen.wheels
-    }
-    with ExportFile(out, format_name, force=force) as file:
+    stated = {wheel.position: conditions(wheel, seen, recording) for wheel in seen.wheels}
+    with ExportFile(out, format_name, force=force) as out_file:
         found = [measured(what, source) for what in contents]
         tables: dict[tuple[str, str], WheelTable] = {
             (content.what, wheel): replace(content.table(wheel), conditions=stated[wheel])
             for content in found
             for wheel in positions
         }
-        file.begin(list(tables.values()))
+        out_file.begin(list(tables.values()))
         for content in found:
-            rows = file.rows
+            rows = out_file.rows
             for wheel, block in content.rows:
-                file.write(tables[content.what, wheel], block)
-            if file.rows == rows and CONTENTS[content.what].needs_results:
+                out_file.write(tables[content.what, wheel], block)
+            if out_file.rows == rows and CONTENTS[content.what].needs_results:
                 raise OutputError(
                     f"'{path}' has no {content.what} to export: no wheel completed a revolution that can be used",
                     f"`treadlink estimate {path}` lists the reasons.",
                 )
             done += 1
     columns = {content.what: len(content.columns) for content in found}
-    return ExportReport(tuple(positions), file.rows, columns, damage, tuple(effects_doubts(effects, vehicle)))
+    doubts = effects_doubts(recording.effects, recording.vehicle)
+    return ExportReport(tuple(positions), out_file.rows, columns, damage, tuple(doubts))
 
 
 def _on_hub_time(result: RevolutionResult) -> RevolutionResult:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -19,8 +19,8 @@ from gateway.reasons import Code, Reason
 from gateway.recording.reader import REPAIR_REMEDY
 from gateway.recording.recorded_file import RecordedFile
 from gateway.recording.replay_source import RawDump
-from gateway.security.guard import Guard
 from gateway.session.recorded_signals import SignalBlock, signals
+from gateway.session.recording_pass import OpenedRecording
 from gateway.session.wheel_identity import configured
 from gateway.views.text import escaped
 from gateway.views.wording import text
@@ -110,29 +110,20 @@ def on_hub_time(block: SignalBlock) -> SignalBlock:
     return replace(block, host_time_ns=np.rint(block.hub_time_s * 1e9).astype(np.int64))
 
 
-def first_pass(
-    recording: RecordedFile,
-    vehicle: VehicleConfig | None,
-    *,
-    wheels: Collection[str] = (),
-    guard: Guard | None = None,
-    on_bytes: Callable[[int], None] | None = None,
-) -> FirstPass:
+def first_pass(opened: OpenedRecording, *, wheels: Collection[str] = ()) -> FirstPass:
     """Read a recording once.
 
     Args:
-        recording: the file.
-        vehicle: its configuration.
+        opened: the recording.
         wheels: positions to export; all when empty.
-        guard: verifies every frame first; None when signatures are not checked.
-        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
 
     Raises:
         OutputError: it has no samples, or a wheel of `wheels` has none.
     """
+    recording, vehicle = opened.file, opened.vehicle
     order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
     found: dict[str, MeasuredWheel] = {}
-    for item in signals(recording, vehicle, guard=guard, on_bytes=on_bytes):
+    for item in signals(opened):
         wheel = found.setdefault(item.wheel, MeasuredWheel(item.wheel))
         if isinstance(item, SignalBlock):
             wheel.take(item if has_arrivals(recording) else on_hub_time(item))
@@ -167,33 +158,27 @@ def first_pass(
     return FirstPass(chosen, start_ns, has_arrivals=True)
 
 
-def conditions(
-    wheel: MeasuredWheel, seen: FirstPass, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
-) -> tuple[Condition, ...]:
+def conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecording) -> tuple[Condition, ...]:
     """Return what is known of a wheel, each entry with its source.
 
     Args:
         wheel: the wheel.
         seen: the pass that found it.
-        recording: the file.
-        vehicle: its configuration.
-        from_file: whether the configuration was given, and is not the one in the recording.
+        recording: that was read.
     """
-    found = _conditions(wheel, seen, recording, vehicle, from_file=from_file)
+    found = _conditions(wheel, seen, recording)
     # Names come from files and hubs, and neither a terminal nor XML takes their control characters.
     return tuple(
         replace(entry, value=escaped(entry.value)) if isinstance(entry.value, str) else entry for entry in found
     )
 
 
-def _conditions(
-    wheel: MeasuredWheel, seen: FirstPass, recording: RecordedFile, vehicle: VehicleConfig | None, *, from_file: bool
-) -> Iterator[Condition]:
+def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecording) -> Iterator[Condition]:
+    vehicle, info = recording.vehicle, recording.file.info
     by_sensor = text(Reason(Code.FROM_SENSOR))
-    stated = text(Reason(Code.FROM_CONFIGURATION if from_file else Code.FROM_RECORDING))
+    stated = text(Reason(Code.FROM_RECORDING if recording.config_path is None else Code.FROM_CONFIGURATION))
     setups = {setup.position: setup for setup in (vehicle.wheel_setups() if vehicle is not None else ())}
     setup = setups.get(wheel.position)
-    info = recording.info
     yield Condition("exported_by", f"treadlink {__version__}")
     yield Condition("recording", info.path.name)
     if info.treadlink:

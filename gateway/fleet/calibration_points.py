@@ -11,13 +11,13 @@ from typing import Final
 import numpy as np
 
 from gateway.config.toml_writer import toml_text
-from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig, recorded_vehicle
+from gateway.config.vehicle import LoadCalibrationTable, Reference, VehicleConfig
 from gateway.errors import ConfigError, TreadlinkError
 from gateway.estimators.tire_data import SOFTENING_STD_PER_K, LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint
 from gateway.pipeline.results import RevolutionResult
 from gateway.recording.reader import RecordingReader
-from gateway.session.batch_estimation import estimate_items
+from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.signal.contact_edges import error_beyond_definition
 
 ESTIMATOR: Final = "weak-form"
@@ -36,22 +36,19 @@ def recording_points(
     """Estimate one recording and return its usable wheels; `on_left_out` gets the others with the reason."""
     reader = RecordingReader(path)
     try:
-        vehicle = recorded_vehicle(reader.vehicle_toml, str(path)) if reader.vehicle_toml else fallback
+        recording = open_recording(reader, None if reader.vehicle_toml else fallback, verifies=False)
     except ConfigError:
         if fallback is None:
             raise
-        vehicle = fallback
-    if vehicle is None:
+        recording = open_recording(reader, fallback, verifies=False)
+    if recording.vehicle is None:
         raise TreadlinkError(
             f"'{path}' contains no vehicle configuration", "Give one that states the loads: --config VEHICLE.toml."
         )
     wheels: dict[str, list[RevolutionResult]] = defaultdict(list)
-
-    def take(result: RevolutionResult) -> None:
+    for result in RecordingPass(recording, ("kinematic", ESTIMATOR), is_watched=False):
         if not positions or result.position in positions:
             wheels[result.position].append(result)
-
-    estimate_items(reader, vehicle, take, estimators=("kinematic", ESTIMATOR))
     points = []
     for position, results in wheels.items():
         point = _point(f"{path.name} {position}", results)

@@ -12,20 +12,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from firmware_protocol.block_decoder import FrameBatch
-from firmware_protocol.counters import LinkCounters
 from gateway import __version__
 from gateway.config.effects_file import check_effects, effects_doubts
-from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, Wheel, recorded_vehicle
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, Wheel
 from gateway.errors import ConfigError, OutputError, RecordingError, TreadlinkError
 from gateway.estimators.estimator import Revolution
 from gateway.estimators.revolution_block import RevolutionArrays
 from gateway.fleet.content_keys import settings_key
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.wheel_rows import WheelRow
-from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import (
     BeltLaminate,
@@ -41,13 +38,9 @@ from gateway.plugins import PluginGroup, installed
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.file_content import FileContent
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
-from gateway.security.guard import open_guard
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimate_items
-from gateway.session.missing_results import FrameCounts, missing_frames
 from gateway.session.provenance import Quantity, is_assumed
-from gateway.session.statement_watch import StatementWatch
-from gateway.session.wheel_identity import SensorsHeard, configured, positions
+from gateway.session.recording_pass import RecordingPass, open_recording
+from gateway.session.wheel_identity import configured
 from gateway.views.numbers import distinct_name
 from gateway.views.tables.campaign_columns import (
     RECORDING_HEAD,
@@ -265,24 +258,11 @@ def _failed(code: Code, message: str, remedy: str = "", *, final: bool) -> Estim
 class _Collector:
     """Takes the results of a recording and keeps the rows of its revolutions."""
 
-    def __init__(self, order: EstimationOrder, vehicle: VehicleConfig | None) -> None:
+    def __init__(self, order: EstimationOrder) -> None:
         self.wheels: dict[str, WheelRow] = {}
-        self.sensors = SensorsHeard()
-        self.statements = StatementWatch(positions(vehicle))
-        self.snapshots: tuple[WheelSnapshot, ...] = ()
         self.revolutions: PartFile | None = None
-        self.first_ns: int | None = None
-        self.last_ns = 0
         self._order = order
         self._held: dict[str, RevolutionResult] = {}
-
-    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
-        self.sensors.take(batch)
-        self.statements.batch(link, batch)
-        if arrivals_ns.size:
-            first, last = int(arrivals_ns.min()), int(arrivals_ns.max())
-            self.first_ns = first if self.first_ns is None else min(self.first_ns, first)
-            self.last_ns = max(self.last_ns, last)
 
     def result(self, result: RevolutionResult) -> None:
         row = self.wheels.get(result.position)
@@ -297,9 +277,6 @@ class _Collector:
             if held is not None and held.host_ns // _NS != result.host_ns // _NS:
                 self._write(held)
             self._held[result.position] = result
-
-    def states(self, wheels: tuple[WheelSnapshot, ...]) -> None:
-        self.snapshots = wheels
 
     def finish(self) -> None:
         for held in self._held.values():
@@ -333,46 +310,31 @@ class _Collector:
 def _estimate(order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estimated:
     settings = order.settings
     reader = RecordingReader(order.content.path)
-    vehicle = settings.vehicle
-    if vehicle is None and reader.vehicle_toml:
-        vehicle = recorded_vehicle(reader.vehicle_toml, str(order.content.path))
-    positions = {wheel.position for wheel in vehicle.wheel} if vehicle is not None else set()
+    recording = open_recording(reader, settings.vehicle, key_file=settings.key_file, on_position=on_bytes)
+    vehicle = recording.vehicle
     # Vehicles of a fleet differ in their wheels. Without a configuration there is none to compare with: refused.
-    effects = tuple(table for table in settings.effects if vehicle is None or table.position in positions)
+    effects = tuple(table for table in settings.effects if vehicle is None or configured(vehicle, table.position))
     check_effects(effects, vehicle)
-    guard = open_guard(vehicle, settings.key_file, remembers=False)
-    alarms = BatchAlarms(vehicle)
-    collected = _Collector(order, vehicle)
+    collected = _Collector(order)
+    estimation = RecordingPass(replace(recording, effects=effects), settings.estimators)
     try:
-        counters = estimate_items(
-            reader,
-            vehicle,
-            collected.result,
-            estimators=settings.estimators,
-            on_bytes=lambda _: on_bytes(reader.position),
-            guard=guard,
-            on_batch=collected.batch,
-            on_wheels=collected.states,
-            effects=effects,
-            alarms=alarms,
-        )
+        for result in estimation:
+            collected.result(result)
         collected.finish()
     except BaseException:
         collected.discard()
         raise
     if not order.content.is_unchanged():
         return Estimated(failure=Failure(Reason(Code.RECORDING_CHANGED), is_final=False), peak_bytes=_peak_bytes())
-    links = {link: FrameCounts(counted.frames, counted.refused) for link, counted in counters.items()}
-    if not any(counts.accepted for counts in links.values()):
-        notice = missing_frames(links)[0]
+    if not any(counted.frames for counted in estimation.links.values()):
+        notice = estimation.missing()[0]
         if reader.damage is not None:
             return _nothing_readable(reader.damage, notice.reason)
         final = notice.reason.code is Code.NO_FRAME_RECEIVED
         return Estimated(failure=Failure(notice.reason, is_final=final), peak_bytes=_peak_bytes())
-    if reader.damage is not None and not _heard(collected):
+    if reader.damage is not None and not _heard(collected, estimation):
         return _nothing_readable(reader.damage, Reason(Code.NO_SAMPLES))
-    doubts = effects_doubts(effects, vehicle)
-    return _recording_rows(order, reader, vehicle, collected, counters, alarms.finish(), doubts)
+    return _recording_rows(order, reader, vehicle, collected, estimation, effects_doubts(effects, vehicle))
 
 
 def _nothing_readable(damage: Reason, why: Reason) -> Estimated:
@@ -381,9 +343,9 @@ def _nothing_readable(damage: Reason, why: Reason) -> Estimated:
     return Estimated(failure=Failure(reason, REPAIR_REMEDY), damage=damage, peak_bytes=_peak_bytes())
 
 
-def _heard(collected: _Collector) -> list[str]:
+def _heard(collected: _Collector, estimation: RecordingPass) -> list[str]:
     """Return the wheels that sent samples; one that is configured and sent none has no row, but an alarm."""
-    heard = [state.position for state in collected.snapshots if state.counters.samples]
+    heard = [state.position for state in estimation.wheels if state.counters.samples]
     return list(dict.fromkeys([*collected.wheels, *heard]))
 
 
@@ -392,22 +354,19 @@ def _recording_rows(
     reader: RecordingReader,
     vehicle: VehicleConfig | None,
     collected: _Collector,
-    counters: dict[str, LinkCounters],
-    alarms: Sequence[AlarmRecord],
+    estimation: RecordingPass,
     doubts: Sequence[Notice],
 ) -> Estimated:
     """Write the rows of the recording's wheels and return what was made."""
     names, content = order.settings.columns, order.content
-    first_ns = collected.first_ns or 0
+    first_ns, last_ns = estimation.span_ns or (0, 0)
     start_ns = reader.info.start_ns if reader.info.start_ns else first_ns
-    states = {state.position: state for state in collected.snapshots}
-    own = _heard(collected)
+    states = {state.position: state for state in estimation.wheels}
+    own, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
     of_links = [alarm for alarm in alarms if alarm.position not in own]
-    sensors = {position: _sensor_text(collected.sensors.at(vehicle, position)) for position in own}
+    sensors = {position: _sensor_text(estimation.sensors.at(vehicle, position)) for position in own}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
-    for link, counted in counters.items():
-        collected.statements.counters(link, counted)
-    statements = collected.statements.found()
+    statements = estimation.statements.found()
     with PartFile(path, recording_columns(names), RECORDINGS, names) as part:
         for position in own:
             wheel = configured(vehicle, position)
@@ -425,11 +384,11 @@ def _recording_rows(
                 "sensor_id": sensors[position],
                 "start_utc": start_ns,
                 "begin_utc": first_ns,
-                "end_utc": max(collected.last_ns, first_ns),
-                "duration_s": (collected.last_ns - first_ns) * 1e-9,
-                "pressure_measured": collected.sensors.measures_pressure(vehicle, position),
-                "frames": sum(counted.frames for counted in counters.values()),
-                "frames_lost": sum(counted.lost for counted in counters.values()),
+                "end_utc": last_ns,
+                "duration_s": (last_ns - first_ns) * 1e-9,
+                "pressure_measured": estimation.sensors.measures_pressure(vehicle, position),
+                "frames": sum(counted.frames for counted in counters),
+                "frames_lost": sum(counted.lost for counted in counters),
                 "alarms": _json(
                     [
                         *({"position": alarm.position, **alarm_fields(alarm)} for alarm in mine),
@@ -455,7 +414,7 @@ def _recording_rows(
         parts=parts,
         rows=rows,
         wheels=tuple((position, sensors[position]) for position in collected.wheels),
-        revolutions=sum(state.counters.revolutions for state in collected.snapshots),
+        revolutions=sum(state.counters.revolutions for state in estimation.wheels),
         damage=reader.damage,
         peak_bytes=_peak_bytes(),
     )

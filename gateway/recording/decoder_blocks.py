@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,3 +65,40 @@ class LinkBlocks:
             yield batch, arrivals[np.minimum(place, len(arrivals) - 1)]
         # Only the last chunk of a block can still complete a frame of the next.
         del self._ends[:-1], self._arrivals_ns[:-1]
+
+
+class Gates(Protocol):
+    """Verification of frames, link by link."""
+
+    def gate(self, link: str) -> Gate:
+        """Return what admits the frames of a link."""
+        ...
+
+
+class DecodedLinks:
+    """Batch decoders of all links of a recording."""
+
+    def __init__(self, gates: Gates | None = None) -> None:
+        """Start before the first byte of each link; `gates` verifies every frame first, None to verify none."""
+        self._gates = gates
+        self._links: dict[str, LinkBlocks] = {}
+
+    @property
+    def counters(self) -> dict[str, LinkCounters]:
+        """Counts of the decoders so far, by link."""
+        return {name: blocks.counters for name, blocks in self._links.items()}
+
+    def add(self, chunk: Chunk) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
+        """Add a chunk; yield link, frames and arrival times of a block that is full. Batches as for `LinkBlocks`."""
+        blocks = self._links.get(chunk.link)
+        if blocks is None:
+            gate = self._gates.gate(chunk.link) if self._gates is not None else None
+            blocks = self._links[chunk.link] = LinkBlocks(chunk.link, gate)
+        for batch, arrivals_ns in blocks.add(chunk):
+            yield chunk.link, batch, arrivals_ns
+
+    def finish(self) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
+        """Yield the remaining batches of all links."""
+        for name, blocks in self._links.items():
+            for batch, arrivals_ns in blocks.finish():
+                yield name, batch, arrivals_ns

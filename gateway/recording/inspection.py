@@ -20,7 +20,7 @@ from firmware_protocol.wheel_limit import WheelLimit
 from gateway.io.bus_frames import has_frames, unpack
 from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
-from gateway.recording.decoder_blocks import LinkBlocks
+from gateway.recording.decoder_blocks import DecodedLinks
 from gateway.recording.mcap_layout import BUS_ENCODING, MAX_TIME_NS, RAW_ENCODING, link_items
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
@@ -201,15 +201,15 @@ def inspect_recording(
     """
     reader = RecordingReader(path)
     links: dict[str, LinkInspection] = {}
-    blocks: dict[str, LinkBlocks] = {}
+    decoded = DecodedLinks()
     events: list[LinkEvent] = []
     topics: Counter[str] = Counter()
     omitted = end_ns = 0
     last_heard_ns: dict[str, int] = {}
     ended: set[str] = set()
 
-    def count(link: str, batches: Iterator[tuple[FrameBatch, NDArray[np.int64]]]) -> None:
-        for batch, arrivals_ns in batches:
+    def count(batches: Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]) -> None:
+        for link, batch, arrivals_ns in batches:
             if on_batch is not None:
                 on_batch(link, batch)
             _count(links[link], batch, arrivals_ns)
@@ -243,13 +243,13 @@ def inspect_recording(
             if isinstance(item, BusFrames):
                 link.bus_frames += sum(1 for _ in unpack(item.data, item.host_ns))
                 continue
-            count(item.link, blocks.setdefault(item.link, LinkBlocks(item.link)).add(item))
+            count(decoded.add(item))
     for name in last_heard_ns.keys() - ended:
         silence_s = (end_ns - last_heard_ns[name]) * 1e-9
         links[name].longest_silence_s = max(links[name].longest_silence_s, silence_s)
-    for name, rest in blocks.items():
-        count(name, rest.finish())
-        links[name].counters = rest.counters
+    count(decoded.finish())
+    for name, counters in decoded.counters.items():
+        links[name].counters = counters
     return Inspection(reader.info, links, tuple(events), omitted, dict(topics), reader.damage)
 
 

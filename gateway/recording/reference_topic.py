@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Final
 
 from gateway.io.source import LinkItem
@@ -45,18 +46,18 @@ def reference_topic(position: str, name: str) -> str:
     return f"/wheel/{position}/reference/{name}"
 
 
-class ReferenceItems:
-    """Link items of a recording, whose references are collected in passing."""
+class ReferenceReader(RecordingReader):
+    """Reader of a recording that collects its references in passing."""
 
-    def __init__(self, reader: RecordingReader) -> None:
-        """Read from a recording."""
-        self._reader = reader
+    def __init__(self, path: Path | str) -> None:
+        """Read the recording's description; errors as for `RecordingReader`."""
+        super().__init__(path)
         self._found: dict[str, RecordedReference] = {}
         self._count = 0
 
-    def items(self) -> Iterator[LinkItem]:
-        """Yield chunks, link events and marks in file order."""
-        for message in self._reader.messages():
+    def items(self) -> Generator[LinkItem, None, None]:
+        """Yield chunks, frames of buses, link events and marks in file order, once."""
+        for message in self.messages():
             found = _TOPIC.fullmatch(message.channel.topic)
             if found is None:
                 yield from link_items(message)

@@ -2,24 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch
 from gateway.config.vehicle import Thresholds, VehicleConfig
+from gateway.estimators.estimator import Status
+from gateway.io.source import LinkEvent, LinkEventKind
 from gateway.pipeline.results import (
     Alarm,
     AlarmRecord,
     DiskRoom,
     LinkSnapshot,
+    RevolutionResult,
     Silence,
     SinkSnapshot,
     WheelSnapshot,
     WheelState,
 )
-from gateway.reasons import Code, Notice
+from gateway.pipeline.wheels import Pipeline
+from gateway.reasons import Code, Notice, Reason
 from gateway.session.alarm_log import AlarmLog
-from gateway.session.alarms import AlarmName, alarms, disk_alarm, present_values, sink_alarms, superseded
+from gateway.session.alarms import (
+    SILENCES,
+    THRESHOLDS,
+    AlarmKey,
+    AlarmName,
+    alarms,
+    disk_alarm,
+    has_wheel_limits,
+    present_values,
+    silent_alarms,
+    sink_alarms,
+    superseded,
+    threshold_alarms,
+)
 from gateway.session.silence import PositionOf, SilenceWatch
 from gateway.session.wheel_identity import sensor_ids
 
@@ -29,37 +52,46 @@ REVIEW_INTERVAL_NS: Final = 100_000_000
 """Interval of reviews, in the time of the frames."""
 # A link that was never open, or that has ended as it should, is no alarm in the history.
 _NORMAL_DOWN: Final = frozenset({Code.LINK_NOT_OPEN, Code.LINK_ENDED})
+_BUS_SLOT_NS: Final = 50_000_000
+_OF_STREAMS: Final = frozenset({*SILENCES, AlarmName.LINK})
+_OF_STREAMS_AND_LIMITS: Final = _OF_STREAMS | THRESHOLDS
 
 
-class AlarmWatch:
-    """Reviews the alarms ten times per second of the frames' time, and whenever something falls silent.
+class AlarmWatch(ABC):
+    """Reviews alarms ten times per second of the frames' time, and whenever something falls silent.
 
     Attributes:
+        thresholds: of the configuration.
         silence: takes the frames.
         log: history of the alarms.
-        sinks: present state of the live outputs.
-        disk: what is left of the disk of the recording, None when nothing is recorded.
-        witnesses: returns the alarms of what the vehicle's signals contradict.
     """
 
-    def __init__(self, vehicle: VehicleConfig | None, position_of: PositionOf, state: Callable[[], State]) -> None:
+    def __init__(
+        self,
+        vehicle: VehicleConfig | None,
+        position_of: PositionOf,
+        witnesses: Callable[[], Iterable[Alarm]] = tuple,
+        *,
+        logs: bool = True,
+    ) -> None:
         """Start without frames.
 
         Args:
-            vehicle: its thresholds, sensors and positions; None without any.
+            vehicle: its thresholds and positions; None without any.
             position_of: returns the wheel position of link, hub and wheel number.
-            state: returns the present snapshots of wheels and links, silence left out.
+            witnesses: returns the alarms of what the vehicle's signals contradict.
+            logs: whether alarms go to the program's log too.
         """
         self.thresholds = vehicle.thresholds if vehicle is not None else Thresholds()
         configured = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else []
         self.silence = SilenceWatch(position_of, configured, self.thresholds.silent_after_s)
-        self.log = AlarmLog()
-        self.sinks: tuple[SinkSnapshot, ...] = ()
-        self.disk: DiskRoom | None = None
-        self.witnesses: Callable[[], Iterable[Alarm]] = tuple
-        self._state = state
-        self._sensor_ids = sensor_ids(vehicle)
+        self.log = AlarmLog(logs=logs)
+        self._witnesses = witnesses
         self._review_due_ns: dict[str, int] = {}
+
+    @abstractmethod
+    def review(self) -> list[Notice]:
+        """Compare the present alarms with those before; return new notices."""
 
     def advance(self, link: str, now_ns: int) -> list[Notice]:
         """Bring a link to a time before its next frame is taken; return new notices."""
@@ -70,46 +102,212 @@ class AlarmWatch:
             notices += self.review()
         return notices
 
+    def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:
+        hubs, buses = self.silence.silent_hubs(), self.silence.silent_buses()
+        return silent_alarms(wheels, hubs, buses, several_links=several_links)
+
+    def _update(
+        self,
+        present: Iterable[Alarm],
+        wheels: Sequence[WheelSnapshot],
+        *,
+        several_links: bool,
+        values: Callable[[], Mapping[AlarmKey, Reason]] = dict,
+        covers: Callable[[AlarmKey], bool] = lambda _: True,
+    ) -> list[Notice]:
+        """Take the present alarms of wheels with their silences; return new notices."""
+        hidden = superseded(
+            wheels,
+            self.silence.silent_hubs(of_down_links=True),
+            self.silence.silent_buses(of_down_links=True),
+            several_links=several_links,
+        )
+        return self.log.update(present, self.silence.elapsed_s(), hidden=hidden, values=values, covers=covers)
+
+
+class SessionAlarms(AlarmWatch):
+    """Alarms of a session, from its present state.
+
+    Attributes:
+        sinks: present state of the live outputs.
+        disk: what is left of the disk of the recording, None when nothing is recorded.
+    """
+
+    def __init__(
+        self,
+        vehicle: VehicleConfig | None,
+        position_of: PositionOf,
+        state: Callable[[], State],
+        witnesses: Callable[[], Iterable[Alarm]] = tuple,
+    ) -> None:
+        """Start without frames; `state` returns the present snapshots of wheels and links, silence left out."""
+        super().__init__(vehicle, position_of, witnesses)
+        self.sinks: tuple[SinkSnapshot, ...] = ()
+        self.disk: DiskRoom | None = None
+        self._state = state
+        self._sensor_ids = sensor_ids(vehicle)
+
+    def take_sinks(self, sinks: tuple[SinkSnapshot, ...]) -> None:
+        """Take the present state of the live outputs."""
+        self.sinks = sinks
+
+    def take_disk(self, room: DiskRoom | None) -> None:
+        """Take what is left of the disk of the recording."""
+        self.disk = room
+
     def review(self) -> list[Notice]:
         """Compare the present alarms with those before; return new notices."""
         wheels, links = self._state()
         wheels = self.with_silences(wheels)
-        present = [alarm for alarm in self.alarms(wheels, links) if not _is_normal(alarm)]
-        return self.log.update(
-            present,
-            self.silence.elapsed_s(),
-            hidden=superseded(
-                wheels,
-                self.silence.silent_hubs(of_down_links=True),
-                self.silence.silent_buses(of_down_links=True),
-                several_links=len(links) > 1,
-            ),
+        return self._update(
+            [alarm for alarm in self.alarms(wheels, links) if not _is_normal(alarm)],
+            wheels,
+            several_links=len(links) > 1,
             values=lambda: present_values(wheels, links, self.thresholds),
         )
 
     def alarms(self, wheels: Sequence[WheelSnapshot], links: Sequence[LinkSnapshot]) -> tuple[Alarm, ...]:
         """Return the present alarms of wheels, with their silences, of links and of live outputs."""
         standing = self.log.standing()
-        found = alarms(
-            wheels,
-            links,
-            self.thresholds,
-            self._sensor_ids,
-            silent_hubs=self.silence.silent_hubs(),
-            silent_buses=self.silence.silent_buses(),
-            standing=standing,
-        )
+        present = alarms(wheels, links, self.thresholds, self._sensor_ids, standing=standing)
         of_disk = disk_alarm(self.disk, standing)
-        return (*found, *self.witnesses(), *sink_alarms(self.sinks), *of_disk)
-
-    def records(self) -> tuple[AlarmRecord, ...]:
-        """Return the history of every alarm."""
-        return self.log.records()
+        return (*self._silent(wheels, len(links) > 1), *present, *self._witnesses(), *sink_alarms(self.sinks), *of_disk)
 
     def with_silences(self, wheels: Sequence[WheelSnapshot]) -> tuple[WheelSnapshot, ...]:
         """Return wheels with what is silent of them."""
         found = self.silence.of_wheels()
         return tuple(silenced(wheel, found[wheel.position]) if wheel.position in found else wheel for wheel in wheels)
+
+
+class RecordingAlarms(AlarmWatch):
+    """Alarms of a pass over a recording: silence frame by frame, thresholds by result, faults block by block."""
+
+    def __init__(
+        self,
+        vehicle: VehicleConfig | None,
+        pipeline: Pipeline,
+        witnesses: Callable[[], Iterable[Alarm]] = tuple,
+        *,
+        logs: bool = True,
+    ) -> None:
+        """Start without frames; `pipeline` names the wheels and knows their sensors."""
+        super().__init__(vehicle, pipeline.position, witnesses, logs=logs)
+        self._pipeline = pipeline
+        self._has_limits = has_wheel_limits(self.thresholds)
+        self._events: dict[str, deque[LinkEvent]] = {}
+        # Ends and lengths of the pauses of the computer that recorded, and how many of them each link has passed.
+        self._pauses: list[tuple[int, int]] = []
+        self._passed: Counter[str] = Counter()
+        # Arrivals of frames of vehicle buses that are later than the frames of hubs taken so far.
+        self._arrivals_ns: dict[str, deque[int]] = {}
+
+    def event(self, event: LinkEvent) -> None:
+        """Take a change of a link; it takes effect before the first frame that arrived later."""
+        if event.is_of_link:
+            self._events.setdefault(event.link, deque()).append(event)
+        elif event.pause_ns is not None:
+            self._pauses.append((event.host_ns, event.pause_ns))
+
+    def bus(self, link: str, host_ns: int) -> None:
+        """Take the arrival of frames of a vehicle bus; it takes effect before the first frame of a hub after it."""
+        arrivals_ns = self._arrivals_ns.setdefault(link, deque())
+        # Arrivals within a slot count as one, and many wait for the frames of a hub's block.
+        if len(arrivals_ns) > 1 and 0 <= host_ns - arrivals_ns[-2] < _BUS_SLOT_NS:
+            arrivals_ns[-1] = host_ns
+        else:
+            arrivals_ns.append(host_ns)
+
+    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+        """Take a block of frames before its results."""
+        for host_ns, frame in self.silence.thinned(batch, arrivals_ns):
+            self._take_buses(host_ns)
+            self._take_events(link, host_ns)
+            self.advance(link, host_ns)
+            if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
+                self.silence.heard(link, frame, host_ns)
+        self.review()
+
+    def result(self, result: RevolutionResult) -> RevolutionResult:
+        """Take a result; return it with the alarms that stand at its wheel and the silence before it."""
+        position = result.position
+        at_s = self.silence.since_begin_s(result.host_ns)
+        if self._has_limits:
+            wheel = _as_snapshot(result)
+            self.log.update(
+                threshold_alarms(wheel, self.thresholds, self.log.standing()),
+                at_s,
+                values=lambda: present_values([wheel], [], self.thresholds),
+                covers=lambda key: key[0] == position and key[1] in THRESHOLDS,
+            )
+        silent_s = self.silence.ended_before_s(position, result.host_ns)
+        standing = self.log.standing_at(position, at_s)
+        if standing == result.alarms and silent_s == result.silent_before_s:
+            return result
+        return replace(result, alarms=standing, silent_before_s=silent_s)
+
+    def end_of_block(self) -> None:
+        """Take the faults of sensors after the results of a block."""
+        wheels = self._pipeline.wheels()
+        flags = [Alarm(wheel.position, flag.name, flag.reason) for wheel in wheels for flag in wheel.flags]
+        flags += self._witnesses()
+        self.log.update(flags, self.silence.elapsed_s(), covers=lambda key: key[1] not in _OF_STREAMS_AND_LIMITS)
+
+    def finish(self) -> tuple[AlarmRecord, ...]:
+        """Return the history of every alarm, with the silences that last to the end of the recording."""
+        waiting_ns = [arrivals_ns[-1] for arrivals_ns in self._arrivals_ns.values() if arrivals_ns]
+        end_ns = max([self.silence.newest_ns(), *waiting_ns])
+        self._take_buses(end_ns)
+        for link in list(self._events):
+            self._take_events(link, end_ns)
+        for link in self.silence.links():
+            self.advance(link, end_ns)
+        self.review()
+        self.end_of_block()
+        return self.log.records()
+
+    def review(self) -> list[Notice]:
+        """Compare the present alarms of links and streams with those before; return new notices."""
+        several = len(self.silence.links()) > 1
+        wheels = [WheelSnapshot(position, silences=silences) for position, silences in self.silence.of_wheels().items()]
+        present = [*self._link_alarms(), *self._silent(wheels, several)]
+        return self._update(present, wheels, several_links=several, covers=lambda key: key[1] in _OF_STREAMS)
+
+    def advance(self, link: str, now_ns: int) -> list[Notice]:
+        """Bring a link to a time before its next frame is taken, over the pauses before it; return new notices."""
+        notices: list[Notice] = []
+        while self._passed[link] < len(self._pauses):
+            end_ns, pause_ns = self._pauses[self._passed[link]]
+            if end_ns > now_ns:
+                break
+            self._passed[link] += 1
+            notices += [notice for _ in self.silence.changes(link, end_ns - pause_ns) for notice in self.review()]
+            self.silence.paused(link, pause_ns, end_ns)
+        return notices + super().advance(link, now_ns)
+
+    def _take_buses(self, until_ns: int) -> None:
+        for link, arrivals_ns in self._arrivals_ns.items():
+            while arrivals_ns and arrivals_ns[0] <= until_ns:
+                host_ns = arrivals_ns.popleft()
+                self._take_events(link, host_ns)
+                self.advance(link, host_ns)
+                self.silence.bus(link, host_ns)
+            self._take_events(link, until_ns)
+            self.advance(link, until_ns)
+
+    def _take_events(self, link: str, until_ns: int) -> None:
+        events = self._events.get(link)
+        while events and events[0].host_ns <= until_ns:
+            event = events.popleft()
+            self.advance(link, event.host_ns)
+            if event.kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED):
+                self.silence.opened(link, event.host_ns)
+            elif event.kind is not LinkEventKind.ENDED:
+                self.silence.closed(link, event.host_ns, event.reason)
+            self.review()
+
+    def _link_alarms(self) -> Iterator[Alarm]:
+        for link, state in self.silence.down_links():
+            yield Alarm(link, AlarmName.LINK, Reason(Code.LINK_DOWN, state=state))
 
 
 def silenced(wheel: WheelSnapshot, silences: tuple[Silence, ...]) -> WheelSnapshot:
@@ -121,3 +319,21 @@ def silenced(wheel: WheelSnapshot, silences: tuple[Silence, ...]) -> WheelSnapsh
 
 def _is_normal(alarm: Alarm) -> bool:
     return alarm.name == AlarmName.LINK and any(reason.code in _NORMAL_DOWN for reason in alarm.reason)
+
+
+def _as_snapshot(result: RevolutionResult) -> WheelSnapshot:
+    """Return the state of a wheel at the end of a revolution, as far as thresholds need it."""
+    conditions = result.conditions
+    valid = {estimate.name: estimate for estimate in result.estimates if estimate.status is not Status.INVALID}
+    load_n = conditions.load_n
+    if load_n is None and "load_n" in valid:
+        load_n = valid["load_n"].value
+    return WheelSnapshot(
+        result.position,
+        state=WheelState.ROLLING,
+        last=result,
+        pressure_pa=conditions.pressure_pa,
+        temperature_degc=conditions.temperature_degc,
+        load_n=load_n,
+        wear_mm=valid.get("wear_mm"),
+    )

@@ -73,29 +73,42 @@ def alarms(
     thresholds: Thresholds,
     sensor_ids: Mapping[str, str] | None = None,
     *,
-    silent_hubs: Iterable[SilentHub] = (),
-    silent_buses: Iterable[tuple[str, float]] = (),
     standing: Mapping[AlarmKey, Code] = NONE_STANDING,
 ) -> tuple[Alarm, ...]:
-    """Return the present alarms: silence first, then those of wheels and links.
+    """Return the present alarms of wheels and links, without those of silence.
 
     Args:
         wheels: latest state of the wheels.
         links: latest state of the links.
         thresholds: of the configuration.
         sensor_ids: configured sensors, hex text by position.
-        silent_hubs: hubs that send no frame.
-        silent_buses: links of vehicle buses without a frame, with the age of the last one.
         standing: alarms that stood before, with the codes of their reasons.
     """
     found = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds, standing)]
     misplaced = _misplaced_sensors(wheels, sensor_ids or {})
     of_links = [alarm for link in links for alarm in _link_alarms(link, thresholds, standing)]
-    silent = [*hub_alarms(silent_hubs, len(links) > 1), *silence_alarms(wheels), *bus_alarms(silent_buses)]
-    return (*silent, *found, *misplaced, *of_links)
+    return (*found, *misplaced, *of_links)
 
 
-def hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterator[Alarm]:
+def silent_alarms(
+    wheels: Iterable[WheelSnapshot],
+    silent_hubs: Iterable[SilentHub],
+    silent_buses: Iterable[tuple[str, float]],
+    *,
+    several_links: bool,
+) -> tuple[Alarm, ...]:
+    """Return the present alarms of silence.
+
+    Args:
+        wheels: with their silences.
+        silent_hubs: hubs that send no frame.
+        silent_buses: links of vehicle buses without a frame, with the age of the last one.
+        several_links: whether hubs are named with their links.
+    """
+    return (*_hub_alarms(silent_hubs, several_links), *_wheel_silences(wheels), *_bus_alarms(silent_buses))
+
+
+def _hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterator[Alarm]:
     """Yield the alarm of each silent hub; hubs of different links may have the same number."""
     for silent in silent_hubs:
         name = hub_name(silent.hub) + (f" on {silent.link}" if several_links else "")
@@ -103,13 +116,13 @@ def hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterato
         yield Alarm(name, AlarmName.SILENT, reason)
 
 
-def bus_alarms(silent_buses: Iterable[tuple[str, float]]) -> Iterator[Alarm]:
+def _bus_alarms(silent_buses: Iterable[tuple[str, float]]) -> Iterator[Alarm]:
     """Yield the alarm of each silent vehicle bus, from its link and the age of its last frame."""
     for link, age_s in silent_buses:
         yield Alarm(link, AlarmName.SILENT, Reason(Code.BUS_SILENT, silence_s=age_s))
 
 
-def silence_alarms(wheels: Iterable[WheelSnapshot]) -> Iterator[Alarm]:
+def _wheel_silences(wheels: Iterable[WheelSnapshot]) -> Iterator[Alarm]:
     """Yield the alarms of silent sensors, axes and environments; a link or a hub that is silent has its own."""
     for wheel in wheels:
         for silence in wheel.silences:
@@ -151,7 +164,7 @@ def superseded(
     several_links: bool = False,
 ) -> frozenset[AlarmKey]:
     """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
-    of_down_links = (*hub_alarms(hubs_of_down_links, several_links), *bus_alarms(buses_of_down_links))
+    of_down_links = (*_hub_alarms(hubs_of_down_links, several_links), *_bus_alarms(buses_of_down_links))
     hidden = {(alarm.position, alarm.name) for alarm in of_down_links}
     for wheel in wheels:
         silence = wheel.silence

@@ -15,21 +15,18 @@ from firmware_protocol.messages import Axis, Hello, MessageType
 from gateway.closure.data.campaign_data import Group, Remark, Repeats
 from gateway.closure.data.group_statistics import Declared, make_groups
 from gateway.closure.data.revolution_orders import RevolutionStore
-from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel, recorded_vehicle
+from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig, Wheel
 from gateway.constants import AXIS_NAMES
 from gateway.errors import ConfigError
-from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.pipeline.results import AlarmRecord, RevolutionResult
 from gateway.pipeline.revolution import SensorReading
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.reader import RecordingReader
-from gateway.security.guard import open_guard
 from gateway.session.alarms import SILENCES, THRESHOLDS, AlarmName
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign_clock import UNKNOWN, HubClockError
 from gateway.session.provenance import Quantity, assumed_conditions, is_assumed, stated_conditions
-from gateway.session.statement_watch import StatementWatch
-from gateway.session.wheel_identity import SensorsHeard, configured, positions, wheel_address
+from gateway.session.recording_pass import OpenedRecording, RecordingPass, open_recording
+from gateway.session.wheel_identity import SensorsHeard, configured, wheel_address
 from gateway.signal.bridged_gaps import BridgedGaps
 from gateway.signal.repeated_samples import RepeatedSamples
 from gateway.views.wording import notice_text
@@ -121,47 +118,37 @@ class RecordingRead:
     tire: str = ""
 
 
-class _SeveralWheelsError(Exception):
-    """Reading on is pointless, as a wheel must be chosen first."""
-
-
 class _Collector:
-    """Collects the revolutions of one wheel, and what the frames say of sensors and clocks."""
+    """Collects the revolutions of one wheel, and what the frames say of clocks and samples."""
 
-    def __init__(self, order: ReadOrder, vehicle: VehicleConfig | None) -> None:
+    def __init__(self, order: ReadOrder) -> None:
         self.wheels: dict[str, int] = {}
         self.store = RevolutionStore(order.reverse)
         self.last: RevolutionResult | None = None
         self.clock = HubClockError()
-        self.sensors = SensorsHeard()
-        self.statements = StatementWatch(positions(vehicle))
         self.links: set[str] = set()
         self.repeated: dict[tuple[int, int], RepeatedSamples] = {}
         self.bridged: dict[tuple[int, int], BridgedGaps] = {}
         self._next_sample: dict[tuple[int, int], int] = {}
         self.readings: dict[tuple[int, int], SensorReading] = {}
-        self.saturated: dict[str, int] = {}
         self._wheel = order.wheel
         self._naming = _NAMING_REVOLUTIONS
 
-    def result(self, result: RevolutionResult) -> None:
+    def result(self, result: RevolutionResult) -> bool:
+        """Take a revolution; return False where reading on is pointless, as a wheel must be chosen first."""
         self.wheels[result.position] = self.wheels.get(result.position, 0) + 1
         if self._wheel is None and len(self.wheels) > 1:
             self._naming -= 1
             if self._naming < 0:
-                raise _SeveralWheelsError
+                return False
         if result.position == (self._wheel or next(iter(self.wheels))):
             self.store.take(result.revolution, result.conditions, result.host_ns)
             self.last = result
+        return True
 
-    def at_end(self, wheels: Iterable[WheelSnapshot]) -> None:
-        self.saturated = {wheel.position: wheel.counters.samples_saturated for wheel in wheels}
-
-    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
+    def block(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         self.links.add(link)
         self.clock.take(link, batch, arrivals_ns)
-        self.sensors.take(batch)
-        self.statements.batch(link, batch)
         for hub, number, places in batch.by_source():
             for place in places[batch.type[places] == MessageType.HELLO].tolist():
                 hello = batch.message(place)
@@ -227,50 +214,29 @@ def read_recording(order: ReadOrder, on_position: Callable[[int], None] | None =
         TreadlinkError: the file, its configuration or the keys cannot be read.
     """
     reader = RecordingReader(order.path)
-    vehicle = order.vehicle
-    if vehicle is None and reader.vehicle_toml:
-        vehicle = recorded_vehicle(reader.vehicle_toml, str(order.path))
-    collected = _Collector(order, vehicle)
-    report = on_position or (lambda _: None)
-    # Notes of the diagnosis report them.
-    alarms = BatchAlarms(vehicle, logs=False)
-    guard = open_guard(vehicle, order.key_file, remembers=False)
-    try:
-        estimate_items(
-            reader,
-            vehicle,
-            collected.result,
-            estimators=(),
-            on_bytes=lambda _: report(reader.position),
-            guard=guard,
-            on_batch=collected.batch,
-            on_wheels=collected.at_end,
-            alarms=alarms,
-        )
-    except _SeveralWheelsError:
-        return RecordingRead(tuple(collected.wheels))
-    report(reader.info.size_bytes)
+    recording = open_recording(reader, order.vehicle, key_file=order.key_file, on_position=on_position)
+    collected = _Collector(order)
+    # Notes of the diagnosis report the alarms.
+    reading = RecordingPass(recording, (), logs_alarms=False, on_block=collected.block)
+    for result in reading:
+        if not collected.result(result):
+            return RecordingRead(tuple(collected.wheels))
+    if on_position is not None:
+        on_position(reader.info.size_bytes)
     wheels = tuple(collected.wheels)
-    of_guard = tuple(guard.take_notices()) if guard is not None else ()
     last = collected.last
     if last is None or (order.wheel is None and len(wheels) > 1):
-        notices = (*of_guard, *collected.sensors.mismatches(vehicle, wheels), *collected.statements.found())
-        return RecordingRead(wheels, damage=reader.damage, notices=notices)
-    mismatches = tuple(collected.sensors.mismatches(vehicle, [last.position]))
-    wheel = configured(vehicle, last.position)
+        return RecordingRead(wheels, damage=reader.damage, notices=tuple(reading.notices(wheels)))
     if order.vehicle is not None:
-        sensors = collected.sensors.at(vehicle, last.position)
-        _check_sensor(order, wheel, sensors, mismatches, has_own=bool(reader.vehicle_toml))
-    notices = (*(of_guard or mismatches), *collected.statements.found())
-    faults = _faults(alarms.finish(), last.position)
-    return _reduced(order, collected, last, vehicle, faults, damage=reader.damage, notices=notices)
+        _check_sensor(order, reading.sensors, last.position, has_own=bool(reader.vehicle_toml))
+    return _reduced(order, recording, reading, collected, last)
 
 
-def _check_sensor(
-    order: ReadOrder, wheel: Wheel | None, sensors: frozenset[int], mismatches: tuple[Notice, ...], *, has_own: bool
-) -> None:
+def _check_sensor(order: ReadOrder, sensors: SensorsHeard, position: str, *, has_own: bool) -> None:
     """Raise ConfigError when the given configuration names another sensor than the recording is of."""
-    if wheel is None or not mismatches or wheel.sensor_number in sensors:
+    wheel = configured(order.vehicle, position)
+    mismatches = tuple(sensors.mismatches(order.vehicle, [position]))
+    if wheel is None or not mismatches or wheel.sensor_number in sensors.at(order.vehicle, position):
         return
     found = "; ".join(map(notice_text, mismatches))
     remedy = "Give the configuration of this wheel, or correct the sensor_id in it."
@@ -282,16 +248,14 @@ def _check_sensor(
 
 def _reduced(
     order: ReadOrder,
+    recording: OpenedRecording,
+    reading: RecordingPass,
     collected: _Collector,
     last: RevolutionResult,
-    vehicle: VehicleConfig | None,
-    faults: tuple[Reason, ...],
-    *,
-    damage: Reason | None,
-    notices: tuple[Notice, ...],
 ) -> RecordingRead:
-    """Return the recording as groups; `last` is the last revolution of the wheel, `faults` those of its sensor."""
-    position = last.position
+    """Return the recording as groups; `last` is the last revolution of the wheel."""
+    position, vehicle = last.position, recording.vehicle
+    faults = _faults(reading.alarms(), position)
     wheel = configured(vehicle, position)
     store = collected.store
     # Where one axis is another, so may be the third; the steady value proves the radial one.
@@ -309,7 +273,7 @@ def _reduced(
         remarks.append(Reason(Code.AXES_LEFT_OUT, axes=tuple(AXIS_NAMES[axis] for axis in _NOT_RADIAL)))
     if (clipped := int(table["cut_off"].sum())) > 0:
         remarks.append(Reason(Code.REVOLUTIONS_CLIPPED, count=clipped, total=len(table)))
-    elif saturated := collected.saturated.get(position, 0):
+    elif saturated := sum(one.counters.samples_saturated for one in reading.wheels if one.position == position):
         remarks.append(Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
     if _is_doubted(faults, wheel):
         groups = [replace(group, sensor_doubted=True) for group in groups]
@@ -319,7 +283,7 @@ def _reduced(
         groups = [replace(group, repeats=repeats) for group in groups]
         share = repeats.samples / repeats.total
         remarks.append(Reason(Code.SAMPLES_STUCK, runs=repeats.runs, samples=repeats.samples, share=share))
-    sensors = collected.sensors.at(vehicle, position)
+    sensors = reading.sensors.at(vehicle, position)
     if (bridges := collected.bridges(address)) is not None:
         remarks.append(bridges)
     return RecordingRead(
@@ -336,11 +300,11 @@ def _reduced(
             wheel,
             groups,
             Code.FROM_RECORDING if order.vehicle is None else Code.FROM_CONFIGURATION,
-            pressure_measured=collected.sensors.measures_pressure(vehicle, position),
+            pressure_measured=reading.sensors.measures_pressure(vehicle, position),
         ),
-        damage=damage,
+        damage=recording.file.damage,
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
-        notices=notices,
+        notices=tuple(reading.notices([position])),
         remarks=tuple(remarks),
         vehicle=vehicle.name if vehicle is not None else "",
         tire=(vehicle.tire_of(wheel).size or "") if vehicle is not None and wheel is not None else "",

@@ -32,7 +32,7 @@ from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason, codes_of
 from gateway.security.guard import Guard
-from gateway.session.alarm_watch import AlarmWatch, State
+from gateway.session.alarm_watch import SessionAlarms, State
 from gateway.session.commands import refusal
 from gateway.session.disk_watch import disk_notices
 from gateway.session.hub_log import HubLog
@@ -144,9 +144,8 @@ class SessionCore:
         self._configured = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
         self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
-        self._alarms = AlarmWatch(vehicle, self._pipeline.position, self._state)
-        if self._join is not None:
-            self._alarms.witnesses = self._join.alarms
+        witnesses = self._join.alarms if self._join is not None else tuple
+        self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, witnesses)
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
         for notice in (*effects_notices(effects, vehicle), *self._watch.take_notices()):
@@ -180,7 +179,7 @@ class SessionCore:
 
     def publishes_to(self, sinks: tuple[SinkSnapshot, ...]) -> None:
         """Set the present state of the live outputs, for alarms and snapshots."""
-        self._alarms.sinks = sinks
+        self._alarms.take_sinks(sinks)
 
     def watches_disk(self, room: DiskRoom | None) -> None:
         """Set what is left of the disk of the recording, for alarms and snapshots; say it once."""
@@ -189,7 +188,7 @@ class SessionCore:
         if room is not None:
             for notice in disk_notices(self._alarms.disk, room):
                 self.notify(notice)
-        self._alarms.disk = room
+        self._alarms.take_disk(room)
 
     def add_link(self, name: str) -> None:
         """Show a link before its first item."""
@@ -449,7 +448,7 @@ class SessionCore:
         if self.recorder is not None:
             self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
         found = self._alarms.alarms(wheels, links) if not ended else ()
-        notices, records = tuple(self._notices), self._alarms.records()
+        notices, records = tuple(self._notices), self._alarms.log.records()
         sinks = self._alarms.sinks
         disk = self._alarms.disk
         return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records, sinks, disk)

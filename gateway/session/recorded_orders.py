@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gateway.config.effects_file import effects_doubts
-from gateway.config.vehicle import choose_vehicle
 from gateway.errors import RecordingError
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason
 from gateway.recording.recorded_file import open_recorded_file
-from gateway.security.guard import open_guard
-from gateway.session.effects_opening import open_effects
 from gateway.session.recorded_signals import revolutions
+from gateway.session.recording_pass import open_recording
 from gateway.signal.mean_revolution import MeanOfRevolutions
 from gateway.signal.order_statistics import OrderAccumulator
 from gateway.views.orders.wheel_orders import WheelOrders
@@ -82,26 +80,24 @@ def recorded_orders(
         RecordingError: the file cannot be read, or no wheel has a usable revolution.
         ConfigError: the configuration or the effects cannot be read.
     """
-    recording = open_recorded_file(path)
-    vehicle = choose_vehicle(config_path, [recording.vehicle_toml], str(path))
-    effects = open_effects(effects_paths, vehicle)
-    found: dict[str, _Wheel] = {}
-    results = revolutions(
-        recording,
-        vehicle,
-        wheels=tuple(wheels) or None,
-        effects=effects,
-        guard=open_guard(vehicle, key_file, remembers=False),
-        on_bytes=lambda _: on_progress(recording.position / max(recording.info.size_bytes, 1)),
+    file = open_recorded_file(path)
+    recording = open_recording(
+        file,
+        config_path,
+        effects_paths=effects_paths,
+        key_file=key_file,
+        on_position=lambda position: on_progress(position / max(file.info.size_bytes, 1)),
     )
-    for result in results:
+    vehicle = recording.vehicle
+    found: dict[str, _Wheel] = {}
+    for result in revolutions(recording, wheels=tuple(wheels) or None):
         wheel = found.get(result.position)
         if wheel is None:
             radius_m = result.conditions.radius_m
             wheel = found[result.position] = _Wheel(radius_m, OrderAccumulator(speed_step_mps / radius_m))
         wheel.add(result)
     orders = []
-    doubts = effects_doubts(effects, vehicle)
+    doubts = effects_doubts(recording.effects, vehicle)
     for position, wheel in found.items():
         statistics, mean = wheel.orders.statistics(), wheel.mean.mean()
         if statistics is not None and mean is not None:
@@ -114,4 +110,4 @@ def recorded_orders(
             f"'{path}' has no usable revolution{of}", f"`treadlink estimate {path}` lists the reasons."
         )
     order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
-    return RecordedOrders(tuple(sorted(orders, key=lambda one: order.get(one.wheel, len(order)))), recording.damage)
+    return RecordedOrders(tuple(sorted(orders, key=lambda one: order.get(one.wheel, len(order)))), file.damage)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from bisect import insort
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
@@ -22,14 +22,11 @@ from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
 from gateway.config.vehicle import VehicleConfig
-from gateway.io.source import Chunk
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.revolution import SensorReading
 from gateway.pipeline.timebase import HostClock, SampleClock
-from gateway.pipeline.wheel_setup import CorrectionTable
-from gateway.recording.decoder_blocks import LinkBlocks
-from gateway.security.guard import Guard
-from gateway.session.batch_estimation import Items, estimated_results
+from gateway.recording.decoder_blocks import DecodedLinks
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.session.wheel_identity import positions
 from gateway.types import BoolArray, FloatArray
 
@@ -142,19 +139,13 @@ class Survey:
     last_ns: int
 
 
-def survey(
-    source: Items,
-    vehicle: VehicleConfig | None,
-    *,
-    guard: Guard | None = None,
-    on_bytes: Callable[[int], None] | None = None,
-) -> Survey:
-    """Return what a recording holds; arguments and errors as for `signals`."""
-    names = _Names(vehicle)
+def survey(recording: OpenedRecording) -> Survey:
+    """Return what a recording holds; errors as for `signals`."""
+    names = _Names(recording.vehicle)
     heard: dict[str, HeardWheel] = {}
-    links: dict[str, LinkBlocks] = {}
+    links = DecodedLinks(recording.guard())
     first_ns = last_ns = 0
-    for link, batch, arrivals_ns in _batches(source, links, guard, on_bytes):
+    for link, batch, arrivals_ns in recording.blocks(links):
         first_ns, last_ns = first_ns or int(arrivals_ns[0]), max(last_ns, int(arrivals_ns[-1]))
         is_used = names.used(link, batch)
         for hub, number, places in batch.by_source():
@@ -172,96 +163,46 @@ def survey(
                 heard[names.name(link, group.hub, group.wheel)].samples += group.counts.shape[0] * group.counts.shape[1]
     order = {name: place for place, name in enumerate(names.configured.values())}
     found = sorted(heard.values(), key=lambda wheel: order.get(wheel.wheel, len(order)))
-    counters = {name: blocks.counters for name, blocks in links.items()}
-    return Survey({wheel.wheel: wheel for wheel in found}, counters, first_ns, last_ns)
+    return Survey({wheel.wheel: wheel for wheel in found}, links.counters, first_ns, last_ns)
 
 
-def _batches(
-    source: Items, links: dict[str, LinkBlocks], guard: Guard | None, on_bytes: Callable[[int], None] | None
-) -> Iterator[tuple[str, FrameBatch, NDArray[np.int64]]]:
-    """Yield the frames of all links in blocks, with their arrival times; `links` gets the decoders."""
-    for item in source.items():
-        if not isinstance(item, Chunk):
-            continue
-        blocks = links.get(item.link)
-        if blocks is None:
-            gate = guard.gate(item.link) if guard is not None else None
-            blocks = links[item.link] = LinkBlocks(item.link, gate)
-        if on_bytes is not None:
-            on_bytes(len(item.data))
-        for batch, arrivals_ns in blocks.add(item):
-            yield item.link, batch, arrivals_ns
-    for name, blocks in links.items():
-        for batch, arrivals_ns in blocks.finish():
-            yield name, batch, arrivals_ns
-
-
-def signals(
-    source: Items,
-    vehicle: VehicleConfig | None,
-    *,
-    wheels: Collection[str] | None = None,
-    guard: Guard | None = None,
-    on_bytes: Callable[[int], None] | None = None,
-) -> Iterator[SignalItem]:
+def signals(recording: OpenedRecording, *, wheels: Collection[str] | None = None) -> Iterator[SignalItem]:
     """Yield the samples and the environment readings of a recording, in order of time for each wheel and kind.
 
     Samples that arrive before the sensor has stated their scale are left out, as in the estimates.
 
     Args:
-        source: a recording or dump.
-        vehicle: names the wheels; None for names from their numbers.
+        recording: recording or dump; its configuration names the wheels, None for names from their numbers.
         wheels: positions to read, None for all.
-        guard: verifies every frame first; None when signatures are not checked.
-        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
 
     Raises:
         RecordingError: the file cannot be read.
+        SecurityError: the keys cannot be read.
     """
-    router = _Router(vehicle, wheels)
-    for link, batch, arrivals_ns in _batches(source, {}, guard, on_bytes):
+    router = _Router(recording.vehicle, wheels)
+    for link, batch, arrivals_ns in recording.verified_blocks():
         yield from router.batch(link, batch, arrivals_ns)
     yield from router.finish()
 
 
-def sample_blocks(
-    source: Items,
-    vehicle: VehicleConfig | None,
-    *,
-    wheels: Collection[str] | None = None,
-    guard: Guard | None = None,
-    on_bytes: Callable[[int], None] | None = None,
-) -> Iterator[SignalBlock]:
+def sample_blocks(recording: OpenedRecording, *, wheels: Collection[str] | None = None) -> Iterator[SignalBlock]:
     """Yield the samples of a recording; arguments and errors as for `signals`."""
-    for item in signals(source, vehicle, wheels=wheels, guard=guard, on_bytes=on_bytes):
+    for item in signals(recording, wheels=wheels):
         if isinstance(item, SignalBlock):
             yield item
 
 
 def revolutions(
-    source: Items,
-    vehicle: VehicleConfig | None,
-    *,
-    wheels: Collection[str] | None = None,
-    estimators: Sequence[str] = (),
-    effects: Sequence[CorrectionTable] = (),
-    guard: Guard | None = None,
-    on_bytes: Callable[[int], None] | None = None,
+    recording: OpenedRecording, estimators: Sequence[str] = (), *, wheels: Collection[str] | None = None
 ) -> Iterator[RevolutionResult]:
-    """Yield the revolutions of a recording in the angle domain, in order per wheel; arguments as for `signals`.
+    """Yield the revolutions of a recording in the angle domain, in order per wheel; errors as for `signals`.
 
     Args:
-        source: a recording or dump.
-        vehicle: configuration, None for an assumed belt radius.
-        wheels: positions to yield, None for all.
+        recording: recording or dump.
         estimators: names from the registry; none for the revolutions alone.
-        effects: known effects to subtract, one table per wheel.
-        guard: verifies every frame first; None when signatures are not checked.
-        on_bytes: called with the number of link bytes of each chunk, for a progress bar.
+        wheels: positions to yield, None for all.
     """
-    for result in estimated_results(
-        source, vehicle, estimators=estimators, effects=effects, guard=guard, on_bytes=on_bytes
-    ):
+    for result in RecordingPass(recording, estimators, is_watched=False):
         if wheels is None or result.position in wheels:
             yield result
 

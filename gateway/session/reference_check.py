@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
-from gateway.io.source import LinkItem
 from gateway.pipeline.reference_comparison import ReferenceComparison, TurnLog
 from gateway.pipeline.results import RevolutionResult
-from gateway.recording.reference_topic import ReferenceItems
+from gateway.recording.reference_topic import ReferenceReader
 
 
 class ReferenceCheck:
-    """Collector of references and revolutions while a recording is estimated; a source of its items."""
+    """Collector of the revolutions of a recording while it is estimated, to compare them with its references."""
 
-    def __init__(self, source: ReferenceItems, vehicle: VehicleConfig | None) -> None:
+    def __init__(self, reader: ReferenceReader, vehicle: VehicleConfig | None) -> None:
         """Prepare the check; `vehicle` gives the belt radii."""
-        self._source = source
+        self._reader = reader
         self._turns: dict[str, TurnLog] = {}
         setups = vehicle.wheel_setups() if vehicle is not None else ()
         self._radius_m = {setup.position: setup.radius_m for setup in setups}
-
-    def items(self) -> Iterator[LinkItem]:
-        """Yield the link items of the recording."""
-        return self._source.items()
 
     def add(self, result: RevolutionResult) -> None:
         """Add a revolution."""
@@ -32,7 +25,7 @@ class ReferenceCheck:
     def comparisons(self) -> tuple[ReferenceComparison, ...]:
         """Return the comparison with every reference, by wheel."""
         found = []
-        for reference in self._source.references():
+        for reference in self._reader.references():
             turns = self._turns.get(reference.position, TurnLog())
             comparison = turns.compare(
                 reference.position,

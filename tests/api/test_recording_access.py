@@ -18,6 +18,7 @@ from gateway.config.effects_file import effects_text
 from gateway.config.vehicle import load_vehicle
 from gateway.recording.reader import RecordingReader
 from gateway.session.recorded_signals import sample_blocks
+from gateway.session.recording_pass import OpenedRecording
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.signal.order_spectrum import order_coefficients
 
@@ -75,7 +76,7 @@ def test_wheel_knows_sensor_and_radius(recording):
 
 def test_samples_equal_the_blocks_of_the_file(recording, recorded):
     samples = recording["FR"].samples()
-    blocks = list(sample_blocks(RecordingReader(recorded), recording.vehicle, wheels=("FR",)))
+    blocks = list(sample_blocks(OpenedRecording(RecordingReader(recorded), recording.vehicle), wheels=("FR",)))
     np.testing.assert_array_equal(samples.axes_mps2, np.concatenate([block.axes_mps2 for block in blocks]))
     np.testing.assert_array_equal(samples.device_s, np.concatenate([block.hub_time_s for block in blocks]))
     host_ns = np.concatenate([block.host_time_ns for block in blocks])
@@ -241,7 +242,7 @@ def test_long_recording_keeps_no_revolutions(recorded, recording, monkeypatch):
 def test_revolutions_are_read_once(recorded, monkeypatch):
     opened = gateway.open(recorded)
     opened["FL"].revolutions()
-    monkeypatch.setattr("gateway.api.recording_access.estimated_results", lambda *_, **__: pytest.fail("read again"))
+    monkeypatch.setattr("gateway.api.recording_access.RecordingPass", lambda *_, **__: pytest.fail("read again"))
     opened["FR"].angle()
     opened["FL"].average()
 

@@ -15,6 +15,7 @@ from gateway.errors import OutputError, RecordingError
 from gateway.recording.recorded_file import open_recorded_file
 from gateway.session.recorded_orders import recorded_orders
 from gateway.session.recorded_signals import revolutions
+from gateway.session.recording_pass import OpenedRecording
 from gateway.signal.order_spectrum import order_coefficients
 from gateway.views.orders.order_figure import write_figure
 from tests.testkit.campaign_recordings import write_recording
@@ -60,7 +61,11 @@ def test_json_agrees_with_the_revolutions(recorded, tmp_path):
     path = tmp_path / "o.json"
     assert run(recorded, "--json", path, "--wheel", "W0").exit_code == 0
     (wheel,) = json.loads(path.read_text("utf-8"))["wheels"]
-    own = [one.revolution for one in revolutions(open_recorded_file(recorded), None) if one.position == "hub0.wheel0"]
+    own = [
+        one.revolution
+        for one in revolutions(OpenedRecording(open_recorded_file(recorded)))
+        if one.position == "hub0.wheel0"
+    ]
     usable = [one for one in own if not one.faults]
     orders = np.array([order_coefficients(one.axes_mps2, one.order_max) for one in usable])
     expected = np.sqrt(np.mean(np.abs(orders) ** 2, axis=0))

@@ -20,8 +20,8 @@ from gateway.importing.importer import import_file
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.campaign import MAX_GROUPS, SPARE, read_campaign, read_usable
+from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.views.wording import text
 from gateway.worker_pool import Workers
 from tests.testkit.campaign_recordings import START_NS, write_recording
@@ -66,11 +66,7 @@ def both(slow, fast):
 
 def revolutions(path):
     """Return the revolutions that the pipeline finds in a recording."""
-    results = []
-    reader = RecordingReader(path)
-    vehicle = parse_vehicle(reader.vehicle_toml, "test") if reader.vehicle_toml else None
-    estimate_items(reader, vehicle, results.append, estimators=())
-    return [result.revolution for result in results]
+    return [result.revolution for result in RecordingPass(open_recording(RecordingReader(path)), ())]
 
 
 class TestOneRecording:

@@ -26,7 +26,7 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk
 from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 from gateway.recording.reader import RecordingReader
-from gateway.session.batch_estimation import estimate_items
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 
 NULL = Order(Kind.NOTHING, 3)
 
@@ -58,12 +58,10 @@ def test_recordings_are_reproducible_and_readable(tmp_path: Path) -> None:
         assert [path.name for path in made.reverse] == ["run-7.mcap"]
         found.append([path.read_bytes() for path in made.paths])
     assert found[0] == found[1]
-    results: list[object] = []
     recording = RecordingReader(tmp_path / "first" / "run-2.mcap")
     assert recording.vehicle_toml is not None
     vehicle = parse_vehicle(recording.vehicle_toml, "run")
-    estimate_items(recording, vehicle, results.append, estimators=("kinematic",))
-    assert len(results) > 10
+    assert len(list(RecordingPass(OpenedRecording(recording, vehicle), ("kinematic",)))) > 10
     assert json.loads((tmp_path / "first" / "declared.json").read_text())["reverse"] == ["run-7.mcap"]
 
 

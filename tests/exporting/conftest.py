@@ -7,6 +7,7 @@ from gateway.config.vehicle import recorded_vehicle
 from gateway.exporting.recording_export import export_recording
 from gateway.recording.recorded_file import open_recorded_file
 from gateway.session.recorded_signals import revolutions, sample_blocks
+from gateway.session.recording_pass import OpenedRecording
 from tests.testkit.campaign_recordings import write_recording
 
 ESTIMATORS = ("kinematic", "weak-form")
@@ -29,7 +30,7 @@ def vehicle(recorded):
 @pytest.fixture(scope="session")
 def truth(recorded, vehicle):
     """Samples of each wheel as read, by name of their column."""
-    blocks = list(sample_blocks(open_recorded_file(recorded), vehicle))
+    blocks = list(sample_blocks(OpenedRecording(open_recorded_file(recorded), vehicle)))
     found = {}
     for wheel in ("W0", "W1"):
         own = [block for block in blocks if block.wheel == wheel]
@@ -48,7 +49,7 @@ def truth(recorded, vehicle):
 
 @pytest.fixture(scope="session")
 def results(recorded, vehicle):
-    return list(revolutions(open_recorded_file(recorded), vehicle, estimators=ESTIMATORS))
+    return list(revolutions(OpenedRecording(open_recorded_file(recorded), vehicle), ESTIMATORS))
 
 
 @pytest.fixture

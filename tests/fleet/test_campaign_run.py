@@ -14,14 +14,12 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from gateway.config.vehicle import parse_vehicle
 from gateway.errors import OutputError, RecordingError, TreadlinkError
 from gateway.fleet.campaign_run import CampaignProgress, find_recordings
 from gateway.fleet.recording_estimation import RowsKept
-from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.recording.reader import RecordingReader
-from gateway.session.batch_estimation import estimate_items
+from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.views.tables.result_table import row_of
 from tests.fleet.conftest import ESTIMATORS
 from tests.testkit.campaign_recordings import write_recording
@@ -67,10 +65,7 @@ def is_whole(tmp_path: Path) -> bool:
 def test_rows_equal_those_of_estimate(campaign, recordings, tmp_path):
     path = recordings / "drive0.mcap"
     progress = campaign(path, rows=RowsKept.ALL)
-    direct: list[RevolutionResult] = []
-    reader = RecordingReader(path)
-    vehicle = parse_vehicle(reader.vehicle_toml or "", "test")
-    estimate_items(reader, vehicle, direct.append, estimators=ESTIMATORS)
+    direct = list(RecordingPass(open_recording(RecordingReader(path)), ESTIMATORS, is_watched=False))
     found = sorted(rows(tmp_path, "revolutions"), key=lambda row: row["revolution"])
     assert progress.estimated == 1
     assert len(found) == len(direct) > 10

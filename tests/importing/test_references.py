@@ -15,8 +15,7 @@ from gateway.errors import ConfigError
 from gateway.importing.import_map import ReferenceColumn, parse_map
 from gateway.importing.reference_channels import ReferenceChannel
 from gateway.pipeline.reference_comparison import ReferenceComparison
-from gateway.recording.reader import RecordingReader
-from gateway.recording.reference_topic import ReferenceItems
+from gateway.recording.reference_topic import ReferenceReader
 from gateway.views.reference_lines import reference_lines
 from tests.importing.measurements import simple_map, write_csv
 from tests.importing.rolling_wheel import RADIUS_M, RollingWheel, rolling
@@ -79,7 +78,7 @@ def test_recording_keeps_the_values_with_their_errors(tmp_path: Path) -> None:
     path, map_path = measured(tmp_path)
     result = CliRunner().invoke(import_, [str(path), "--map", str(map_path), "--out", str(tmp_path / "o.mcap")])
     assert result.exit_code == 0
-    items = ReferenceItems(RecordingReader(tmp_path / "o.mcap"))
+    items = ReferenceReader(tmp_path / "o.mcap")
     assert list(items.items())
     found = {reference.name: reference for reference in items.references()}
     assert set(found) == set(REFERENCES)

@@ -15,8 +15,8 @@ from gateway.estimators.estimator import Status
 from gateway.io.source import Chunk
 from gateway.pipeline.wheel_setup import CorrectedEffect, CorrectionTable, ReferenceNumbers, TireData, WheelSetup
 from gateway.reasons import Code, codes_of
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.signal.effect_correction import EffectParameter
 from gateway.simulator.scenario import vehicle_toml
 from gateway.simulator.scenario_model import Scenario
@@ -181,11 +181,9 @@ def test_live_and_batch_apply_the_same_correction(table):
         def items(self):
             yield from (Chunk(chunk.link, chunk.host_ns, chunk.data) for chunk in chunks)
 
-    batch = []
-    estimate_items(Items(), vehicle, batch.append, estimators=ESTIMATORS, effects=(table,))
+    batch = list(RecordingPass(OpenedRecording(Items(), vehicle, (table,)), ESTIMATORS))
     assert len(live) > 20
     assert_agree(batch, live)
-    plain = []
-    estimate_items(Items(), vehicle, plain.append, estimators=ESTIMATORS)
+    plain = list(RecordingPass(OpenedRecording(Items(), vehicle), ESTIMATORS))
     assert np.abs(plain[-1].revolution.axes_mps2 - batch[-1].revolution.axes_mps2).max() > 10
     assert any("edge waves" in notice_text(notice) for notice in core.snapshot(0.0).notices)

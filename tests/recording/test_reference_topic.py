@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.recording.compact import compact_recording
-from gateway.recording.reader import RecordingReader
-from gateway.recording.reference_topic import ReferenceItems, reference_topic
+from gateway.recording.reference_topic import ReferenceReader, reference_topic
 from gateway.recording.repair import repair_recording
 from gateway.recording.writer import RecordingWriter
 
@@ -27,7 +26,7 @@ def recording(path: Path) -> Path:
 
 
 def assert_kept(path: Path) -> None:
-    items = ReferenceItems(RecordingReader(path))
+    items = ReferenceReader(path)
     assert list(items.items()) == []
     (found,) = items.references()
     assert (found.position, found.name, found.quantity, found.value_std) == ("FL", "drum", "speed", 0.5)

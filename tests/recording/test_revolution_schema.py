@@ -15,6 +15,7 @@ from gateway.reasons import Code, Reason
 from gateway.recording.revolution_fields import field_names
 from gateway.recording.schemas import schema_of
 from gateway.session.recorded_signals import revolutions
+from gateway.session.recording_pass import OpenedRecording
 from gateway.signal.angle_resampling import angle_grid
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
@@ -73,7 +74,7 @@ def payloads():
     items = Held(simulate(scenario, duration_s=0.8).chunks("sim:test", 10**18))
     vehicle = parse_vehicle(vehicle_toml(scenario) + STATED, "test")
     # The forward model needs seconds.
-    results = revolutions(items, vehicle, estimators=[name for name in ESTIMATORS if name != "forward"])
+    results = revolutions(OpenedRecording(items, vehicle), [name for name in ESTIMATORS if name != "forward"])
     return [revolution_payload(result) for result in itertools.islice(results, 3)]
 
 

@@ -22,7 +22,7 @@ from gateway.recording.mcap_layout import CHANNEL_METADATA, RAW_ENCODING, SESSIO
 from gateway.recording.mcap_records import CHUNK_HEAD, MAGIC, RECORD_HEAD
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
-from gateway.session.batch_estimation import estimate_items
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 
 ESCAPE = "\x1b]0;owned\x07\x1b[2J\x9b31m<script>alert(1)</script>"
 FRAME = encode_raw(6, b"\1" + b"\x1b[2Jlog", 0, 255, 0, 0)
@@ -174,7 +174,9 @@ def test_empty_declarations_are_left_out(tmp_path: Path, entries: dict[str, str]
 
 def test_extreme_times_are_harmless(tmp_path: Path) -> None:
     path = recording(tmp_path / "x.mcap", times=(0, 2**64 - 1, 5, 2**63, 2**63 - 1))
-    (counters,) = estimate_items(RecordingReader(path), None, lambda _: None).values()
+    batch = RecordingPass(OpenedRecording(RecordingReader(path)))
+    list(batch)
+    (counters,) = batch.links.values()
     assert counters.intact == 5
     for command in (["inspect"], ["estimate"], ["replay", "--plain", "--speed", "max"]):
         done = treadlink(command[0], path, *command[1:], cwd=tmp_path)

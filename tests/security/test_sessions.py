@@ -20,8 +20,8 @@ from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import KeyFile, counters_file
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
+from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.views.wording import notice_text, text
 from tests.testkit.agreement import values_of
 from tools.generators.security_attacks import downgraded, forged
@@ -124,15 +124,14 @@ def test_recording_keeps_refused_frames_but_no_key(
         assert key.secret not in content, name
         assert key.secret.hex().encode() not in content.lower()
     # The recording gives the same results as the session.
-    guard = open_guard(parse_vehicle(toml, "test"), key_file, remembers=False)
-    again: list[object] = []
-    counters = estimate_items(RecordingReader(path), parse_vehicle(toml, "test"), again.append, guard=guard)
+    batch = RecordingPass(open_recording(RecordingReader(path), key_file=key_file))
+    again = list(batch)
 
     def order(results: list[object]) -> list[object]:
         return sorted((r.position, r.host_ns, r.revolution.index) for r in results)
 
     assert order(again) == order(live)
-    assert next(iter(counters.values())).refused > 3000
+    assert next(iter(batch.links.values())).refused > 3000
     assert not counters_file(key_file).exists()
 
 

@@ -17,7 +17,7 @@ from gateway.pipeline.results import (
     WheelSnapshot,
 )
 from gateway.reasons import Code, Reason
-from gateway.session.alarms import AlarmName, alarms, present_values, superseded
+from gateway.session.alarms import AlarmName, alarms, present_values, silent_alarms, superseded
 from gateway.session.silence import SilentHub
 
 LIMITS = Thresholds(
@@ -115,8 +115,8 @@ def test_present_values_say_what_is_normal_again() -> None:
 
 def test_hubs_of_several_links_are_told_apart() -> None:
     silent = SilentHub("ble:x", 0, 4.0, ("FL",))
-    (alone,) = alarms([], [LINK], LIMITS, silent_hubs=[silent])
-    (among,) = alarms([], [LINK, replace(LINK, link="ble:y")], LIMITS, silent_hubs=[silent])
+    (alone,) = silent_alarms([], [silent], [], several_links=False)
+    (among,) = silent_alarms([], [silent], [], several_links=True)
     assert (alone.position, among.position) == ("hub 0", "hub 0 on ble:x")
     assert superseded([], [silent], several_links=True) == {("hub 0 on ble:x", AlarmName.SILENT)}
 

@@ -17,11 +17,10 @@ from gateway.reasons import Code, Level, Reason, codes_of
 from gateway.recording.inspection import inspect_recording
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.computer_watch import ComputerWatch
 from gateway.session.core import SessionCore
 from gateway.session.live import LiveSession
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.views.session_summary import ResultSummary
 from gateway.views.wording import notice_text
 
@@ -218,11 +217,12 @@ def test_recording_with_a_pause_blames_no_hub(is_named, tmp_path) -> None:
     for item in [*before, *event, *after]:
         writer.write(item)
     writer.close()
-    core, batch = SessionCore(vehicle, estimators=("kinematic",)), BatchAlarms(vehicle)
+    core = SessionCore(vehicle, estimators=("kinematic",))
+    batch = RecordingPass(OpenedRecording(RecordingReader(path), vehicle), ("kinematic",))
     for item in RecordingReader(path).items():
         core.take(item)
-    estimate_items(RecordingReader(path), vehicle, lambda _: None, estimators=("kinematic",), alarms=batch)
-    for records in (core.snapshot(0.0).alarm_records, batch.finish()):
+    assert list(batch)
+    for records in (core.snapshot(0.0).alarm_records, batch.alarms()):
         assert bool(records) != is_named
 
 

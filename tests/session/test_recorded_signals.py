@@ -15,6 +15,7 @@ from gateway.io.source import Chunk, open_source
 from gateway.recording.recorded_file import open_recorded_file
 from gateway.session import recorded_signals
 from gateway.session.recorded_signals import EnvironmentReading, SignalBlock, revolutions, sample_blocks, signals
+from gateway.session.recording_pass import OpenedRecording
 from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.simulation import simulate
 
@@ -45,9 +46,13 @@ class Held:
 
     def __init__(self, items):
         self._items = list(items)
+        self.read = 0
 
     def items(self):
-        yield from self._items
+        self.read = 0
+        for item in self._items:
+            self.read += len(getattr(item, "data", b""))
+            yield item
 
 
 def simulated(uri):
@@ -81,7 +86,7 @@ def frames(two_wheels):
 
 
 def test_samples_equal_the_counts_of_the_frames(two_wheels, frames):
-    found = joined(sample_blocks(*two_wheels), "FR")
+    found = joined(sample_blocks(OpenedRecording(*two_wheels)), "FR")
     hello = next(f.message for f in frames if f.wheel == 1 and isinstance(f.message, Hello))
     sent = [f.message for f in frames if f.wheel == 1 and isinstance(f.message, SampleBlock)]
     counts = np.concatenate([block.counts for block in sent])
@@ -91,7 +96,7 @@ def test_samples_equal_the_counts_of_the_frames(two_wheels, frames):
 
 
 def test_hub_times_follow_the_time_stamps_from_the_first_sample(two_wheels, frames):
-    found = joined(sample_blocks(*two_wheels), "FL")
+    found = joined(sample_blocks(OpenedRecording(*two_wheels)), "FL")
     stamps = {f.message.first_sample: f.tick_us for f in frames if f.wheel == 0 and isinstance(f.message, SampleBlock)}
     at = np.searchsorted(found["number"], list(stamps))
     assert np.abs(found["hub_s"][at] * 1e6 - np.array(list(stamps.values()))).max() < 3.0
@@ -99,12 +104,12 @@ def test_hub_times_follow_the_time_stamps_from_the_first_sample(two_wheels, fram
 
 
 def test_rate_is_measured_against_the_hub_clock(two_wheels):
-    blocks = [block for block in sample_blocks(*two_wheels) if block.wheel == "FL"]
+    blocks = [block for block in sample_blocks(OpenedRecording(*two_wheels)) if block.wheel == "FL"]
     assert blocks[-1].rate_hz == pytest.approx(RATE_HZ, rel=2e-6)
 
 
 def test_host_times_are_the_arrival_of_the_fastest_frames(two_wheels):
-    found = joined(sample_blocks(*two_wheels), "FL")
+    found = joined(sample_blocks(OpenedRecording(*two_wheels)), "FL")
     true_ns = START_NS + found["number"] / RATE_HZ / (1 + 250e-6) * 1e9
     delay_s = (found["host_ns"] - true_ns)[-9600:] * 1e-9
     # A block is sent when the last of its 36 samples is taken.
@@ -113,7 +118,7 @@ def test_host_times_are_the_arrival_of_the_fastest_frames(two_wheels):
 
 
 def test_chunks_do_not_change_samples(two_wheels, monkeypatch):
-    whole = joined(sample_blocks(*two_wheels), "FL")
+    whole = joined(sample_blocks(OpenedRecording(*two_wheels)), "FL")
     data = b"".join(chunk.data for chunk in two_wheels[0].items())
     arrivals = np.repeat(
         [chunk.host_ns for chunk in two_wheels[0].items()], [len(chunk.data) for chunk in two_wheels[0].items()]
@@ -122,7 +127,7 @@ def test_chunks_do_not_change_samples(two_wheels, monkeypatch):
         Chunk("sim:test", int(arrivals[hi - 1]), data[lo:hi]) for lo, hi in pairwise((*range(0, len(data), 777),))
     ]
     monkeypatch.setattr("gateway.recording.decoder_blocks._BLOCK_BYTES", 5000)
-    cut = joined(sample_blocks(Held(pieces), two_wheels[1]), "FL")
+    cut = joined(sample_blocks(OpenedRecording(Held(pieces), two_wheels[1])), "FL")
     known = len(cut["number"])
     assert known > 0.99 * len(whole["number"])
     for name in ("number", "axes", "saturated"):
@@ -133,7 +138,9 @@ def test_chunks_do_not_change_samples(two_wheels, monkeypatch):
 def test_late_samples_find_their_place():
     clean, vehicle = simulated("sim:lab?speed=max&duration=4&seed=2")
     late, _ = simulated("sim:lab?speed=max&duration=4&seed=2&fault=reorder:rate=0.05,depth=4")
-    a, b = (joined(sample_blocks(items, vehicle), vehicle.wheel[0].position) for items in (clean, late))
+    a, b = (
+        joined(sample_blocks(OpenedRecording(items, vehicle)), vehicle.wheel[0].position) for items in (clean, late)
+    )
     inside = b["number"] < b["number"][-1] - 2000  # a frame that is late at the very end is lost
     same = np.isin(a["number"], b["number"][inside])
     assert inside.sum() == b["number"][inside][-1] - b["number"][0] + 1
@@ -142,7 +149,7 @@ def test_late_samples_find_their_place():
 
 def test_lost_samples_are_counted_before_the_block_that_follows():
     items, vehicle = simulated("sim:lab?speed=max&duration=5&seed=2&fault=drop:rate=0.01")
-    blocks = list(sample_blocks(items, vehicle))
+    blocks = list(sample_blocks(OpenedRecording(items, vehicle)))
     assert sum(block.lost_before for block in blocks) > 0
     for one, other in pairwise(blocks):
         assert other.first_sample == one.first_sample + len(one) + other.lost_before
@@ -151,7 +158,7 @@ def test_lost_samples_are_counted_before_the_block_that_follows():
 
 def test_restart_of_the_hub_begins_a_segment():
     items, vehicle = simulated("sim:lab?speed=max&duration=8&seed=2&fault=reboot:at=4,gap=1")
-    blocks = list(sample_blocks(items, vehicle))
+    blocks = list(sample_blocks(OpenedRecording(items, vehicle)))
     assert sorted({block.segment for block in blocks}) == [0, 1]
     after = next(block for block in blocks if block.segment == 1)
     assert after.first_sample < 2000
@@ -161,16 +168,16 @@ def test_restart_of_the_hub_begins_a_segment():
 
 def test_long_gap_begins_a_segment():
     items, vehicle = simulated("sim:lab?speed=max&duration=6&seed=2&fault=silence:part=2,at=2,for=1.5")
-    one, other = (list(sample_blocks(items, vehicle))[place] for place in (0, -1))
+    one, other = (list(sample_blocks(OpenedRecording(items, vehicle)))[place] for place in (0, -1))
     assert (one.segment, other.segment) == (0, 1)
-    lost = next(block.lost_before for block in sample_blocks(items, vehicle) if block.segment == 1)
+    lost = next(block.lost_before for block in sample_blocks(OpenedRecording(items, vehicle)) if block.segment == 1)
     assert lost == pytest.approx(1.5 * 9600, rel=0.02)
 
 
 def test_contacts_of_revolutions_lie_in_the_samples():
     items, vehicle = simulated("sim:lab?speed=max&duration=4&seed=2")
-    found = joined(sample_blocks(items, vehicle), vehicle.wheel[0].position)
-    results = list(revolutions(items, vehicle))
+    found = joined(sample_blocks(OpenedRecording(items, vehicle)), vehicle.wheel[0].position)
+    results = list(revolutions(OpenedRecording(items, vehicle)))
     assert len(results) > 20
     for result in results:
         at = np.searchsorted(found["hub_s"], result.revolution.start_s)
@@ -180,12 +187,16 @@ def test_contacts_of_revolutions_lie_in_the_samples():
 
 def test_only_chosen_wheels_are_read(two_wheels):
     source, vehicle = two_wheels
-    assert {item.wheel for item in signals(source, vehicle, wheels=("FR",))} == {"FR"}
-    assert {result.position for result in revolutions(source, vehicle, wheels=("FR",))} == {"FR"}
+    assert {item.wheel for item in signals(OpenedRecording(source, vehicle), wheels=("FR",))} == {"FR"}
+    assert {result.position for result in revolutions(OpenedRecording(source, vehicle), wheels=("FR",))} == {"FR"}
 
 
 def test_environment_has_the_times_of_its_frames(two_wheels):
-    readings = [item for item in signals(*two_wheels) if isinstance(item, EnvironmentReading) and item.wheel == "FL"]
+    readings = [
+        item
+        for item in signals(OpenedRecording(*two_wheels))
+        if isinstance(item, EnvironmentReading) and item.wheel == "FL"
+    ]
     assert len(readings) == 6
     assert [reading.pressure_pa for reading in readings] == [pytest.approx(210e3, rel=0.02)] * 6
     assert np.diff([reading.hub_time_s for reading in readings]) == pytest.approx(1.0, rel=1e-3)
@@ -193,30 +204,24 @@ def test_environment_has_the_times_of_its_frames(two_wheels):
 
 
 def test_wheels_without_configuration_are_named_by_number(two_wheels):
-    assert {item.wheel for item in signals(two_wheels[0], None)} == {"hub0.wheel0", "hub0.wheel1"}
+    assert {item.wheel for item in signals(OpenedRecording(two_wheels[0]))} == {"hub0.wheel0", "hub0.wheel1"}
 
 
 def test_blocks_come_before_the_recording_ends(monkeypatch):
     items, vehicle = simulated("sim:lab?speed=max&duration=8&seed=2")
     monkeypatch.setattr("gateway.recording.decoder_blocks._BLOCK_BYTES", 20_000)
-    read = 0
-
-    def on_bytes(count):
-        nonlocal read
-        read += count
-
     total = sum(len(item.data) for item in items.items() if isinstance(item, Chunk))
-    for block in sample_blocks(items, vehicle, on_bytes=on_bytes):
-        held_s = read / total * 8.0 - block.hub_time_s[-1]
+    for block in sample_blocks(OpenedRecording(items, vehicle)):
+        held_s = items.read / total * 8.0 - block.hub_time_s[-1]
         assert held_s < recorded_signals._HOLD_S + 1.0
-    assert read == total
+    assert items.read == total
 
 
 def test_dump_has_no_host_times(tmp_path, two_wheels):
     path = tmp_path / "link.bin"
     path.write_bytes(b"".join(chunk.data for chunk in two_wheels[0].items()))
     dump = open_recorded_file(path)
-    block = next(sample_blocks(dump, None))
+    block = next(sample_blocks(OpenedRecording(dump)))
     assert isinstance(block, SignalBlock)
     assert not block.host_time_ns.any()
     assert block.hub_time_s[0] < 0.1

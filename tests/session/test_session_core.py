@@ -17,8 +17,8 @@ from gateway.reasons import Code, Level, Notice, Reason
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import AlarmName
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from tests.testkit.agreement import assert_agree
 
 
@@ -48,11 +48,10 @@ def test_live_replay_and_batch_agree(demo, recorded, by_wheel):
     )
     replayed, _ = run(again, vehicle)
     assert by_wheel(replayed) == by_wheel(live)
-    batch = []
-    counters = estimate_items(RecordingReader(path), vehicle, batch.append)
-    assert_agree(batch, live)
+    batch = RecordingPass(OpenedRecording(RecordingReader(path), vehicle))
+    assert_agree(list(batch), live)
     (link,) = core.snapshot(0.0).links
-    (counted,) = counters.values()
+    (counted,) = batch.links.values()
     assert (counted.frames, counted.lost, counted.crc_errors) == (link.frames, link.frames_lost, link.crc_errors)
     assert link.frames_lost > 0
     assert link.crc_errors > 0

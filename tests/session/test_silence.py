@@ -18,9 +18,8 @@ from gateway.reasons import Code, Reason, codes_of
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import AlarmName
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.session.silence import Limit, SilenceWatch, _Stream
 from gateway.views.wording import text
 
@@ -265,9 +264,9 @@ def test_live_replay_and_batch_report_the_same_alarms(part: int, tmp_path) -> No
     replay = open_source(f"replay:{path}?speed=max", ManualClock()).items(threading.Event())
     played = run(replay, vehicle)
     played.finish()
-    batch, results = BatchAlarms(vehicle), []
-    estimate_items(RecordingReader(path), vehicle, results.append, estimators=FEW, alarms=batch)
-    for others in (played.snapshot(0.0, ended=True).alarm_records, batch.finish()):
+    batch = RecordingPass(OpenedRecording(RecordingReader(path), vehicle), FEW)
+    results = list(batch)
+    for others in (played.snapshot(0.0, ended=True).alarm_records, batch.alarms()):
         assert [(one.position, one.name, one.reason.code, one.count) for one in others] == [
             (one.position, one.name, one.reason.code, one.count) for one in live
         ]

@@ -14,9 +14,8 @@ from gateway.reasons import Code, Reason, codes_of
 from gateway.recording.inspection import inspect_recording
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.views.wording import text
 
 S = 1_000_000_000
@@ -106,9 +105,9 @@ def test_recording_has_the_alarm_of_the_session(drive, recording) -> None:
     core = SessionCore(vehicle, estimators=FEW)
     run(core, RecordingReader(recording).items())
     (live,) = [record for record in core.snapshot(0.0).alarm_records if record.position == BUS]
-    batch = BatchAlarms(vehicle)
-    estimate_items(RecordingReader(recording), vehicle, lambda _: None, estimators=FEW, alarms=batch)
-    (found,) = [record for record in batch.finish() if record.position == BUS]
+    batch = RecordingPass(OpenedRecording(RecordingReader(recording), vehicle), FEW)
+    assert list(batch)
+    (found,) = [record for record in batch.alarms() if record.position == BUS]
     assert (found.name, found.reason.code, found.count, found.is_standing) == ("silent", Code.BUS_SILENT, 1, False)
     assert (found.first_s, found.total_s) == pytest.approx((live.first_s, live.total_s), abs=0.2)
     assert found.first_s == pytest.approx(6.0, abs=0.2)

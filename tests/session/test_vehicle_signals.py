@@ -23,9 +23,8 @@ from gateway.pipeline.vehicle_signals import Quantity, SignalHistory, SignalSetu
 from gateway.reasons import Code, codes_of
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
-from gateway.session.batch_alarms import BatchAlarms
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.session.signal_decoding import SignalDecoder, open_decoder
 from tests.testkit import vehicle_bus
 from tests.testkit.vehicle_bus import DBC, angle_rad, blocks, frames, merged, with_signals
@@ -66,9 +65,7 @@ def decoder(vehicle) -> SignalDecoder:
 
 
 def estimated(items, vehicle):
-    results = []
-    estimate_items(Recorded(items), vehicle, results.append, signals=decoder(vehicle), estimators=FAST)
-    return results
+    return list(RecordingPass(OpenedRecording(Recorded(items), vehicle), FAST, signals=decoder(vehicle)))
 
 
 def values(result):
@@ -124,10 +121,9 @@ def test_wrong_rate_is_contradicted_by_the_wheel_speed(wheel) -> None:
 
 def test_contradiction_is_an_alarm_in_estimate_as_live(wheel) -> None:
     items, vehicle = drive(wheel, rotation=1.05, speed=1.05)
-    alarms = BatchAlarms(vehicle)
-    results = []
-    estimate_items(Recorded(items), vehicle, results.append, signals=decoder(vehicle), estimators=FAST, alarms=alarms)
-    found = {record.name: record for record in alarms.finish() if record.name == "wheel speed"}
+    batch = RecordingPass(OpenedRecording(Recorded(items), vehicle), FAST, signals=decoder(vehicle))
+    results = list(batch)
+    found = {record.name: record for record in batch.alarms() if record.name == "wheel speed"}
     assert found["wheel speed"].position == results[0].position
     core = SessionCore(vehicle, signals=decoder(vehicle), estimators=FAST)
     for item in items:

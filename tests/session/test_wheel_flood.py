@@ -23,8 +23,8 @@ from gateway.recording.inspection import inspect_recording
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
 from gateway.recording.writer import RecordingWriter
-from gateway.session.batch_estimation import estimate_items
 from gateway.session.core import SessionCore
+from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from tests.session.hub_frames import HubFrames
 
 START_NS = 1_700_000_000_000_000_000
@@ -116,7 +116,7 @@ def test_outputs_report_the_wheels_refused(tmp_path: Path) -> None:
 
 READERS: dict[str, Callable[[Path, list[Chunk]], object]] = {
     "live": lambda _, chunks: live(chunks),
-    "estimate": lambda path, _: estimate_items(RecordingReader(path), None, lambda _: None),
+    "estimate": lambda path, _: list(RecordingPass(OpenedRecording(RecordingReader(path)))),
     "inspect": lambda path, _: inspect_recording(path),
     "repair": lambda path, _: repair_recording(path, path.with_suffix(f".{time.monotonic_ns()}.mcap")),
 }

@@ -1,0 +1,238 @@
+"""A pass over a recording: opened with vehicle, keys and effects, read in blocks, watched and estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.block_decoder import FrameBatch
+from firmware_protocol.counters import LinkCounters
+from gateway.config.effects_file import effects_doubts, with_effects
+from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, choose_vehicle
+from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.bus_frames import has_frames
+from gateway.io.source import BusFrames, Chunk, LinkEvent
+from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
+from gateway.pipeline.vehicle_witness import VehicleJoin
+from gateway.pipeline.wheel_setup import CorrectionTable
+from gateway.pipeline.wheels import Pipeline
+from gateway.reasons import Notice
+from gateway.recording.decoder_blocks import DecodedLinks
+from gateway.recording.recorded_file import RecordedFile
+from gateway.security.guard import Guard, open_guard
+from gateway.session.alarm_watch import RecordingAlarms
+from gateway.session.effects_opening import open_effects
+from gateway.session.missing_results import FrameCounts, missing_frames, missing_revolutions
+from gateway.session.signal_decoding import SignalDecoder, open_decoder
+from gateway.session.statement_watch import StatementWatch
+from gateway.session.wheel_identity import SensorsHeard, positions
+
+Block = tuple[str, FrameBatch, NDArray[np.int64]]
+"""Link, a block of its frames, and their arrival times in ns."""
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedRecording:
+    """A recording or the dump of a link, with all that decides what a pass over it gives.
+
+    Attributes:
+        file: the open file; passes over one file must not overlap.
+        vehicle: configuration, None for an assumed belt radius.
+        effects: known effects to subtract, one table per wheel.
+        key_file: keys of signed frames; None for the user's.
+        config_path: file of the configuration where the user gave one.
+        on_position: called with the bytes of the file read so far.
+        verifies: whether frames are verified where the policy of the vehicle asks for it.
+    """
+
+    file: RecordedFile
+    vehicle: VehicleConfig | None = None
+    effects: tuple[CorrectionTable, ...] = ()
+    key_file: Path | None = None
+    config_path: Path | None = None
+    on_position: Callable[[int], None] | None = None
+    verifies: bool = True
+
+    def guard(self) -> Guard | None:
+        """Return a new guard, which verifies the frames of one pass; None where none are verified.
+
+        Raises:
+            SecurityError: the keys cannot be read, or would verify nothing.
+        """
+        return open_guard(self.vehicle, self.key_file, remembers=False) if self.verifies else None
+
+    def signals(self) -> SignalDecoder | None:
+        """Return the decoder of the vehicle's bus, None without a mapping or a DBC file.
+
+        Raises:
+            ConfigError: the DBC file cannot be read, or does not fit the configuration.
+        """
+        return open_decoder(self.vehicle, self.config_path, (), [self.file.info.dbc_text])
+
+    def blocks(
+        self, links: DecodedLinks, on_other: Callable[[BusFrames | LinkEvent], None] | None = None
+    ) -> Iterator[Block]:
+        """Yield the frames of all links in blocks.
+
+        Args:
+            links: their decoders, for this pass alone.
+            on_other: called with the other items, in the order of the recording.
+        """
+        for item in self.file.items():
+            if isinstance(item, Chunk):
+                if self.on_position is not None:
+                    self.on_position(self.file.position)
+                yield from links.add(item)
+            elif on_other is not None:
+                on_other(item)
+        yield from links.finish()
+
+    def verified_blocks(self) -> Iterator[Block]:
+        """Yield the frames of all links in blocks, in a pass that needs nothing else."""
+        return self.blocks(DecodedLinks(self.guard()))
+
+
+def open_recording(
+    file: RecordedFile,
+    config: VehicleConfig | Path | None = None,
+    *,
+    effects_paths: Sequence[Path] = (),
+    key_file: Path | None = None,
+    on_position: Callable[[int], None] | None = None,
+    verifies: bool = True,
+) -> OpenedRecording:
+    """Return a recording with its vehicle and effects.
+
+    Args:
+        file: recording or dump.
+        config: vehicle configuration or its file; None for the one in the recording.
+        effects_paths: files of known effects.
+        key_file: keys of signed frames; None for the user's.
+        on_position: called with the bytes of the file read so far.
+        verifies: whether frames are verified where the policy of the vehicle asks for it.
+
+    Raises:
+        ConfigError: the configuration or the effects cannot be read, or do not belong together.
+    """
+    vehicle, config_path = (config, None) if isinstance(config, VehicleConfig) else (None, config)
+    if vehicle is None:
+        vehicle = choose_vehicle(config_path, [file.vehicle_toml], str(file.info.path))
+    effects = open_effects(effects_paths, vehicle)
+    return OpenedRecording(file, vehicle, effects, key_file, config_path, on_position, verifies)
+
+
+class RecordingPass:
+    """One pass over a recording, in constant memory, with the same results as live.
+
+    Iterate it once for the result of every completed revolution, in order per wheel, wheels interleaved by block. What
+    was watched is complete afterwards.
+
+    Attributes:
+        sensors: heard at the wheels.
+        statements: of the hubs, compared with what they send.
+        wheels: last state of every wheel.
+        span_ns: arrival of the first and the last frame, None before the first.
+    """
+
+    def __init__(
+        self,
+        recording: OpenedRecording,
+        estimators: Sequence[str] = DEFAULT_ESTIMATORS,
+        *,
+        is_watched: bool = True,
+        logs_alarms: bool = True,
+        signals: SignalDecoder | None = None,
+        on_block: Callable[[str, FrameBatch, NDArray[np.int64]], None] | None = None,
+    ) -> None:
+        """Prepare the pass.
+
+        Args:
+            recording: what is read.
+            estimators: names from the registry; none for the revolutions alone.
+            is_watched: whether sensors, statements and alarms are of interest; results then have their alarms.
+            logs_alarms: whether alarms go to the program's log too.
+            signals: decodes the vehicle's bus; every result then has its signals.
+            on_block: called with each block of frames before its revolutions.
+
+        Raises:
+            ConfigError: unknown estimator.
+            SecurityError: the keys cannot be read.
+        """
+        vehicle = recording.vehicle
+        self.sensors = SensorsHeard()
+        self.statements = StatementWatch(positions(vehicle))
+        self.wheels: tuple[WheelSnapshot, ...] = ()
+        self.span_ns: tuple[int, int] | None = None
+        self._recording = recording
+        self._guard = recording.guard()
+        self._links = DecodedLinks(self._guard)
+        setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), recording.effects)
+        self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
+        self._signals = signals
+        self._join = VehicleJoin(signals.history) if signals is not None else None
+        witnesses = self._join.alarms if self._join is not None else tuple
+        self._alarms = RecordingAlarms(vehicle, self._pipeline, witnesses, logs=logs_alarms) if is_watched else None
+        self._on_block = on_block
+
+    def __iter__(self) -> Iterator[RevolutionResult]:
+        for link, batch, arrivals_ns in self._recording.blocks(self._links, self._take_other):
+            if self._on_block is not None:
+                self._on_block(link, batch, arrivals_ns)
+            if self._alarms is not None:
+                first_ns, last_ns = int(arrivals_ns.min()), int(arrivals_ns.max())
+                before = self.span_ns or (first_ns, last_ns)
+                self.span_ns = min(first_ns, before[0]), max(last_ns, before[1])
+                self.sensors.take(batch)
+                self.statements.batch(link, batch)
+                self._alarms.batch(link, batch, arrivals_ns)
+            yield from map(self._completed, self._pipeline.batch(link, batch, arrivals_ns))
+            if self._alarms is not None:
+                self._alarms.end_of_block()
+        yield from map(self._completed, self._pipeline.finish())
+        self.wheels = self._pipeline.wheels()
+        for name, counted in self.links.items():
+            self.statements.counters(name, counted)
+
+    @property
+    def links(self) -> dict[str, LinkCounters]:
+        """Counters of the decoder, by link."""
+        return self._links.counters
+
+    def alarms(self) -> tuple[AlarmRecord, ...]:
+        """Return the history of every alarm, after the last result; none of a pass that is not watched."""
+        return self._alarms.finish() if self._alarms is not None else ()
+
+    def notices(self, heard: Sequence[str]) -> list[Notice]:
+        """Return what was wrong with sensors, statements and effects, after the last result.
+
+        Args:
+            heard: positions of the wheels whose sensors are compared with the configuration.
+        """
+        recording = self._recording
+        # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
+        of_guard = self._guard.take_notices() if self._guard is not None else []
+        of_sensors = of_guard or self.sensors.mismatches(recording.vehicle, heard)
+        return [*of_sensors, *self.statements.found(), *effects_doubts(recording.effects, recording.vehicle)]
+
+    def missing(self) -> tuple[Notice, ...]:
+        """Return the links without a frame and the wheels without a revolution, after the last result."""
+        counts = {name: FrameCounts(counted.frames, counted.refused) for name, counted in self.links.items()}
+        return (*missing_frames(counts), *missing_revolutions(self.wheels, counts))
+
+    def _completed(self, result: RevolutionResult) -> RevolutionResult:
+        result = self._join.joined(result) if self._join is not None else result
+        return self._alarms.result(result) if self._alarms is not None else result
+
+    def _take_other(self, item: BusFrames | LinkEvent) -> None:
+        if isinstance(item, LinkEvent):
+            if self._alarms is not None:
+                self._alarms.event(item)
+            return
+        if self._alarms is not None and has_frames(item.data):
+            self._alarms.bus(item.link, item.host_ns)
+        if self._signals is not None:
+            self._signals.take(item)
