@@ -5,19 +5,16 @@ Synchronous and deterministic: no clock, no I/O. The results do not depend on th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import pairwise
-from operator import itemgetter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.messages import HUB_ITSELF, Environment, Frame, Hello, MessageType, SampleBlock
-from firmware_protocol.sequence import unwrap
-from firmware_protocol.wheel_limit import WheelLimit
+from firmware_protocol.messages import Frame, SampleBlock
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.pipeline.frame_router import FrameRouter, Hub
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
@@ -25,30 +22,13 @@ from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.types import FloatArray
 
 if TYPE_CHECKING:
-    from firmware_protocol.block_decoder import FrameBatch, SampleGroup
+    from firmware_protocol.block_decoder import FrameBatch
 
 # Sample numbers have 32 bits.
 _SAMPLE_NUMBERS: Final = 1 << 32
 # Share of the longest wait of revolutions for which samples wait for the next ones, and the most blocks that wait.
 _GATHERED_SHARE: Final = 0.1
 _MOST_BLOCKS: Final = 64
-
-
-class _Hub:
-    """Clock of a hub: unwraps its 32-bit ticks and maps them to host time."""
-
-    def __init__(self) -> None:
-        self.boot_count: int | None = None
-        self.last_us: int | None = None
-        self.host = HostClock()
-
-    def restart(self) -> None:
-        self.last_us = None
-        self.host = HostClock()
-
-    def unwrap(self, tick_us: int) -> int:
-        self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
-        return self.last_us
 
 
 class _Run:
@@ -97,7 +77,7 @@ class _Source:
 
     __slots__ = ("hub", "run", "ticks_us", "wheel")
 
-    def __init__(self, hub: _Hub, wheel: WheelPipeline | None) -> None:
+    def __init__(self, hub: Hub, wheel: WheelPipeline | None) -> None:
         self.hub, self.wheel = hub, wheel
         self.ticks_us: list[int] = []
         self.run: _Run | None = None
@@ -152,21 +132,19 @@ class Pipeline:
         self._estimators = tuple(estimators)
         self._hold_s = hold_s
         self._unknown = unknown
-        self._setups = {(setup.hub, setup.wheel): setup for setup in setups}
         self._wheel_hold_s = (1.0 - _GATHERED_SHARE) * hold_s
         self._order = [WheelPipeline(setup, self._estimators, self._wheel_hold_s) for setup in setups]
-        self._configured = {(w.setup.hub, w.setup.wheel): w for w in self._order}
-        self._claimed: dict[tuple[int, int], str] = {}
-        self._wheels: dict[tuple[str, int, int], WheelPipeline] = {}
-        self._hubs: dict[tuple[str, int], _Hub] = {}
-        self.limit = WheelLimit(self._setups)
+        self._configured = {wheel.setup.position: wheel for wheel in self._order}
+        self._positions = {(setup.hub, setup.wheel): setup.position for setup in setups}
+        self._router: FrameRouter[WheelPipeline] = FrameRouter(self._positions, self._made)
+        self.limit = self._router.limit
         # Sources of samples of each link, those that were admitted.
         self._sources: dict[str, dict[tuple[int, int], _Source]] = {}
 
     def frames(self, link: str, frames: Iterable[Frame], host_ns: int) -> list[RevolutionResult]:
         """Take decoded frames that arrived on `link` at `host_ns`; return the revolutions that are complete and due."""
-        newest: tuple[_Hub, int] | None = None
-        sources = self._sources.setdefault(link, {})
+        newest: tuple[Hub, int] | None = None
+        router, sources = self._router, self._sources.setdefault(link, {})
         for frame in frames:
             _, hub_number, number, _, tick, message = frame
             if not isinstance(message, SampleBlock):
@@ -174,10 +152,8 @@ class Pipeline:
                 for source in sources.values():
                     source.add_run()
                     source.stamp_arrival(host_ns)
-                stamped = self._stamped(link, frame, host_ns)
-                if stamped is not None:
-                    newest = stamped
-                    self._slow(link, frame, stamped[1])
+                if self.limit.admits(link, hub_number, number):
+                    newest = router.hub(link, hub_number), router.slow(link, hub_number, number, tick, message, host_ns)
                 continue
             found = sources.get((hub_number, number)) or self._source(link, hub_number, number)
             if found is not None:
@@ -202,8 +178,8 @@ class Pipeline:
         """
         overdue = [
             (wheel, late_s)
-            for (link, hub, _), wheel in self._wheels.items()
-            if (late_s := wheel.overdue_s(self._hubs[link, hub].last_us)) >= 0.0
+            for link, hub, wheel in self._wheels()
+            if (late_s := wheel.overdue_s(self._router.hub(link, hub).last_us)) >= 0.0
         ]
         if not overdue:
             return []
@@ -214,9 +190,7 @@ class Pipeline:
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
         self._add_runs(link)
-        return [
-            result for (of_link, _, _), wheel in self._wheels.items() if of_link == link for result in wheel.complete()
-        ]
+        return [result for of_link, _, wheel in self._wheels() if of_link == link for result in wheel.complete()]
 
     def _add_runs(self, link: str) -> None:
         """Add the samples of a link that wait to their wheels."""
@@ -227,29 +201,22 @@ class Pipeline:
         """Return a new source of samples; None if not admitted."""
         if not self.limit.admits(link, hub, wheel):
             return None
-        source = self._sources[link][hub, wheel] = _Source(self._known_hub(link, hub), self._wheel(link, hub, wheel))
+        source = _Source(self._router.hub(link, hub), self._router.wheel(link, hub, wheel))
+        self._sources[link][hub, wheel] = source
         return source
 
-    def _slow_frame(self, link: str, frame: Frame, host_ns: int) -> None:
-        """Take a frame without samples."""
-        stamped = self._stamped(link, frame, host_ns)
-        if stamped is not None:
-            hub, tick_us = stamped
-            self._slow(link, frame, tick_us)
-            hub.host.measure_latency(tick_us, host_ns)
+    def _made(self, position: str, hub: int, number: int, _: Hub) -> WheelPipeline:
+        """Return the wheel of a position; one that is not configured is new."""
+        wheel = self._configured.get(position)
+        if wheel is None:
+            setup = replace(self._unknown, position=position, hub=hub, wheel=number)
+            wheel = WheelPipeline(setup, self._estimators, self._wheel_hold_s)
+            self._order.append(wheel)
+        return wheel
 
-    def _stamped(self, link: str, frame: Frame, host_ns: int) -> tuple[_Hub, int] | None:
-        """Return the hub of a frame and the hub time, unwrapped, once the clocks know them; None if not admitted."""
-        if not self.limit.admits(link, frame.hub, frame.wheel):
-            return None
-        hub = self._hub(link, frame)
-        tick_us = hub.unwrap(frame.tick_us)
-        hub.host.stamp(tick_us, host_ns)
-        return hub, tick_us
-
-    def _completed(self) -> list[RevolutionResult]:
-        """Return the revolutions that were completed since the last call, wheel by wheel."""
-        return [result for wheel in self._wheels.values() for result in wheel.complete()]
+    def _wheels(self) -> Iterator[tuple[str, int, WheelPipeline]]:
+        """Yield link, number of the hub and wheel of all that have sent a frame."""
+        return ((link, hub, wheel) for (link, hub, _), wheel in self._router.wheels.items() if wheel is not None)
 
     def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> list[RevolutionResult]:
         """Take a block of decoded frames of a dump; the results are those of `frames`, wheel by wheel.
@@ -259,112 +226,16 @@ class Pipeline:
             batch: the block.
             host_ns: (frames,) arrival time of each.
         """
-        groups = _Groups(batch, lambda hub, wheel: self.limit.admits(link, hub, wheel))
-        slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
-        begin = 0
-        # Split at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
-        # wheels are independent, and each wheel's blocks are processed at once.
-        for stop in (*slow, len(batch.type)):
-            if stop > begin:
-                ticks_us = self._stamp(link, batch, slice(begin, stop), groups.is_used[begin:stop], host_ns)
-                for group, part in groups.in_stream_order(begin, stop):
-                    own_ticks_us = ticks_us[group.frame_index[part] - begin]
-                    self._group(link, group, part, own_ticks_us)
-            if stop < len(batch.type):
-                frame = Frame(
-                    int(batch.type[stop]),
-                    int(batch.hub[stop]),
-                    int(batch.wheel[stop]),
-                    int(batch.seq[stop]),
-                    int(batch.tick_us[stop]),
-                    batch.message(stop),
-                )
-                self._slow_frame(link, frame, int(host_ns[stop]))
-            begin = stop + 1
-        return self._completed()
-
-    def _stamp(
-        self, link: str, batch: FrameBatch, part: slice, is_used: NDArray[np.bool_], host_ns: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
-        """Unwrap the hub time of a run of sample frames and update the hubs' clocks; unused frames change nothing."""
-        hubs = np.asarray(batch.hub[part])
-        ticks = np.asarray(batch.tick_us[part])
-        arrivals = host_ns[part]
-        unwrapped = np.empty(len(ticks), np.int64)
-        for number in np.unique(hubs[is_used]).tolist():
-            own = np.flatnonzero((hubs == number) & is_used)
-            hub = self._known_hub(link, number)
-            first = hub.unwrap(int(ticks[own[0]]))
-            steps = np.diff(ticks[own].astype(np.uint32)).astype(np.int32).astype(np.int64)
-            unwrapped[own] = first + np.concatenate(([0], np.cumsum(steps)))
-            hub.host.stamp_all(unwrapped[own], arrivals[own])
-            hub.last_us = int(unwrapped[own[-1]])
-        return unwrapped
-
-    def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> None:
-        wheel = self._wheel(link, group.hub, group.wheel)
-        if wheel is None:
-            return
-        host = self._hubs[(link, group.hub)].host
-        first = np.asarray(group.first_sample[part]).astype(np.uint32)
-        counts = group.counts[part]
-        block = counts.shape[1]
-        breaks = np.flatnonzero(np.diff(first) != block) + 1
-        edges = [0, *breaks.tolist(), len(first)]
-        for lo, hi in pairwise(edges):
-            run = counts[lo:hi].reshape(-1, counts.shape[2])
-            wheel.add(int(first[lo]), ticks_us[lo:hi].tolist(), group.axes, run, host)
-
-    def _hub(self, link: str, frame: Frame) -> _Hub:
-        hub = self._known_hub(link, frame.hub)
-        if isinstance(frame.message, Hello):
-            if hub.boot_count is not None and hub.boot_count != frame.message.boot_count:
-                hub.restart()
-                for (of_link, of_hub, _), wheel in self._wheels.items():
-                    if (of_link, of_hub) == (link, frame.hub):
-                        wheel.restart()
-            hub.boot_count = frame.message.boot_count
-        return hub
-
-    def _known_hub(self, link: str, number: int) -> _Hub:
-        hub = self._hubs.get((link, number))
-        if hub is None:
-            hub = self._hubs[(link, number)] = _Hub()
-        return hub
-
-    def _slow(self, link: str, frame: Frame, tick_us: int) -> None:
-        if isinstance(frame.message, Hello | Environment):
-            wheel = self._wheel(link, frame.hub, frame.wheel)
-            if wheel is not None and isinstance(frame.message, Hello):
-                wheel.hello(frame.message)
-            elif wheel is not None and isinstance(frame.message, Environment):
-                wheel.environment(tick_us, frame.message)
-
-    def _wheel(self, link: str, hub: int, number: int) -> WheelPipeline | None:
-        """Return an admitted wheel, new if need be; None for the hub itself, which has no sensor."""
-        if number == HUB_ITSELF:
-            return None
-        key = (link, hub, number)
-        wheel = self._wheels.get(key)
-        if wheel is None:
-            owner = self._claimed.setdefault((hub, number), link)
-            configured = self._configured.get((hub, number)) if owner == link else None
-            if configured is None:
-                name = f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
-                configured = WheelPipeline(
-                    replace(self._unknown, position=name, hub=hub, wheel=number), self._estimators, self._wheel_hold_s
-                )
-                self._order.append(configured)
-            wheel = self._wheels[key] = configured
-        return wheel
+        self._router.batch(link, batch, host_ns)
+        return [result for _, _, wheel in self._wheels() for result in wheel.complete()]
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""
         for of_link in self._sources:
             self._add_runs(of_link)
         results: list[RevolutionResult] = []
-        for (link, hub, _), wheel in self._wheels.items():
-            results += wheel.finish(self._hubs[(link, hub)].host)
+        for link, hub, wheel in self._wheels():
+            results += wheel.finish(self._router.hub(link, hub).host)
         return results
 
     def wheels(self) -> tuple[WheelSnapshot, ...]:
@@ -373,11 +244,10 @@ class Pipeline:
 
     def position(self, link: str, hub: int, wheel: int) -> str:
         """Return the position that names a wheel in results."""
-        known = self._wheels.get((link, hub, wheel))
-        if known is not None:
-            return known.setup.position
-        setup = self._setups.get((hub, wheel))
-        return setup.position if setup is not None else f"hub{hub}.wheel{wheel}"
+        known = self._router.wheels.get((link, hub, wheel))
+        return (
+            known.setup.position if known is not None else self._positions.get((hub, wheel), f"hub{hub}.wheel{wheel}")
+        )
 
     def average_mps2(self, position: str) -> FloatArray | None:
         """Return the running average of a wheel's radial axis, None before its first revolution."""
@@ -385,41 +255,5 @@ class Pipeline:
 
     def latency_s(self, link: str, hubs: Container[int]) -> float | None:
         """Return the delay of the newest frame of these hubs relative to the fastest, None before the first frame."""
-        known = [hub.host.latency_s for (of, number), hub in self._hubs.items() if of == link and number in hubs]
+        known = [hub.host.latency_s for number, hub in self._router.hubs(link) if number in hubs]
         return max((value for value in known if value is not None), default=None)
-
-
-class _Groups:
-    """Sample blocks of a batch by wheel and shape, found by their place in the stream."""
-
-    def __init__(self, batch: FrameBatch, admits: Callable[[int, int], bool]) -> None:
-        # Places are taken in the order of the stream, as live.
-        used = {(hub, wheel) for hub, wheel, _ in batch.by_source() if admits(hub, wheel)}
-        self._groups = [group for group in batch.sample_groups() if (group.hub, group.wheel) in used]
-        # Group of each frame of the batch, -1 where its samples are not used, and its place in the group.
-        self._of: NDArray[np.int64] = np.full(len(batch), -1)
-        self._place: NDArray[np.int64] = np.zeros(len(batch), np.int64)
-        for number, group in enumerate(self._groups):
-            self._of[group.frame_index] = number
-            self._place[group.frame_index] = np.arange(len(group.frame_index))
-        self.is_used: NDArray[np.bool_] = self._of >= 0
-
-    def in_stream_order(self, begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
-        """Yield the groups' frames from `begin` to `stop`, those of each wheel in the order of the stream."""
-        of = self._of[begin:stop]
-        numbers, counts = np.unique(of, return_counts=True)
-        parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
-        for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
-            if number >= 0:
-                group = self._groups[number]
-                lo = int(self._place[begin + int(np.argmax(of == number))])
-                parts.setdefault((group.hub, group.wheel), []).append((group, lo, lo + count))
-        for of_wheel in parts.values():
-            if len(of_wheel) == 1:
-                group, lo, hi = of_wheel[0]
-                yield group, slice(lo, hi)
-                continue
-            # The wheel changed its block size or its axes: its blocks are taken one by one.
-            frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
-            for _, group, at in sorted(frames, key=itemgetter(0)):
-                yield group, slice(at, at + 1)

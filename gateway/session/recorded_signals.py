@@ -9,19 +9,16 @@ import math
 from bisect import insort
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware_protocol.block_decoder import FrameBatch, SampleGroup
 from firmware_protocol.counters import LinkCounters
-from firmware_protocol.messages import HUB_ITSELF, Axis, Environment, Hello, MessageType
+from firmware_protocol.messages import Axis, Environment, Hello
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
-from firmware_protocol.wheel_limit import WheelLimit
-from gateway.config.vehicle import VehicleConfig
+from gateway.pipeline.frame_router import FrameRouter, Hub
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.revolution import SensorReading
 from gateway.pipeline.timebase import HostClock, SampleClock
@@ -121,6 +118,25 @@ class HeardWheel:
     rate_hz: float = math.nan
     samples: int = 0
 
+    def hello(self, hello: Hello) -> None:
+        """Take sensor and sampling rate."""
+        self.rate_hz = hello.rate_hz
+        if hello.sensor_id not in self.sensor_ids and len(self.sensor_ids) < _MOST_SENSORS:
+            self.sensor_ids.append(hello.sensor_id)
+
+    def add(
+        self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16], host: HostClock
+    ) -> None:
+        """Count samples."""
+        del first_sample, ticks_us, axes, host
+        self.samples += len(counts)
+
+    def environment(self, tick_us: int, environment: Environment) -> None:
+        """Take no notice."""
+
+    def restart(self) -> None:
+        """Take no notice."""
+
 
 @dataclass(frozen=True, slots=True)
 class Survey:
@@ -141,29 +157,17 @@ class Survey:
 
 def survey(recording: OpenedRecording) -> Survey:
     """Return what a recording holds; errors as for `signals`."""
-    names = _Names(recording.vehicle)
-    heard: dict[str, HeardWheel] = {}
+    configured = positions(recording.vehicle)
+    router = FrameRouter(configured, lambda position, _hub, _number, _clock: HeardWheel(position))
     links = DecodedLinks(recording.guard())
     first_ns = last_ns = 0
     for link, batch, arrivals_ns in recording.blocks(links):
         first_ns, last_ns = first_ns or int(arrivals_ns[0]), max(last_ns, int(arrivals_ns[-1]))
-        is_used = names.used(link, batch)
-        for hub, number, places in batch.by_source():
-            if number != HUB_ITSELF and is_used[places[0]]:
-                name = names.name(link, hub, number)
-                wheel = heard.setdefault(name, HeardWheel(name))
-                for place in places[batch.type[places] == MessageType.HELLO].tolist():
-                    hello = batch.message(place)
-                    assert isinstance(hello, Hello)
-                    wheel.rate_hz = hello.rate_hz
-                    if hello.sensor_id not in wheel.sensor_ids and len(wheel.sensor_ids) < _MOST_SENSORS:
-                        wheel.sensor_ids.append(hello.sensor_id)
-        for group in batch.sample_groups():
-            if is_used[group.frame_index[0]]:
-                heard[names.name(link, group.hub, group.wheel)].samples += group.counts.shape[0] * group.counts.shape[1]
-    order = {name: place for place, name in enumerate(names.configured.values())}
-    found = sorted(heard.values(), key=lambda wheel: order.get(wheel.wheel, len(order)))
-    return Survey({wheel.wheel: wheel for wheel in found}, links.counters, first_ns, last_ns)
+        router.batch(link, batch, arrivals_ns)
+    order = {name: place for place, name in enumerate(configured.values())}
+    heard = [wheel for wheel in router.wheels.values() if wheel is not None]
+    heard.sort(key=lambda wheel: order.get(wheel.wheel, len(order)))
+    return Survey({wheel.wheel: wheel for wheel in heard}, links.counters, first_ns, last_ns)
 
 
 def signals(recording: OpenedRecording, *, wheels: Collection[str] | None = None) -> Iterator[SignalItem]:
@@ -179,10 +183,21 @@ def signals(recording: OpenedRecording, *, wheels: Collection[str] | None = None
         RecordingError: the file cannot be read.
         SecurityError: the keys cannot be read.
     """
-    router = _Router(recording.vehicle, wheels)
+    arrivals = _Arrivals()
+
+    def made(position: str, _hub: int, _number: int, hub: Hub) -> _Wheel | None:
+        return _Wheel(position, hub, arrivals) if wheels is None or position in wheels else None
+
+    router = FrameRouter(positions(recording.vehicle), made)
     for link, batch, arrivals_ns in recording.verified_blocks():
-        yield from router.batch(link, batch, arrivals_ns)
-    yield from router.finish()
+        router.batch(link, batch, arrivals_ns)
+        arrivals.take()
+        yield from arrivals.items
+        arrivals.items.clear()
+    for wheel in router.wheels.values():
+        if wheel is not None:
+            wheel.flush()
+    yield from arrivals.items
 
 
 def sample_blocks(recording: OpenedRecording, *, wheels: Collection[str] | None = None) -> Iterator[SignalBlock]:
@@ -205,15 +220,6 @@ def revolutions(
     for result in RecordingPass(recording, estimators, is_watched=False):
         if wheels is None or result.position in wheels:
             yield result
-
-
-@dataclass(slots=True)
-class _Hub:
-    """Clocks of a hub, and its boot count."""
-
-    host: HostClock = field(default_factory=HostClock)
-    boot_count: int | None = None
-    last_us: int | None = None
 
 
 @dataclass(order=True, slots=True)
@@ -317,40 +323,101 @@ def _joined(runs: Sequence[_Run]) -> Iterator[_Run]:
         begin = stop
 
 
+@dataclass(slots=True)
+class _Arrived:
+    """Samples of one wheel in the order of their numbers, as they arrived in one block of frames."""
+
+    wheel: _Wheel
+    first: int
+    axes: int
+    ticks_us: list[int]
+    counts: list[NDArray[np.int16]]
+    end: int
+
+    def goes_on(self, first: int, axes: int, length: int) -> bool:
+        """Return whether blocks of a length follow these, and are like them."""
+        return (first, axes, length) == (self.end, self.axes, (self.end - self.first) // len(self.ticks_us))
+
+
+@dataclass(slots=True)
+class _Arrivals:
+    """Samples that the wheels have not taken yet, and the items that are complete."""
+
+    waiting: list[_Arrived] = field(default_factory=list)
+    items: list[SignalItem] = field(default_factory=list)
+
+    def take(self) -> None:
+        """Give the wheels their samples in the order of time."""
+        for arrived in sorted(self.waiting, key=lambda arrived: arrived.ticks_us[0]):
+            arrived.wheel.take(arrived)
+        self.waiting.clear()
+
+
 class _Wheel:
     """Samples of one wheel."""
 
-    def __init__(self, position: str, hub: _Hub) -> None:
-        self.position = position
-        self.hub = hub
-        self.hello: Hello | None = None
+    def __init__(self, position: str, hub: Hub, arrivals: _Arrivals) -> None:
+        self._position = position
+        self._hub = hub
+        self._arrivals = arrivals
+        self._hello: Hello | None = None
         self._reading: SensorReading | None = None
         self._segment: _Segment | None = None
         self._segments = -1
         self._lost = 0
         self._end: int | None = None
 
-    def take_hello(self, hello: Hello) -> Iterator[SignalBlock]:
+    def hello(self, hello: Hello) -> None:
         """Take the layout and scale of the samples; a change of sensor, rate or layout begins a new segment."""
-        known = self.hello
+        known = self._hello
         if known == hello:
             return
+        self._arrivals.take()
         if known is None or any(
             getattr(known, name) != getattr(hello, name) for name in ("axes", "rate_hz", "boot_count", "sensor_id")
         ):
-            yield from self.flush()
-        self.hello, self._reading = hello, SensorReading.from_hello(hello)
+            self.flush()
+        self._hello, self._reading = hello, SensorReading.from_hello(hello)
 
-    def restart(self) -> Iterator[SignalBlock]:
+    def restart(self) -> None:
         """Handle a restart of the hub."""
-        yield from self.flush()
-        self.hello = self._reading = None
+        self._arrivals.take()
+        self.flush()
+        self._hello = self._reading = None
 
-    def take(
-        self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16]
-    ) -> Iterator[SignalBlock]:
+    def environment(self, tick_us: int, environment: Environment) -> None:
+        """Take pressure and temperature."""
+        self._arrivals.items.append(
+            EnvironmentReading(
+                wheel=self._position,
+                hub_time_s=tick_us * 1e-6,
+                host_time_ns=self._hub.host.host_ns(tick_us),
+                pressure_pa=environment.pressure_pa,
+                temperature_degc=environment.temperature_degc,
+                supply_v=environment.supply_v,
+            )
+        )
+
+    def add(
+        self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16], host: HostClock
+    ) -> None:
         """Take consecutive samples, with the hub times of the first of each of their equally long blocks."""
-        hello, reading, segment = self.hello, self._reading, self._segment
+        del host
+        waiting = self._arrivals.waiting
+        last = next((arrived for arrived in reversed(waiting) if arrived.wheel is self), None)
+        if last is not None and last.goes_on(first_sample, axes, len(counts) // len(ticks_us)):
+            last.ticks_us += ticks_us
+            last.counts.append(counts)
+            last.end += len(counts)
+        else:
+            end = first_sample + len(counts)
+            waiting.append(_Arrived(self, first_sample, axes, [*ticks_us], [counts], end))
+
+    def take(self, arrived: _Arrived) -> None:
+        """Date and convert samples that have arrived."""
+        first_sample, axes, ticks_us = arrived.first, arrived.axes, arrived.ticks_us
+        counts = arrived.counts[0] if len(arrived.counts) == 1 else np.concatenate(arrived.counts)
+        hello, reading, segment = self._hello, self._reading, self._segment
         if hello is None or reading is None or axes != hello.axes:
             return
         converted = np.full((len(counts), len(Axis)), np.nan)
@@ -365,7 +432,7 @@ class _Wheel:
                 segment.insert(_Run(first, converted, saturated))
                 return
             if step < 0 or step > _MAX_GAP_S * hello.rate_hz:
-                yield from self.flush()
+                self.flush()
                 if step > 0 and not is_jump(step, ticks_us[0] - segment.clock.hub_us(segment.head), hello.rate_hz):
                     self._lost += step
                 first = first if step > 0 else first_sample
@@ -375,186 +442,34 @@ class _Wheel:
             segment = self._segment = _Segment(first, hello.rate_hz)
             self._end = None
         segment.add(_Run(first, converted, saturated), ticks_us, len(counts) // len(ticks_us))
-        yield from self._released(segment, segment.ready())
+        self._release(segment, segment.ready())
 
-    def flush(self) -> Iterator[SignalBlock]:
-        """Yield the samples held back, at the end of a segment."""
+    def flush(self) -> None:
+        """Complete the samples held back, at the end of a segment."""
         segment, self._segment = self._segment, None
         if segment is not None:
-            yield from self._released(segment, segment.head)
+            self._release(segment, segment.head)
 
-    def _released(self, segment: _Segment, end: int) -> Iterator[SignalBlock]:
-        hello, reading = self.hello, self._reading
+    def _release(self, segment: _Segment, end: int) -> None:
+        hello, reading = self._hello, self._reading
         assert hello is not None
         assert reading is not None
-        for run, hub_s, host_ns, rate_hz in segment.release(end, self.hub.host):
+        for run, hub_s, host_ns, rate_hz in segment.release(end, self._hub.host):
             if self._end is not None:
                 self._lost += run.first - self._end
-            yield SignalBlock(
-                wheel=self.position,
-                sensor_id=hello.sensor_id,
-                segment=self._segments,
-                first_sample=run.first,
-                hub_time_s=hub_s,
-                host_time_ns=host_ns,
-                axes_mps2=run.axes_mps2,
-                saturated=run.saturated,
-                lost_before=self._lost,
-                rate_hz=rate_hz,
-                ac_coupled=reading.ac_coupled,
+            self._arrivals.items.append(
+                SignalBlock(
+                    wheel=self._position,
+                    sensor_id=hello.sensor_id,
+                    segment=self._segments,
+                    first_sample=run.first,
+                    hub_time_s=hub_s,
+                    host_time_ns=host_ns,
+                    axes_mps2=run.axes_mps2,
+                    saturated=run.saturated,
+                    lost_before=self._lost,
+                    rate_hz=rate_hz,
+                    ac_coupled=reading.ac_coupled,
+                )
             )
             self._lost, self._end = 0, run.end
-
-
-class _Names:
-    """Admission and names of wheels, as in the pipeline."""
-
-    def __init__(self, vehicle: VehicleConfig | None) -> None:
-        self.configured = positions(vehicle)
-        self._limit = WheelLimit(self.configured)
-        self._claimed: dict[tuple[int, int], str] = {}
-
-    def used(self, link: str, batch: FrameBatch) -> BoolArray:
-        """Return which frames of a batch are of an admitted source, (k,)."""
-        is_used = np.zeros(len(batch), np.bool_)
-        for hub, wheel, places in batch.by_source():
-            is_used[places] = self._limit.admits(link, hub, wheel)
-        return is_used
-
-    def name(self, link: str, hub: int, number: int) -> str:
-        """Return the position of a wheel; a configured one is on the first link that has it."""
-        owner = self._claimed.setdefault((hub, number), link)
-        configured = self.configured.get((hub, number)) if owner == link else None
-        return configured or f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
-
-
-class _Router:
-    """Frames of all links, taken to their wheels."""
-
-    def __init__(self, vehicle: VehicleConfig | None, wheels: Collection[str] | None) -> None:
-        self._names = _Names(vehicle)
-        self._chosen = wheels
-        self._hubs: dict[tuple[str, int], _Hub] = {}
-        # None for a wheel that is not chosen
-        self._wheels: dict[tuple[str, int, int], _Wheel | None] = {}
-
-    def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[SignalItem]:
-        """Yield what a block of frames of a link completes."""
-        is_used = self._names.used(link, batch)
-        groups = [group for group in batch.sample_groups() if is_used[group.frame_index[0]]]
-        changes = self._changes(link, batch, is_used)
-        for begin, stop in pairwise(sorted({0, len(batch), *changes})):
-            if begin in changes:
-                yield from self._change(link, batch, begin, changes[begin])
-            ticks_us = self._stamp(link, batch, slice(begin, stop), is_used, arrivals_ns)
-            yield from self._samples(link, groups, begin, stop, ticks_us)
-            yield from self._environment(link, batch, begin, stop, is_used, ticks_us)
-
-    def finish(self) -> Iterator[SignalItem]:
-        """Yield the samples held back, when no more frames will come."""
-        for wheel in self._wheels.values():
-            if wheel is not None:
-                yield from wheel.flush()
-
-    def _changes(self, link: str, batch: FrameBatch, is_used: BoolArray) -> dict[int, Hello]:
-        """Return the hellos that differ from the one before of their wheel, by their places."""
-        known: dict[tuple[int, int], Hello | None] = {}
-        changes: dict[int, Hello] = {}
-        for place in np.flatnonzero((batch.type == MessageType.HELLO) & is_used).tolist():
-            hello = batch.message(place)
-            assert isinstance(hello, Hello)
-            hub, number = int(batch.hub[place]), int(batch.wheel[place])
-            if (hub, number) not in known:
-                wheel = self._wheels.get((link, hub, number))
-                known[hub, number] = wheel.hello if wheel is not None else None
-            if known[hub, number] != hello:
-                changes[place] = known[hub, number] = hello
-        return changes
-
-    def _change(self, link: str, batch: FrameBatch, place: int, hello: Hello) -> Iterator[SignalItem]:
-        number, key = int(batch.hub[place]), (link, int(batch.hub[place]))
-        hub = self._hubs.setdefault(key, _Hub())
-        if hub.boot_count is not None and hub.boot_count != hello.boot_count:
-            for (of_link, of_hub, _), wheel in self._wheels.items():
-                if (of_link, of_hub) == key and wheel is not None:
-                    yield from wheel.restart()
-            hub.last_us, hub.host = None, HostClock()
-        hub.boot_count = hello.boot_count
-        own = self._wheel(link, number, int(batch.wheel[place]))
-        if own is not None:
-            yield from own.take_hello(hello)
-
-    def _stamp(
-        self, link: str, batch: FrameBatch, part: slice, is_used: BoolArray, arrivals_ns: NDArray[np.int64]
-    ) -> NDArray[np.int64]:
-        """Return the unwrapped hub times of frames, and give those to the clocks of their hubs."""
-        hubs = np.asarray(batch.hub[part])
-        ticks = np.asarray(batch.tick_us[part]).astype(np.uint32)
-        unwrapped = np.zeros(len(ticks), np.int64)
-        for number in np.unique(hubs[is_used[part]]).tolist():
-            own = np.flatnonzero((hubs == number) & is_used[part])
-            hub = self._hubs.setdefault((link, number), _Hub())
-            first = int(ticks[own[0]]) if hub.last_us is None else unwrap(hub.last_us, int(ticks[own[0]]))
-            steps = np.diff(ticks[own]).astype(np.int32).astype(np.int64)
-            unwrapped[own] = first + np.concatenate(([0], np.cumsum(steps)))
-            hub.last_us = int(unwrapped[own[-1]])
-            arrived_ns = arrivals_ns[part][own]
-            # A dump has no arrival times.
-            if arrived_ns.any():
-                for tick_us, arrival_ns in zip(unwrapped[own].tolist(), arrived_ns.tolist(), strict=True):
-                    hub.host.stamp(tick_us, arrival_ns)
-        return unwrapped
-
-    def _samples(
-        self, link: str, groups: Sequence[SampleGroup], begin: int, stop: int, ticks_us: NDArray[np.int64]
-    ) -> Iterator[SignalItem]:
-        runs: list[tuple[int, SampleGroup, int, int]] = []
-        for group in groups:
-            lo, hi = np.searchsorted(group.frame_index, (begin, stop)).tolist()
-            numbers = np.asarray(group.first_sample[lo:hi]).astype(np.uint32)
-            breaks = np.flatnonzero(np.diff(numbers) != group.counts.shape[1]) + 1
-            edges = [lo, *(lo + breaks).tolist(), hi] if hi > lo else []
-            runs += [(int(group.frame_index[one]), group, one, other) for one, other in pairwise(edges)]
-        # In the order of the stream, since a wheel that changes its block size is in several groups.
-        for _, group, lo, hi in sorted(runs, key=lambda run: run[0]):
-            wheel = self._wheel(link, group.hub, group.wheel)
-            if wheel is not None:
-                counts = group.counts[lo:hi].reshape(-1, group.counts.shape[2])
-                own_us = ticks_us[group.frame_index[lo:hi] - begin].tolist()
-                yield from wheel.take(int(group.first_sample[lo]), own_us, group.axes, counts)
-
-    def _environment(
-        self,
-        link: str,
-        batch: FrameBatch,
-        begin: int,
-        stop: int,
-        is_used: BoolArray,
-        ticks_us: NDArray[np.int64],
-    ) -> Iterator[SignalItem]:
-        of_type = (batch.type[begin:stop] == MessageType.ENVIRONMENT) & is_used[begin:stop]
-        for place in np.flatnonzero(of_type).tolist():
-            message = batch.message(begin + place)
-            wheel = self._wheel(link, int(batch.hub[begin + place]), int(batch.wheel[begin + place]))
-            if wheel is None or not isinstance(message, Environment):
-                continue
-            tick_us = int(ticks_us[place])
-            yield EnvironmentReading(
-                wheel=wheel.position,
-                hub_time_s=tick_us * 1e-6,
-                host_time_ns=wheel.hub.host.host_ns(tick_us),
-                pressure_pa=message.pressure_pa,
-                temperature_degc=message.temperature_degc,
-                supply_v=message.supply_v,
-            )
-
-    def _wheel(self, link: str, hub: int, number: int) -> _Wheel | None:
-        """Return a wheel, new if need be; None for the hub itself, and for a wheel that is not chosen."""
-        if number == HUB_ITSELF:
-            return None
-        key = (link, hub, number)
-        if key not in self._wheels:
-            name = self._names.name(link, hub, number)
-            chosen = self._chosen is None or name in self._chosen
-            self._wheels[key] = _Wheel(name, self._hubs.setdefault((link, hub), _Hub())) if chosen else None
-        return self._wheels[key]

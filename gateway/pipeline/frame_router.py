@@ -1,0 +1,228 @@
+"""Routing of frames to wheels: admission, names, and the clocks of hubs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from operator import itemgetter
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import HUB_ITSELF, Environment, Hello, Message, MessageType
+from firmware_protocol.sequence import unwrap
+from firmware_protocol.wheel_limit import WheelLimit
+from gateway.pipeline.timebase import HostClock
+
+if TYPE_CHECKING:
+    from firmware_protocol.block_decoder import FrameBatch, SampleGroup
+
+
+class Hub:
+    """Clock of a hub: unwraps its 32-bit ticks and maps them to host time.
+
+    Attributes:
+        boot_count: of its last hello, None before one.
+        last_us: newest hub time, None before the first frame since its start.
+        host: clock of the host.
+    """
+
+    def __init__(self) -> None:
+        """Begin before the first frame."""
+        self.boot_count: int | None = None
+        self.last_us: int | None = None
+        self.host = HostClock()
+
+    def restart(self) -> None:
+        """Forget the clock before a start."""
+        self.last_us = None
+        self.host = HostClock()
+
+    def unwrap(self, tick_us: int) -> int:
+        """Return the hub time of the next frame, without wraps."""
+        self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
+        return self.last_us
+
+    def stamp_all(self, ticks_us: NDArray[np.uint32], hosts_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Take the ticks and arrivals of frames, (n,) each, n > 0; return their hub times without wraps."""
+        first = self.unwrap(int(ticks_us[0]))
+        steps = np.diff(ticks_us).astype(np.int32).astype(np.int64)
+        unwrapped = first + np.concatenate(([0], np.cumsum(steps)))
+        # A dump has no arrival times.
+        if hosts_ns.any():
+            self.host.stamp_all(unwrapped, hosts_ns)
+        self.last_us = int(unwrapped[-1])
+        return unwrapped
+
+
+class RoutedWheel(Protocol):
+    """A wheel that takes what its sensor sends."""
+
+    def hello(self, hello: Hello) -> None:
+        """Take the description of the sensor."""
+        ...
+
+    def environment(self, tick_us: int, environment: Environment) -> None:
+        """Take pressure and temperature at a hub time."""
+        ...
+
+    def restart(self) -> None:
+        """Take a restart of the hub."""
+        ...
+
+    def add(
+        self, first_sample: int, ticks_us: Sequence[int], axes: int, counts: NDArray[np.int16], host: HostClock
+    ) -> None:
+        """Take consecutive samples, with the hub times of the first of each of their equally long blocks."""
+        ...
+
+
+WheelT = TypeVar("WheelT", bound=RoutedWheel)
+
+
+class FrameRouter(Generic[WheelT]):
+    """Takes frames of any number of links to their wheels.
+
+    Attributes:
+        limit: admission of wheels; frames of others are not used.
+        wheels: by link, hub and number, in the order of their first frames; None for one that is of no interest.
+    """
+
+    def __init__(
+        self, configured: Mapping[tuple[int, int], str], make: Callable[[str, int, int, Hub], WheelT | None]
+    ) -> None:
+        """Start without frames.
+
+        Args:
+            configured: positions of the configured wheels, by hub and number.
+            make: returns the wheel of a position, a hub number, a wheel number and the clock of the hub.
+        """
+        self.limit = WheelLimit(configured)
+        self.wheels: dict[tuple[str, int, int], WheelT | None] = {}
+        self._configured = configured
+        self._owners: dict[tuple[int, int], str] = {}
+        self._make = make
+        self._hubs: dict[tuple[str, int], Hub] = {}
+
+    def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> None:
+        """Take a block of decoded frames that arrived on `link` at `host_ns`, (frames,)."""
+        groups = _Groups(batch, lambda hub, wheel: self.limit.admits(link, hub, wheel))
+        slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
+        has_arrivals = bool(host_ns.any())
+        begin = 0
+        # Split at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
+        # wheels are independent, and each wheel's blocks are processed at once.
+        for stop in (*slow, len(batch.type)):
+            if stop > begin:
+                ticks_us = self._stamp(link, batch, slice(begin, stop), groups.is_used[begin:stop], host_ns)
+                for group, part in groups.in_stream_order(begin, stop):
+                    self._group(link, group, part, ticks_us[group.frame_index[part] - begin])
+            if stop < len(batch.type) and self.limit.admits(link, int(batch.hub[stop]), int(batch.wheel[stop])):
+                hub, number, message = int(batch.hub[stop]), int(batch.wheel[stop]), batch.message(stop)
+                arrived_ns = int(host_ns[stop]) if has_arrivals else None
+                self.slow(link, hub, number, int(batch.tick_us[stop]), message, arrived_ns)
+            begin = stop + 1
+
+    def slow(self, link: str, hub_number: int, number: int, tick: int, message: Message, host_ns: int | None) -> int:
+        """Take a frame without samples of an admitted source, None without arrival; return its unwrapped hub time."""
+        hub = self.hub(link, hub_number)
+        if isinstance(message, Hello):
+            if hub.boot_count is not None and hub.boot_count != message.boot_count:
+                for (of_link, of_hub, _), wheel in self.wheels.items():
+                    if (of_link, of_hub) == (link, hub_number) and wheel is not None:
+                        wheel.restart()
+                hub.restart()
+            hub.boot_count = message.boot_count
+        tick_us = hub.unwrap(tick)
+        if host_ns is not None:
+            hub.host.stamp(tick_us, host_ns)
+        if isinstance(message, Hello | Environment) and (own := self.wheel(link, hub_number, number)) is not None:
+            if isinstance(message, Hello):
+                own.hello(message)
+            else:
+                own.environment(tick_us, message)
+        return tick_us
+
+    def hub(self, link: str, number: int) -> Hub:
+        """Return a hub, new if need be."""
+        hub = self._hubs.get((link, number))
+        if hub is None:
+            hub = self._hubs[link, number] = Hub()
+        return hub
+
+    def hubs(self, link: str) -> Iterator[tuple[int, Hub]]:
+        """Yield the hubs of a link by number."""
+        return ((number, hub) for (of_link, number), hub in self._hubs.items() if of_link == link)
+
+    def wheel(self, link: str, hub: int, number: int) -> WheelT | None:
+        """Return an admitted wheel, new if need be; None for the hub itself, and for one that is of no interest."""
+        if number == HUB_ITSELF:
+            return None
+        key = link, hub, number
+        if key not in self.wheels:
+            # A configured wheel has its position on the first link that has it.
+            owner = self._owners.setdefault((hub, number), link)
+            configured = self._configured.get((hub, number)) if owner == link else None
+            position = configured or f"hub{hub}.wheel{number}" + ("" if owner == link else f" on {link}")
+            self.wheels[key] = self._make(position, hub, number, self.hub(link, hub))
+        return self.wheels[key]
+
+    def _stamp(
+        self, link: str, batch: FrameBatch, part: slice, is_used: NDArray[np.bool_], host_ns: NDArray[np.int64]
+    ) -> NDArray[np.int64]:
+        """Unwrap the hub time of a run of sample frames and update the hubs' clocks; unused frames change nothing."""
+        hubs, arrivals_ns = np.asarray(batch.hub[part]), host_ns[part]
+        ticks = np.asarray(batch.tick_us[part]).astype(np.uint32)
+        unwrapped = np.empty(len(ticks), np.int64)
+        for number in np.unique(hubs[is_used]).tolist():
+            own = np.flatnonzero((hubs == number) & is_used)
+            unwrapped[own] = self.hub(link, number).stamp_all(ticks[own], arrivals_ns[own])
+        return unwrapped
+
+    def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> None:
+        wheel = self.wheel(link, group.hub, group.wheel)
+        if wheel is None:
+            return
+        host = self.hub(link, group.hub).host
+        first, counts = np.asarray(group.first_sample[part]).astype(np.uint32), group.counts[part]
+        breaks = np.flatnonzero(np.diff(first) != counts.shape[1]) + 1
+        for lo, hi in pairwise([0, *breaks.tolist(), len(first)]):
+            run = counts[lo:hi].reshape(-1, counts.shape[2])
+            wheel.add(int(first[lo]), ticks_us[lo:hi].tolist(), group.axes, run, host)
+
+
+class _Groups:
+    """Sample blocks of a batch by wheel and shape, found by their place in the stream."""
+
+    def __init__(self, batch: FrameBatch, admits: Callable[[int, int], bool]) -> None:
+        # Places are taken in the order of the stream, as live.
+        used = {(hub, wheel) for hub, wheel, _ in batch.by_source() if admits(hub, wheel)}
+        self._groups = [group for group in batch.sample_groups() if (group.hub, group.wheel) in used]
+        # Group of each frame of the batch, -1 where its samples are not used, and its place in the group.
+        self._of: NDArray[np.int64] = np.full(len(batch), -1)
+        self._place: NDArray[np.int64] = np.zeros(len(batch), np.int64)
+        for number, group in enumerate(self._groups):
+            self._of[group.frame_index] = number
+            self._place[group.frame_index] = np.arange(len(group.frame_index))
+        self.is_used: NDArray[np.bool_] = self._of >= 0
+
+    def in_stream_order(self, begin: int, stop: int) -> Iterator[tuple[SampleGroup, slice]]:
+        """Yield the groups' frames from `begin` to `stop`, those of each wheel in the order of the stream."""
+        of = self._of[begin:stop]
+        numbers, counts = np.unique(of, return_counts=True)
+        parts: dict[tuple[int, int], list[tuple[SampleGroup, int, int]]] = {}
+        for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
+            if number >= 0:
+                group = self._groups[number]
+                lo = int(self._place[begin + int(np.argmax(of == number))])
+                parts.setdefault((group.hub, group.wheel), []).append((group, lo, lo + count))
+        for of_wheel in parts.values():
+            if len(of_wheel) == 1:
+                group, lo, hi = of_wheel[0]
+                yield group, slice(lo, hi)
+                continue
+            # The wheel changed its block size or its axes: its blocks are taken one by one.
+            frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
+            for _, group, at in sorted(frames, key=itemgetter(0)):
+                yield group, slice(at, at + 1)
