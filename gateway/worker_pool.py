@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, MutableSequence, Sequence
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from functools import partial
 from importlib import import_module
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import wait
+from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
@@ -21,8 +24,15 @@ from gateway.errors import TreadlinkError
 _COUNTERS: Final = 4096
 _NONE_LEFT: Final = 1 << 60
 
+# Time between two looks at the progress of other processes.
+_POLL_S: Final = 0.1
+
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
+_Order = TypeVar("_Order")
+_Result = TypeVar("_Result")
+Work = Callable[[_Order, Callable[[int], None]], _Result]
+"""Takes an order, and a function to call with how much of it is done, such as the bytes of a file read so far."""
 
 
 class WorkerLostError(TreadlinkError):
@@ -89,6 +99,15 @@ class Worker(ProcessPoolExecutor):
             future = super().submit(fn, *args, **kwargs)
         future.add_done_callback(self._stop_feeding)
         return future
+
+    def work(self, work: Work[_Order, _Result], order: _Order) -> Future[_Result]:
+        """Do work in the process, which reports its progress; where it has ended, the future has that error."""
+        try:
+            return self.submit(_worked, work, order)
+        except BrokenProcessPool as error:
+            lost: Future[_Result] = Future()
+            lost.set_exception(error)
+            return lost
 
     @property
     def pid(self) -> int | None:
@@ -179,6 +198,84 @@ class Workers:
         worker = self._exit.enter_context(Worker(place, self.counters, self.progress))
         self.each = (*self.each[:place], worker, *self.each[place + 1 :])
 
+    def work_on(
+        self,
+        work: Work[_Order, _Result],
+        orders: Sequence[_Order],
+        on_done: Callable[[int], None],
+        begin: Callable[[], object] | None = None,
+        sizes: Sequence[int] = (),
+    ) -> Generator[tuple[int, _Result]]:
+        """Yield the place and the result of each order as it is done; this process works too.
+
+        The first error ends the work. So does closing the generator, but for what others have begun.
+
+        Args:
+            work: a function of a module, since other processes import it; any function without them.
+            orders: with their results they are sent between processes; a single one is done here.
+            on_done: called with how much of all orders was done since the last call.
+            begin: called first in each other process.
+            sizes: of each order; processes take the largest first, so that none is left alone with it at the end.
+                Without them, in order.
+
+        Raises:
+            BrokenProcessPool: a process was terminated from outside; leaving `Workers` explains it.
+        """
+        turns = deque(sorted(range(len(orders)), key=lambda place: -sizes[place] if sizes else place))
+        ended: SimpleQueue[tuple[int, Future[_Result]]] = SimpleQueue()
+        # What the processes did before is of other work.
+        left, reported, done_here = len(orders), self.progress.total(), 0
+
+        def feed(worker: Worker) -> None:
+            """Give a process the next order, and another one whenever it has done one."""
+            with suppress(IndexError):
+                place = turns.popleft()
+                worker.work(work, orders[place]).add_done_callback(partial(fed, worker, place))
+
+        def fed(worker: Worker, place: int, future: Future[_Result]) -> None:
+            ended.put((place, future))
+            if not future.cancelled() and future.exception() is None:
+                feed(worker)
+
+        def report(now_here: int) -> None:
+            nonlocal reported
+            now = self.progress.total() + now_here
+            on_done(now - reported)
+            reported = now
+
+        try:
+            # One order is done here; of two, another process has the first, as it must not be idle.
+            for worker in self.each[: left - 1]:
+                if begin is not None:
+                    worker.submit(begin)
+                feed(worker)
+            while left:
+                place = None
+                with suppress(IndexError):
+                    place = turns.popleft()
+                if place is not None:
+                    before = done_here
+
+                    def on_part(part: int, before: int = before) -> None:
+                        nonlocal done_here
+                        done_here = before + part
+                        report(done_here)
+
+                    result = work(orders[place], on_part)
+                    left -= 1
+                    yield place, result
+                while left:
+                    try:
+                        of, future = ended.get(timeout=_POLL_S) if place is None else ended.get_nowait()
+                    except Empty:
+                        report(done_here)
+                        break
+                    report(done_here)
+                    left -= 1
+                    yield of, future.result()
+        finally:
+            turns.clear()
+
     def new_counter(self) -> int | None:
         """Return the place of a counter that is 0; None where there is no process to share it with, or none left."""
         if not self.each or self._counted == _COUNTERS:
@@ -213,6 +310,12 @@ def reported_progress() -> Iterator[Callable[[int], None]]:
 
     yield report
     _done = before + now
+
+
+def _worked(work: Work[_Order, _Result], order: _Order) -> _Result:
+    """Do work in a worker."""
+    with reported_progress() as report:
+        return work(order, report)
 
 
 def _begin(place: int, counters: SharedNumbers, progress: SharedNumbers) -> None:

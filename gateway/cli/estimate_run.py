@@ -102,14 +102,11 @@ def _one_by_one(
     orders: Sequence[EstimateOrder], tables: Mapping[TableFormat, TableWriter], on_bytes: Callable[[int], None]
 ) -> Generator[RecordingEstimated]:
     from gateway.cli.recording_estimates import estimate_recording
-    from gateway.session.recording_processes import work_on_recordings
     from gateway.worker_pool import Workers
 
     rows = list(tables.values())
-    done = work_on_recordings(
-        lambda order, on_position: estimate_recording(order, on_position, rows), orders, Workers(), on_bytes
-    )
-    for _, estimated in done:
+    work = Workers().work_on(lambda order, on_position: estimate_recording(order, on_position, rows), orders, on_bytes)
+    for _, estimated in work:
         yield estimated
 
 
@@ -132,12 +129,11 @@ def _in_parallel(
     with contextlib.ExitStack() as stack:
         folder = stack.enter_context(_spool_folder(path for path in outputs.values() if not is_stdout(path)))
         workers = stack.enter_context(Workers(jobs - 1, ["gateway.cli.recording_estimates"]))
-        from gateway.session.recording_processes import work_on_recordings
         from gateway.views.tables.row_spool import spooled_rows
 
         spools = [{kind: folder / f"{place}.{kind}" for kind in tables} for place in range(len(orders))]
         spooling = [replace(order, spools=own) for order, own in zip(orders, spools, strict=True)]
-        run = work_on_recordings(_estimate_in_process, spooling, workers, on_bytes, _logging_of_this_process())
+        run = workers.work_on(_estimate_in_process, spooling, on_bytes, _logging_of_this_process())
         for place, found in stack.enter_context(contextlib.closing(run)):
             waiting[place] = found
             while turn in waiting:

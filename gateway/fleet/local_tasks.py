@@ -7,14 +7,13 @@ import signal
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from functools import partial
 from types import TracebackType
 from typing import Any, Final, Self
 
 from gateway.errors import TreadlinkError
-from gateway.fleet.worker_tasks import RunningTask, TaskResult, Work, WorkerTasks
+from gateway.fleet.worker_tasks import RunningTask, TaskResult, WorkerTasks
 from gateway.reasons import Code, Reason
-from gateway.worker_pool import Workers, reported_progress
+from gateway.worker_pool import Workers
 
 DEFAULT_MEMORY_BYTES: Final = 2_000_000_000
 """Memory of a worker process, at which it is ended."""
@@ -89,11 +88,7 @@ class LocalTasks(WorkerTasks):
             if self._begun[place] is None:
                 self._begun[place] = self._workers.each[place].submit(_ignore_interrupt)
             self._read_before[place] = self._workers.progress.at(place)
-            return self._workers.each[place].submit(partial(_work, task.work), task.order)
-        except BrokenProcessPool as error:  # it ended while it had no work
-            future: Future[Any] = Future()
-            future.set_exception(error)
-            return future
+            return self._workers.each[place].work(task.work, task.order)
         except OSError as error:
             raise _not_started(error) from error
 
@@ -148,8 +143,3 @@ def _ignore_interrupt() -> None:
     if not program.handlers:
         program.addHandler(logging.NullHandler())
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _work(work: Work, order: Any) -> Any:
-    with reported_progress() as report:
-        return work(order, report)

@@ -23,7 +23,6 @@ from gateway.reasons import Code, Reason
 from gateway.recording.inspection import inspect_recording
 from gateway.session.campaign_clock import combined
 from gateway.session.campaign_recording import ReadOrder, RecordingRead, read_recording
-from gateway.session.recording_processes import work_on_recordings
 from gateway.types import IntArray
 from gateway.views.wording import notice_text, text
 from gateway.worker_pool import Workers
@@ -78,9 +77,7 @@ def read_campaign(
         raise ValueError("a campaign needs at least one recording and two folds")
     orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
     found: dict[int, RecordingRead] = {}
-    work = work_on_recordings(
-        read_recording, orders, workers or Workers(), on_bytes or (lambda _: None), sizes=_sizes(orders)
-    )
+    work = (workers or Workers()).work_on(read_recording, orders, on_bytes or (lambda _: None), sizes=_sizes(orders))
     with closing(work) as done:
         for place, read in done:
             found[place] = _checked_for_one_wheel(orders[place], read)
@@ -148,7 +145,7 @@ def read_usable(
     orders = _orders(paths, vehicle, wheel, folds, (), key_file)
     refused: dict[int, Reason] = {}
     reads = [RecordingRead(())] * len(orders)
-    work = work_on_recordings(_read_or_refuse, orders, Workers(), lambda _: None, sizes=_sizes(orders))
+    work = Workers().work_on(_read_or_refuse, orders, lambda _: None)
     with closing(work) as done:
         for place, read in done:
             why = read if isinstance(read, Reason) else _why_unusable(read, wheel)

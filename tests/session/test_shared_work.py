@@ -9,7 +9,6 @@ from concurrent.futures.process import BrokenProcessPool
 import pytest
 
 from gateway.errors import RecordingError
-from gateway.session.recording_processes import work_on_recordings
 from gateway.worker_pool import WorkerLostError, Workers
 from tests.testkit.recording_work import (
     LOST,
@@ -28,13 +27,13 @@ def test_work_gives_each_result_and_all_bytes(others):
     with Workers(others) as workers:
         # Twice: the second work does not count the bytes of the first.
         for _ in range(2):
-            assert dict(work_on_recordings(double, [1, 2, 4], workers, read.append)) == {0: 2, 1: 4, 2: 8}
+            assert dict(workers.work_on(double, [1, 2, 4], read.append)) == {0: 2, 1: 4, 2: 8}
     assert sum(read) == 14
 
 
 def test_this_process_works_too_and_the_largest_is_taken_first():
     with Workers(1) as workers:
-        found = dict(work_on_recordings(own_process, [1, 2, 3], workers, lambda _: None, sizes=[1, 5, 2]))
+        found = dict(workers.work_on(own_process, [1, 2, 3], lambda _: None, sizes=[1, 5, 2]))
     # The other process was given the largest before this one took any.
     assert found[1] != os.getpid()
     assert found[2] == os.getpid()
@@ -42,21 +41,21 @@ def test_this_process_works_too_and_the_largest_is_taken_first():
 
 def test_a_single_recording_needs_no_other_process():
     with Workers(1) as workers:
-        assert list(work_on_recordings(own_process, [1], workers, lambda _: None)) == [(0, os.getpid())]
+        assert list(workers.work_on(own_process, [1], lambda _: None)) == [(0, os.getpid())]
 
 
 @pytest.mark.parametrize("orders", [[1, 3, 3, 1], [3, 1], [1, 3]])
 @pytest.mark.parametrize("others", [0, 1])
 def test_work_error_keeps_its_remedy(orders, others):
     with pytest.raises(RecordingError, match="three") as caught, Workers(others) as workers:
-        list(work_on_recordings(fail_at_three, orders, workers, lambda _: None))
+        list(workers.work_on(fail_at_three, orders, lambda _: None))
     assert caught.value.remedy == "Count to two."
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="this system has no SIGKILL")
 def test_terminated_process_is_reported():
     with pytest.raises(WorkerLostError, match="terminated from outside") as caught, Workers(1) as workers:
-        list(work_on_recordings(die_at_three, [3, 1], workers, lambda _: None))
+        list(workers.work_on(die_at_three, [3, 1], lambda _: None))
     assert "--jobs 1" in caught.value.remedy
 
 
@@ -74,7 +73,7 @@ def test_process_lost_between_two_recordings_is_reported(monkeypatch):
                 return submit(*work)
 
             monkeypatch.setattr(worker, "submit", lost_after_one)
-            list(work_on_recordings(second_after_loss, [1, 2, 3], workers, lambda _: None))
+            list(workers.work_on(second_after_loss, [1, 2, 3], lambda _: None))
 
     with pytest.raises(WorkerLostError, match="terminated from outside"):
         work()
@@ -84,16 +83,16 @@ def test_processes_of_a_background_command_ignore_ctrl_c_as_it_does():
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         with Workers(1) as workers:
-            assert dict(work_on_recordings(interrupt_itself, [1, 2], workers, lambda _: None)) == {0: 1, 1: 2}
+            assert dict(workers.work_on(interrupt_itself, [1, 2], lambda _: None)) == {0: 1, 1: 2}
     finally:
         signal.signal(signal.SIGINT, before)
 
 
 def test_closed_work_and_workers_leave_no_process():
     with Workers(1) as workers:
-        work = work_on_recordings(own_process, [1, 2, 3], workers, lambda _: None)
+        work = workers.work_on(own_process, [1, 2, 3], lambda _: None)
         found = {pid for _, pid in work} - {os.getpid()}
-        work = work_on_recordings(own_process, [1, 2, 3], workers, lambda _: None)
+        work = workers.work_on(own_process, [1, 2, 3], lambda _: None)
         next(work)
         work.close()
     (other,) = found
