@@ -154,7 +154,7 @@ class LiveRevolutions:
             self._session.close()
         finally:
             self._opened.remove_empty_recording()
-        fault = self._session.core.recording_fault
+        fault = self._session.core.recording.fault
         if fault is not None:
             raise RecordingError(fault, "The part written before is readable.")
 

@@ -246,8 +246,8 @@ def ending(session: RunningSession, stop: StopRequest, *, needs_revolutions: boo
     except OSError:
         stop.raise_if_set()
         raise
-    if session.live.core.recording_fault is not None:
-        raise RecordingError(session.live.core.recording_fault, "The part written before is readable.")
+    if session.live.core.recording.fault is not None:
+        raise RecordingError(session.live.core.recording.fault, "The part written before is readable.")
     damage = session.opened.damage()
     if damage is not None:
         raise RecordingError(text(damage), "The readable part was replayed.")
@@ -288,11 +288,11 @@ def end_session(session: RunningSession, write: Callable[[str], None]) -> tuple[
         parts = session.opened.recorder.parts if isinstance(session.opened.recorder, SplitWriter) else 1
         several = f", {parts} files, this is the last" if parts > 1 else ""
         write(f"recording: {snapshot.recording} ({snapshot.recorded_bytes / 1e6:.1f} MB{several})")
-        if session.live.core.recording_fault is None:
+        if session.live.core.recording.fault is None:
             write(f"  show its content: treadlink inspect {snapshot.recording}")
             write(f"  replay it: treadlink replay {snapshot.recording}")
         else:
-            write(f"  INCOMPLETE: {session.live.core.recording_fault}")
+            write(f"  INCOMPLETE: {session.live.core.recording.fault}")
     return no_frames, no_revolutions
 
 

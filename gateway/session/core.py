@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -13,7 +12,6 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType, SampleBlock
 from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
-from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.bus_frames import has_frames, unpack
 from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem
@@ -40,17 +38,11 @@ from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
+from gateway.session.session_recording import SessionRecording
 from gateway.session.signal_decoding import SignalDecoder
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import positions, unconfigured_wheel
-from gateway.views.recording_topics import (
-    log_level,
-    message_topic,
-    notice_payload,
-    revolution_payload,
-    waveform_payload,
-    wheel_topic,
-)
+from gateway.views.recording_topics import log_level
 
 _logger = logging.getLogger(__name__)
 
@@ -60,7 +52,6 @@ _WAITING_NOTICES: Final = 8192
 # Longest time by which a result comes later than its revolution, so that fast wheels have several worked on at once: a
 # revolution at 130 km/h takes 57 ms.
 _HOLD_S: Final = 0.5
-_WAVEFORM_INTERVAL_NS: Final = 1_000_000_000
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
 _SILENT_NS: Final = 400_000_000
 
@@ -97,8 +88,7 @@ class SessionCore:
     A failed recording does not end the session: a notice reports it, and the estimates continue.
 
     Attributes:
-        recorder: the recording, None when there is none or it failed.
-        recording_fault: why the recording stopped early, None when it did not.
+        recording: of the session, where there is one.
         newest_ns: time of the newest item, ns since the epoch, 0 before the first.
     """
 
@@ -125,14 +115,12 @@ class SessionCore:
             signals: decodes the vehicle's bus; None to record its frames only.
         """
         self._watch = SecurityWatch(guard)
-        self.recorder = recorder
-        self.recording_fault: str | None = None
+        self.recording = SessionRecording(recorder, self.notify)
         self._records_items = records_items
         self._notices: deque[Notice] = deque(maxlen=_SHOWN_NOTICES)
         self._new_notices: deque[Notice] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
         self.newest_ns = 0
-        self._waveform_due_ns: dict[str, int] = {}
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators, _HOLD_S)
@@ -143,7 +131,6 @@ class SessionCore:
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
-        self._recorded = (str(recorder.path), recorder.size_bytes) if recorder is not None else ("", 0)
         witnesses = self._join.alarms if self._join is not None else tuple
         self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, witnesses)
         for notice in vehicle.notices() if vehicle is not None else ():
@@ -163,16 +150,6 @@ class SessionCore:
         self._new_notices.clear()
         return taken
 
-    def records_to(self, recorder: Recorder | None) -> None:
-        """Record to another recording from now on, or to none; the caller closes the one before."""
-        if self.recorder is not None:
-            self.notify(Notice("", Reason(Code.RECORDING_FINISHED, path=str(self.recorder.path))))
-        self.recorder, self._recorded = recorder, ("", 0)
-        if recorder is not None:
-            self._recorded = (str(recorder.path), recorder.size_bytes)
-            self.notify(Notice("", Reason(Code.RECORDING_BEGUN, path=str(recorder.path))))
-        self._waveform_due_ns.clear()
-
     def take_alarm_changes(self) -> list[AlarmChange]:
         """Return the alarms that were raised or are over since the last call."""
         return self._alarms.log.take_changes()
@@ -183,7 +160,7 @@ class SessionCore:
 
     def watches_disk(self, room: DiskRoom | None) -> None:
         """Set what is left of the disk of the recording, for alarms and snapshots; say it once."""
-        if self.recorder is None:
+        if self.recording.recorder is None:
             room = None
         if room is not None:
             for notice in disk_notices(self._alarms.disk, room):
@@ -197,7 +174,7 @@ class SessionCore:
     def take(self, item: LinkItem) -> list[RevolutionResult]:
         """Record and decode an item; return the revolutions that it completes."""
         if self._records_items:
-            self._record(lambda recorder: recorder.write(item))
+            self.recording.item(item)
         if isinstance(item, LinkEvent):
             self._event(item)
             return []
@@ -227,7 +204,7 @@ class SessionCore:
         link.bus_frames = (link.bus_frames or 0) + sum(1 for _ in unpack(item.data, item.host_ns))
         values = self._signals.take(item) if self._signals is not None else {}
         if values:
-            self._record(lambda recorder: recorder.write_topic("/vehicle/signals", item.host_ns, values))
+            self.recording.signals(values, item.host_ns)
 
     def _link(self, name: str) -> _Link:
         link = self._links.get(name)
@@ -255,8 +232,7 @@ class SessionCore:
         """Add notices and keep them with the recording."""
         for notice in notices:
             self.notify(notice)
-            entry = notice_payload(notice, link)
-            self._record(lambda recorder, entry=entry: recorder.write_topic("/log", host_ns, entry))  # type: ignore[misc]
+            self.recording.notice(notice, link, host_ns)
 
     def _event(self, event: LinkEvent) -> None:
         reason = event.reason
@@ -321,10 +297,7 @@ class SessionCore:
             refused = refusal(message)
             if refused is not None:
                 self._hub_line(link, Notice(self._hub_name(name, frame.hub), refused, Level.WARNING), host_ns)
-        if self.recorder is not None:
-            entry = message_topic(frame, self._pipeline.position(name, frame.hub, frame.wheel), name)
-            if entry is not None:
-                self._record(lambda recorder: recorder.write_topic(entry[0], host_ns, entry[1]))
+        self.recording.message(frame, self._pipeline.position(name, frame.hub, frame.wheel), name, host_ns)
 
     def _hub_line(self, link: _Link, notice: Notice, host_ns: int) -> None:
         """Show a line that a hub has caused, within the limit of its link."""
@@ -337,45 +310,12 @@ class SessionCore:
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
         if self._join is not None:
             results = [self._join.joined(result) for result in results]
-        latest = {result.position: result for result in results}
         for result in results:
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
                 self.notify(Notice(result.position, unconfigured_wheel(self._vehicle), Level.WARNING))
-            if self.recorder is not None:
-                self._record_result(result, host_ns, is_latest=latest[result.position] is result)
+        self.recording.results(results, host_ns, self._pipeline.average_mps2)
         return results
-
-    def _record_result(self, result: RevolutionResult, host_ns: int, *, is_latest: bool) -> None:
-        topic = wheel_topic(result.position, "revolution")
-        self._record(lambda recorder: recorder.write_topic(topic, host_ns, revolution_payload(result)))
-        # The average is that after the latest revolution, at its speed.
-        if is_latest and host_ns >= self._waveform_due_ns.get(result.position, 0):
-            self._waveform_due_ns[result.position] = host_ns + _WAVEFORM_INTERVAL_NS
-            average = self._pipeline.average_mps2(result.position)
-            if average is not None:
-                payload = waveform_payload(result, average)
-                of_waveform = wheel_topic(result.position, "waveform")
-                self._record(lambda recorder: recorder.write_topic(of_waveform, host_ns, payload))
-
-    def _record(self, write: Callable[[Recorder], None]) -> None:
-        if self.recorder is None:
-            return
-        try:
-            write(self.recorder)
-        except RecordingError as error:
-            self._stop_recording(error)
-
-    def _stop_recording(self, error: RecordingError) -> None:
-        recorder, self.recorder = self.recorder, None
-        self.recording_fault = str(error)
-        if recorder is not None:
-            self._recorded = (str(recorder.path), recorder.size_bytes)
-            with suppress(RecordingError):  # the user needs the first failure
-                recorder.close()
-        self.notify(
-            Notice("", Reason(Code.RECORDING_STOPPED, error=str(error), remedy=error.remedy), Level.ERROR),
-        )
 
     def tick(self, now_ns: int, link_times_ns: Mapping[str, int] | None = None) -> list[RevolutionResult]:
         """Flush the recording, and report silence, even when no item arrives; return revolutions of silent links.
@@ -385,7 +325,7 @@ class SessionCore:
             link_times_ns: time up to which each link is known, in the time of its items; links without one stand
                 still. None when all of them have the time of the clock.
         """
-        self._record(lambda recorder: recorder.tick(now_ns))
+        self.recording.tick(now_ns)
         self._report("", self._watch.tick(now_ns), now_ns)
         results: list[RevolutionResult] = []
         for name, link in self._links.items():
@@ -433,11 +373,7 @@ class SessionCore:
         results += self._deliver(self._pipeline.finish(), self.newest_ns)
         self._report("", self._alarms.review(), self.newest_ns)
         self._report("", self._watch.finish(), self.newest_ns)
-        if self.recorder is not None:
-            self._record(lambda recorder: recorder.close())
-        if self.recorder is not None:
-            self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
-            self.recorder = None
+        self.recording.close()
         _logger.info("session finished, %d wheels", len(self._pipeline.wheels()))
         return results
 
@@ -445,13 +381,13 @@ class SessionCore:
         """Return the latest state, immutable."""
         wheels, links = self._state()
         wheels = self._alarms.with_silences(wheels) if not ended else self._at_end(wheels)
-        if self.recorder is not None:
-            self._recorded = (str(self.recorder.path), self.recorder.size_bytes)
         found = self._alarms.alarms(wheels, links) if not ended else ()
         notices, records = tuple(self._notices), self._alarms.log.records()
         sinks = self._alarms.sinks
         disk = self._alarms.disk
-        return SessionSnapshot(elapsed_s, wheels, links, found, notices, *self._recorded, ended, records, sinks, disk)
+        return SessionSnapshot(
+            elapsed_s, wheels, links, found, notices, *self.recording.path_and_size, ended, records, sinks, disk
+        )
 
     def false_statements(self) -> list[Notice]:
         """Return what hubs stated against what they sent, with the present counts, for the summary."""

@@ -153,7 +153,7 @@ class LiveSession:
 
     def mark(self, text: str) -> None:
         """Mark an event in the recording, with the present time; without a recording the notice says that."""
-        is_kept = self.core.recorder is not None
+        is_kept = self.core.recording.recorder is not None
         details = () if is_kept else (Reason(Code.MARK_NOT_KEPT),)
         event = LinkEvent("user", self._clock.now_ns(), LinkEventKind.MARK, text, details=details)
         self._offer(event, False, self._dropped[self._sources[0].link])
@@ -369,7 +369,7 @@ class LiveSession:
         recording = self._recording
         if recording is not self._core_recording:
             self._core_recording = recording
-            self.core.records_to(recording)
+            self.core.recording.goes_on_in(recording)
 
     def _take_computer_events(self, events: Sequence[LinkEvent]) -> None:
         """Record events of this computer, and take them at once: they may explain what has not arrived."""

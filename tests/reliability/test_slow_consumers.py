@@ -178,8 +178,8 @@ def test_hanging_disk_is_reported_without_waiting(lab, monkeypatch) -> None:
     live = start(Items(items), vehicle, writer)
     assert live.wait(TIMEOUT_S)
     snapshot = live.close()
-    assert live.core.recording_fault is not None
-    assert "takes no data for 0.2 s" in live.core.recording_fault
+    assert live.core.recording.fault is not None
+    assert "takes no data for 0.2 s" in live.core.recording.fault
     assert any(notice.reason.code is Code.RECORDING_STOPPED for notice in snapshot.notices)
     writer.gate.set()
 

@@ -108,7 +108,7 @@ def test_full_disk_stops_the_recording_only(demo, by_wheel):
     results, core = run(items, vehicle, recorder)
     assert by_wheel(results) == by_wheel(run(items, vehicle)[0])
     assert recorder.closed
-    assert "No space left" in core.recording_fault
+    assert "No space left" in core.recording.fault
     assert (
         Notice(
             "",
@@ -183,7 +183,7 @@ def test_two_links_with_one_hub_number_are_recorded(demo, tmp_path):
     ]
     path = tmp_path / "two.mcap"
     results, core = run(both, vehicle, RecordingWriter(path, start_ns=items[0].host_ns))
-    assert core.recording_fault is None
+    assert core.recording.fault is None
     seconds = {f"hub0.wheel{wheel} on serial:/dev/ttyUSB1" for wheel in range(4)}
     assert {result.position for result in results} == {"FL", "FR", "RL", "RR"} | seconds
     with path.open("rb") as file:
