@@ -1,4 +1,4 @@
-"""Physical constants, the names of the sensor's axes and those of the tire's four numbers."""
+"""Physical constants and the names of the sensor's axes."""
 
 from __future__ import annotations
 
@@ -13,8 +13,3 @@ TIRE_DEGC: Final = (-70.0, 150.0)
 
 AXIS_NAMES: Final = ("circumferential", "lateral", "radial")
 """Names of the sensor's axes, in the order of `firmware_protocol.messages.Axis`."""
-
-RING_NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
-"""Dimensionless numbers of the ring: bending stiffness, contact width, radial and tangential stiffness."""
-RING_RATIOS: Final = ("Bs/Cw", "Rs/Cw", "Ts/Cw")
-"""Their ratios to Cw, which neither load nor pressure is needed for."""

@@ -1,71 +1,20 @@
-"""Every quantity that the estimators give: name, description, what it rests on, and the values that it can have.
+"""Every quantity that the estimators give, one declaration each.
 
-One declaration a quantity. Tables, schemas, units and the rules of doubt are derived from it. It stands apart from the
-estimators, since recordings, tables and `--help` need it without the numerical libraries. Signs follow ISO 8855: x
-forward, y to the left, z up; angles of the contact count from its centre, positive behind it.
+Tables, schemas, units, frames, trends, the reference page and the rules of doubt are derived from it. It stands apart
+from the estimators, since recordings, tables and `--help` need it without the numerical libraries. Signs follow ISO
+8855: x forward, y to the left, z up; angles of the contact count from its centre, positive behind it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from enum import StrEnum
+from collections.abc import Iterator
 from functools import lru_cache
 from math import inf
 from typing import Final
 
-from gateway.constants import RING_NUMBERS, RING_RATIOS, STANDARD_GRAVITY_MPS2, TIRE_DEGC
-
-
-class Basis(StrEnum):
-    """What an estimate rests on."""
-
-    # Statements that may be wrong: that an axis is the lateral one, or the one along the belt, and in time.
-    AXES = "axes"
-    ALONG = "along"
-    COUPLING = "coupling"
-    GAIN = "gain"
-    HUB = "hub"
-    OFFSET = "offset"
-    RADIUS = "radius"
-    RATE = "rate"
-    ZERO = "zero"
-    # Measurements.
-    PRESSURE = "pressure"
-    SAMPLES = "samples"  # more than the times of the contacts
-    WAVEFORM = "waveform"  # what repeats with the wheel's angle, and so contains known effects
-
-
-@dataclass(frozen=True, slots=True)
-class Quantity:
-    """A quantity that an estimator gives.
-
-    Attributes:
-        name: with its unit where it has one, as in `Estimate`.
-        description: noun phrase, in one line.
-        powers: exponents in the ratios (true over stated) of belt radius, sampling rate and gain, and of the share of
-            the true signal in its axis.
-        rests_on: what else it needs; what changes it in a way that no power describes.
-        possible: least and greatest value that a tire, a sensor or a road can have.
-        origin: value at which what the powers scale is zero.
-        is_steady: whether it is of the tire or the sensor, so that driving does not change it.
-        memory_revolutions: of the running average that it is made of; 0 for none.
-    """
-
-    name: str
-    description: str
-    powers: Mapping[Basis, float] = field(default_factory=dict)
-    rests_on: frozenset[Basis] = frozenset()
-    possible: tuple[float, float] = (-inf, inf)
-    origin: float = 0.0
-    is_steady: bool = False
-    memory_revolutions: int = 0
-
-    @property
-    def is_radius_times_angle(self) -> bool:
-        """Whether it is the stated radius times something measured much better."""
-        return self.powers.get(Basis.RADIUS) == 1.0 and Basis.COUPLING not in self.rests_on
-
+from gateway.constants import STANDARD_GRAVITY_MPS2, TIRE_DEGC
+from gateway.quantity import Basis, BusFrame, OnBus, Quantity, Statement, Watch
+from gateway.reasons import Code
 
 # Times of contacts need nothing else; a high-pass passes contact edges and what is not locked to the wheel.
 _SIGNAL: Final = frozenset({Basis.SAMPLES})
@@ -92,89 +41,198 @@ LARGEST_ZERO_MPS2: Final = 6.0 * STANDARD_GRAVITY_MPS2
 _ZEROS: Final = (-LARGEST_ZERO_MPS2, LARGEST_ZERO_MPS2)
 # A sensor glued by hand is within some degrees.
 _TILTS: Final = (-0.35, 0.35)
+_TO_THE_LEFT: Final = "to the left"
+_BY_RADIUS: Final = frozenset({Statement.RADIUS})
+_BY_RADIUS_AND_LOAD: Final = frozenset({Statement.RADIUS, Statement.LOAD})
+NEW_TIRE_MM: Final = 0.3
+"""Wear by which a new tire has less than the one before, at least."""
 
-_ABOUT_NUMBERS: Final = {
-    "Bs": "bending stiffness number EI / (R^4 p0)",
-    "Cw": "contact width number b / R",
-    "Rs": "radial sidewall stiffness number kw / p0",
-    "Ts": "tangential sidewall stiffness number kv / p0",
-}
-_RING: Final = (
-    *(
-        Quantity(
-            name,
-            _ABOUT_NUMBERS[name],
-            powers={Basis.RADIUS: -2.0},
-            rests_on=_SHAPE | {Basis.PRESSURE},
-            possible=_POSITIVE,
-            is_steady=True,
-            memory_revolutions=_AVERAGE,
-        )
-        for name in RING_NUMBERS
-    ),
-    *(
-        Quantity(
-            name,
-            "ratio of the numbers, which needs neither load nor pressure",
-            rests_on=_SHAPE,
-            possible=_POSITIVE,
-            is_steady=True,
-            memory_revolutions=_AVERAGE,
-        )
-        for name in RING_RATIOS
-    ),
+
+def _ring_number(name: str, description: str, bus: OnBus, *, is_over_pressure: bool = True) -> Quantity:
+    return Quantity(
+        name,
+        description,
+        "balance of the rolling ring, scaled by Q / (p0 R^2)",
+        powers={Basis.RADIUS: -2.0},
+        rests_on=_SHAPE | {Basis.PRESSURE},
+        possible=_POSITIVE,
+        is_steady=True,
+        memory_revolutions=_AVERAGE,
+        bus=bus,
+        # 5 % of the stiffness are more than the warmth of a season leaves after its correction.
+        watch=Watch(
+            number=name,
+            unit="%",
+            notable=5.0,
+            is_logarithm=True,
+            is_over_pressure=is_over_pressure,
+            is_drawn=True,
+            shifted_by=_BY_RADIUS_AND_LOAD,
+        ),
+    )
+
+
+_NUMBERS: Final = (
+    _ring_number("Bs", "bending stiffness number EI / (R^4 p0)", OnBus(BusFrame.BELT, "Bs", 1e-6, 1e-5)),
+    _ring_number("Cw", "contact width number b / R", OnBus(BusFrame.BELT, "Cw", 1e-5, 1e-4), is_over_pressure=False),
+    _ring_number("Rs", "radial sidewall stiffness number kw / p0", OnBus(BusFrame.RING, "Rs", 1e-3, 1e-2)),
+    _ring_number("Ts", "tangential sidewall stiffness number kv / p0", OnBus(BusFrame.RING, "Ts", 1e-3, 1e-2)),
 )
+RING_NUMBERS: Final = tuple(quantity.name for quantity in _NUMBERS)
+"""Dimensionless numbers of the ring: bending stiffness, contact width, radial and tangential stiffness."""
+_RATIOS: Final = tuple(
+    Quantity(
+        f"{name}/Cw",
+        "ratio of the numbers, which needs neither load nor pressure",
+        "balance of the rolling ring",
+        rests_on=_SHAPE,
+        possible=_POSITIVE,
+        is_steady=True,
+        memory_revolutions=_AVERAGE,
+    )
+    for name in RING_NUMBERS
+    if name != "Cw"
+)
+RING_RATIOS: Final = tuple(quantity.name for quantity in _RATIOS)
+"""Their ratios to Cw, which neither load nor pressure is needed for."""
+_RING: Final = (*_NUMBERS, *_RATIOS)
 
 
-def _slope(name: str, description: str, memory_revolutions: int = 0) -> Quantity:
-    return Quantity(name, description, powers=_SLOPE, rests_on=_LOCKED, memory_revolutions=memory_revolutions)
+def _slope(
+    name: str, description: str, equation: str, sign: str = _TO_THE_LEFT, memory: int = 0, compared: str = ""
+) -> Quantity:
+    return Quantity(
+        name,
+        description,
+        equation,
+        sign,
+        powers=_SLOPE,
+        rests_on=_LOCKED,
+        memory_revolutions=memory,
+        compared=compared,
+    )
 
 
-def _ply_steer(name: str, description: str) -> Quantity:
-    return _slope(name, description, _LATERAL_AVERAGE)
+def _ply_steer(name: str, description: str, equation: str, sign: str = _TO_THE_LEFT, compared: str = "") -> Quantity:
+    return _slope(name, description, equation, sign, _LATERAL_AVERAGE, compared)
 
 
 CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
     "kinematic": (
-        Quantity("speed_mps", "rolling speed", powers={Basis.RADIUS: 1.0, Basis.RATE: 1.0}, possible=_POSITIVE),
-        Quantity("angular_speed_radps", "angular speed", powers={Basis.RATE: 1.0}, possible=_POSITIVE),
-        Quantity("rotation_rpm", "revolutions per minute", powers={Basis.RATE: 1.0}, possible=_POSITIVE),
-        Quantity("leading_edge_rad", "angle of the leading contact edge, negative", rests_on=_SIGNAL),
-        Quantity("trailing_edge_rad", "angle of the trailing contact edge", rests_on=_SIGNAL),
+        Quantity(
+            "speed_mps",
+            "rolling speed",
+            "R Omega",
+            powers={Basis.RADIUS: 1.0, Basis.RATE: 1.0},
+            possible=_POSITIVE,
+            is_in_state=True,
+            entity="speed",
+            bus=OnBus(BusFrame.MOTION, "Speed", 0.01, 0.01),
+        ),
+        Quantity(
+            "angular_speed_radps",
+            "angular speed",
+            "2 pi over the time between two contact centres",
+            powers={Basis.RATE: 1.0},
+            possible=_POSITIVE,
+        ),
+        Quantity(
+            "rotation_rpm",
+            "revolutions per minute",
+            "60 s over the time between two contact centres",
+            powers={Basis.RATE: 1.0},
+            possible=_POSITIVE,
+            is_in_state=True,
+        ),
+        Quantity(
+            "leading_edge_rad",
+            "angle of the leading contact edge, negative",
+            "end of contact pressure, from the steepest slope of the radial axis",
+            "behind the contact centre",
+            rests_on=_SIGNAL,
+            bus=OnBus(BusFrame.CONTACT, "LeadingEdge", 1e-4, is_signed=True),
+        ),
+        Quantity(
+            "trailing_edge_rad",
+            "angle of the trailing contact edge",
+            "end of contact pressure, from the steepest slope of the radial axis",
+            "behind the contact centre",
+            rests_on=_SIGNAL,
+            bus=OnBus(BusFrame.CONTACT, "TrailingEdge", 1e-4, is_signed=True),
+        ),
         Quantity(
             "contact_length_m",
             "contact length",
+            "R (trailing - leading edge), along the belt",
             powers={Basis.RADIUS: 1.0},
             rests_on=_SIGNAL,
             possible=_POSITIVE,
+            bus=OnBus(BusFrame.CONTACT, "ContactLength", 1e-5),
+            watch=Watch(number="contact_length", unit="mm", factor=1e3, notable=5.0, shifted_by=_BY_RADIUS),
         ),
     ),
     "distance": (
         Quantity(
-            "distance_m", "distance rolled since the first revolution", powers={Basis.RADIUS: 1.0}, possible=_POSITIVE
+            "distance_m",
+            "distance rolled since the first revolution",
+            "2 pi R a turn",
+            powers={Basis.RADIUS: 1.0},
+            possible=_POSITIVE,
+            shown_unit=("m", 1.0),
+            is_in_state=True,
         ),
     ),
     "self-calibration": (
         Quantity(
             "gain",
             "gain of the radial axis, 1 reads true",
+            "mean(s) = G R Omega^2 (1 - e/R mean(k^2)) + z; order 1 = G g",
             powers=_STEADY_VALUE,
             rests_on=_LOCKED,
             possible=_GAINS,
             is_steady=True,
+            # As much as 40 K change it by a data sheet's 0.05 % per K.
+            watch=Watch(
+                number="gain",
+                unit="%",
+                factor=100.0,
+                notable=2.0,
+                shifted_by=_BY_RADIUS,
+                drift=(Code.TREND_SENSOR_GAIN, "share"),
+            ),
         ),
         Quantity(
             "zero_g_offset_mps2",
             "zero-g offset of the radial axis",
+            "z of mean(s) = G R Omega^2 (1 - e/R mean(k^2)) + z, from several speeds",
+            "toward the wheel centre",
             powers=_STEADY_VALUE,
             rests_on=_LOCKED,
             possible=_ZEROS,
             is_steady=True,
+            label="zero-g offset",
+            # Half of what a data sheet allows.
+            watch=Watch(
+                number="zero",
+                unit="m/s²",
+                notable=5.0,
+                shifted_by=_BY_RADIUS,
+                drift=(Code.TREND_SENSOR_ZERO, "change_mps2"),
+            ),
         ),
-        Quantity("gain_per_degc", "temperature coefficient of the gain, 1/K", rests_on=_LOCKED),
+        Quantity(
+            "gain_per_degc",
+            "temperature coefficient of the gain, 1/K",
+            "G' of mean(s) = (G + G' dT) R Omega^2 + z",
+            "gain grows with warmth",
+            rests_on=_LOCKED,
+            label="gain with temperature",
+        ),
         Quantity(
             "roll_tilt_rad",
             "tilt of the sensor about the circumferential axis",
+            "ratio of the means of lateral and radial axis, over several speeds",
+            "lateral axis reads a positive part of the radial one",
             rests_on=_LOCKED,
             possible=_TILTS,
             is_steady=True,
@@ -182,6 +240,8 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "pitch_tilt_rad",
             "tilt of the sensor about the lateral axis",
+            "part of the radial axis in the circumferential one",
+            "circumferential axis reads a positive part of the radial one",
             powers={Basis.ALONG: 1.0},
             rests_on=_LOCKED,
             possible=_TILTS,
@@ -190,6 +250,8 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "sensor_offset_m",
             "distance of the sensor below the neutral layer of the belt",
+            "circumferential axis = -e Omega^2 d(kappa R)/dtheta",
+            "toward the wheel centre",
             powers={Basis.GAIN: -1.0, Basis.RATE: -2.0, Basis.ALONG: 1.0},
             rests_on=_LOCKED,
             is_steady=True,
@@ -200,42 +262,96 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
     "ring-paper": _RING,
     "forward": (
         *_RING,
-        Quantity("half_angle_rad", "contact half angle of the fitted ring", rests_on=_SHAPE, possible=_POSITIVE),
         Quantity(
-            "edge_wave_before", "amplitude of the wave packet before the contact over R Omega^2", rests_on=_LOCKED
+            "half_angle_rad",
+            "contact half angle of the fitted ring",
+            "exact rolling ring, fitted to the average",
+            rests_on=_SHAPE,
+            possible=_POSITIVE,
         ),
-        Quantity("edge_wave_after", "amplitude of the wave packet after the contact over R Omega^2", rests_on=_LOCKED),
+        Quantity(
+            "edge_wave_before",
+            "amplitude of the wave packet before the contact over R Omega^2",
+            "exact rolling ring with edge waves, fitted to the average",
+            "toward the wheel centre at the edge",
+            rests_on=_LOCKED,
+        ),
+        Quantity(
+            "edge_wave_after",
+            "amplitude of the wave packet after the contact over R Omega^2",
+            "exact rolling ring with edge waves, fitted to the average",
+            "toward the wheel centre at the edge",
+            rests_on=_LOCKED,
+        ),
     ),
     "wear": (
         # A tread does not grow.
         Quantity(
             "wear_mm",
             "loss of ring thickness since the reference",
+            "h0 (1 - (Bs p0 / (Bs_new p0_new))^(1/3))",
+            rests_on=_BY_PRESSURE,
+            possible=_POSITIVE,
+            is_steady=True,
+            is_in_state=True,
+            entity="tread wear",
+            bus=OnBus(BusFrame.TIRE, "Wear", 1e-3, 0.02, is_signed=True),
+            watch=Watch(
+                number="wear",
+                unit="mm",
+                notable=NEW_TIRE_MM,
+                is_drawn=True,
+                shifted_by=_BY_RADIUS_AND_LOAD | {Statement.THICKNESS, Statement.REFERENCE},
+            ),
+        ),
+        Quantity(
+            "wear_number",
+            "wear over R",
+            "wear / R (ring paper, Eq. 30)",
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
             is_steady=True,
         ),
-        Quantity("wear_number", "wear over R", rests_on=_BY_PRESSURE, possible=_POSITIVE, is_steady=True),
-        Quantity("wear_drift_mm", "change of the wear since its first valid value", rests_on=_BY_PRESSURE),
+        Quantity(
+            "wear_drift_mm",
+            "change of the wear since its first valid value",
+            "line through independent values",
+            "loss of thickness",
+            rests_on=_BY_PRESSURE,
+        ),
     ),
     "load": (
         # By the width: Q0 Cw_new / Cw.
         Quantity(
             "load_n",
-            "estimated vertical load, the better of the next two",
+            "estimated vertical load, by contact angle or belt width",
+            "the one with the better status, then the smaller error",
             powers={Basis.RADIUS: 2.0},
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
+            is_in_state=True,
+            entity="load",
+            bus=OnBus(BusFrame.TIRE, "EstimatedLoad", 1.0, 10.0),
+            # 5 % of the load of a car's wheel.
+            watch=Watch(
+                number="load",
+                unit="N",
+                notable=200.0,
+                is_drawn=True,
+                shifted_by=_BY_RADIUS | {Statement.CALIBRATION},
+            ),
         ),
         Quantity(
             "load_by_angle_n",
             "vertical load from contact angle and pressure",
+            "Q0 (theta / theta0)^a (p / p0)^b (EI / EI0)^beta, calibrated",
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
         ),
         Quantity(
             "load_by_width_n",
             "vertical load from Cw of the new tire",
+            "Q0 Cw_new / Cw, any assumed Q0",
             powers={Basis.RADIUS: 2.0},
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
@@ -243,31 +359,83 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "pressure_number",
             "Q / (2 p0 theta R^2)",
+            "ring paper, Eq. 33",
             powers={Basis.RADIUS: -2.0},
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
         ),
     ),
     "longitudinal-force": (
-        Quantity("longitudinal_force_n", "force of the road on the tire, positive forward", rests_on=_FORCE),
-        Quantity("axle_torque_nm", "torque at the axle, positive when it drives", rests_on=_FORCE),
-        Quantity("longitudinal_ratio", "longitudinal force over load", rests_on=_FORCE, possible=(-2.0, 2.0)),
-        Quantity("rolling_resistance", "coefficient of rolling resistance", rests_on=_FORCE, possible=_POSITIVE),
+        Quantity(
+            "longitudinal_force_n",
+            "force of the road on the tire, positive forward",
+            "F of the asymmetric balance of the free belt",
+            "forward",
+            rests_on=_FORCE,
+        ),
+        Quantity(
+            "axle_torque_nm",
+            "torque at the axle, positive when it drives",
+            "M of the asymmetric balance of the free belt",
+            "drives the vehicle forward",
+            rests_on=_FORCE,
+        ),
+        Quantity(
+            "longitudinal_ratio",
+            "longitudinal force over load",
+            "F / Q",
+            "forward",
+            rests_on=_FORCE,
+            possible=(-2.0, 2.0),
+        ),
+        Quantity(
+            "rolling_resistance",
+            "coefficient of rolling resistance",
+            "(M / R - F) / Q",
+            rests_on=_FORCE,
+            possible=_POSITIVE,
+        ),
         Quantity(
             "damping_loss",
             "part of the rolling resistance that the deformation of belt and sidewall loses",
+            "work of the dampings in a turn / (2 pi R Q)",
+            "energy lost",
             rests_on=_FORCE,
         ),
     ),
     "ply-steer": (
-        _ply_steer("ply_steer_peak_rad", "steepest slope of the lateral shape of the belt in the contact"),
-        _ply_steer("ply_steer_first_half_rad", "mean slope from the leading edge to the middle of the contact"),
-        _ply_steer("ply_steer_adhesion_line_rad", "slope of a line through the part of the contact that adheres"),
-        _ply_steer("ply_steer_contact_line_rad", "slope of a line through the whole contact"),
-        _ply_steer("conicity_slope_rad", "half the change of slope from the first to the second half of the contact"),
+        _ply_steer(
+            "ply_steer_peak_rad",
+            "steepest slope of the lateral shape of the belt in the contact",
+            "extremum of dy/dx, y = -a_n / (n Omega)^2 by orders (ply steer paper, Eq. 8 and 21)",
+        ),
+        _ply_steer(
+            "ply_steer_first_half_rad",
+            "mean slope from the leading edge to the middle of the contact",
+            "(y(0) - y(leading edge)) / length",
+        ),
+        _ply_steer(
+            "ply_steer_adhesion_line_rad",
+            "slope of a line through the part of the contact that adheres",
+            "least squares, where the slope around the peak keeps its sign",
+        ),
+        _ply_steer(
+            "ply_steer_contact_line_rad",
+            "slope of a line through the whole contact",
+            "least squares from edge to edge",
+            compared="ply_steer",
+        ),
+        _ply_steer(
+            "conicity_slope_rad",
+            "half the change of slope from the first to the second half of the contact",
+            "(second - first half) / 2, less the part of ply steer",
+            "slope grows to the left toward the trailing edge",
+        ),
         Quantity(
             "sensor_roll_rad",
             "roll of the sensor, from the means of two axes",
+            "mean of the lateral over mean of the radial axis",
+            "lateral axis reads a positive part of the radial one",
             powers={Basis.AXES: 1.0},
             rests_on=_LOCKED,
             possible=_TILTS,
@@ -275,36 +443,67 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "lateral_offset_mps2",
             "constant in the mean of the lateral axis: zero-g offset and camber",
+            "mean of the lateral axis without its part of R Omega^2",
+            _TO_THE_LEFT,
             powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
             rests_on=_LOCKED,
             possible=_ZEROS,
         ),
         _ply_steer(
-            "ply_steer_ahead_rad", "steepest slope of the free belt ahead of the contact, which leans the other way"
+            "ply_steer_ahead_rad",
+            "steepest slope of the free belt ahead of the contact, which leans the other way",
+            "extremum of -dy/dx within 0.8 rad of the leading edge",
+            "leans against ply steer",
         ),
         # Of the stated plies alone.
         Quantity(
             "ply_steer_laminate_rad",
             "slope of a belt of the stated plies that is bent flat, 2 phi_z of Eq. 18",
+            "B16 / (A66 R), ply steer paper, Eq. 18",
+            _TO_THE_LEFT,
             powers={Basis.RADIUS: -1.0},
         ),
-        Quantity("laminate_b16_n", "B16 of the stated plies"),
-        Quantity("laminate_a66_npm", "A66 of the stated plies"),
+        Quantity("laminate_b16_n", "B16 of the stated plies", "ply steer paper, Eq. 10", "shear under bending"),
+        Quantity("laminate_a66_npm", "A66 of the stated plies", "ply steer paper, Eq. 10", possible=_POSITIVE),
     ),
     "slip-angle": (
-        _slope("slip_apparent_rad", "first-half slope of this revolution less that at zero slip"),
-        _slope("slip_angle_rad", "slip angle, with a slip calibration"),
-        _slope("slip_angle_mean_rad", "slip angle of the mean of the latest revolutions, with a slip calibration"),
-        _slope("slip_direction", "direction of slip, -1, 0 or 1"),
+        _slope(
+            "slip_apparent_rad",
+            "first-half slope of this revolution less that at zero slip",
+            "(y(0) - y(leading edge)) / length - zero",
+        ),
+        _slope(
+            "slip_angle_rad",
+            "slip angle, with a slip calibration",
+            "alpha of slope = zero + share alpha (1 - saturation |alpha|)",
+            "pulls the tire to the left",
+            compared="slip",
+        ),
+        _slope(
+            "slip_angle_mean_rad",
+            "slip angle of the mean of the latest revolutions, with a slip calibration",
+            "the same of the mean slope",
+            "pulls the tire to the left",
+        ),
+        _slope(
+            "slip_direction",
+            "direction of slip, -1, 0 or 1",
+            "sign of the apparent slip beyond three errors",
+            "pulls the tire to the left",
+        ),
         Quantity(
             "lateral_asymmetry",
             "(max + min) / (max - min) of the lateral waveform",
+            "(max + min) / (max - min)",
+            _TO_THE_LEFT,
             powers={Basis.AXES: 1.0},
             rests_on=_LOCKED,
         ),
         Quantity(
             "left_right_asymmetry",
             "sum of the means of the asymmetry at left and right slip",
+            "mean at left slip + mean at right slip",
+            _TO_THE_LEFT,
             powers={Basis.AXES: 1.0},
             rests_on=_LOCKED,
         ),
@@ -313,19 +512,32 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "belt_shift_m",
             "mean lateral displacement of the belt against the wheel, positive to the left",
+            "y0 of y - t D2 y + b D4 y = 0 in the free belt, D = d/dtheta",
+            _TO_THE_LEFT,
             powers=_LATERAL_SHIFT,
             rests_on=_LOCKED,
         ),
-        Quantity("belt_yaw_rad", "yaw of the belt against the wheel", powers=_SLOPE, rests_on=_LOCKED),
+        Quantity(
+            "belt_yaw_rad",
+            "yaw of the belt against the wheel",
+            "order 1 of y - t D2 y + b D4 y = 0 in the free belt, D = d/dtheta",
+            "rear of the belt to the left",
+            powers=_SLOPE,
+            rests_on=_LOCKED,
+        ),
         Quantity(
             "side_force_n",
             "lateral force of the road on the tire, positive to the left",
+            "factor (shift - zero), calibrated",
+            _TO_THE_LEFT,
             powers=_LATERAL_SHIFT,
             rests_on=_BY_PRESSURE,
         ),
         Quantity(
             "aligning_moment_nm",
             "moment of the road about the vertical axis, positive turns the tire to the left",
+            "factor (yaw - zero), calibrated",
+            "about z, turns the tire to the left",
             powers=_LATERAL_SHIFT,
             rests_on=_BY_PRESSURE,
         ),
@@ -334,12 +546,14 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "friction_used",
             "horizontal force of the road over the vertical one",
+            "hypot(Fx, Fy) / Q",
             rests_on=_BY_PRESSURE,
             possible=(0.0, 2.0),
         ),
         Quantity(
             "sliding_share",
             "share of the contact in which the tread slides, by the brush model",
+            "pneumatic trail over a third of the half length",
             rests_on=_BY_PRESSURE,
             possible=(0.0, 1.0),
         ),
@@ -348,6 +562,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "asynchronous_rms_mps2",
             "root mean square of what is not locked to the wheel, 5 to 800 Hz",
+            "root of the spectrum's integral",
             powers={Basis.GAIN: -1.0},
             rests_on=_SIGNAL,
             possible=_POSITIVE,
@@ -355,6 +570,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "asynchronous_line_hz",
             "frequency of the strongest line",
+            "peak of the spectrum above its background",
             powers={Basis.RATE: 1.0},
             rests_on=_SIGNAL,
             possible=_POSITIVE,
@@ -362,6 +578,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "asynchronous_line_rms_mps2",
             "root mean square of the strongest line",
+            "root of the line's integral",
             powers={Basis.GAIN: -1.0},
             rests_on=_SIGNAL,
             possible=_POSITIVE,
@@ -371,6 +588,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "cavity_hz",
             "resonance frequency of the tire cavity",
+            "c / L",
             powers={Basis.RATE: 1.0},
             rests_on=_SIGNAL,
             possible=_POSITIVE,
@@ -379,6 +597,8 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "cavity_temperature_degc",
             "temperature of the gas in the tire, if it is air",
+            "(f L)^2 M / (gamma R)",
+            "above 0 °C",
             powers={Basis.RATE: 2.0},
             rests_on=_SIGNAL,
             possible=TIRE_DEGC,
@@ -387,6 +607,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "cavity_gas_ratio",
             "gamma / M of the gas over that of air, at the measured temperature",
+            "(f L)^2 / (R T) over gamma / M of air",
             powers={Basis.RATE: 2.0},
             rests_on=_SIGNAL,
             possible=_POSITIVE,
@@ -396,11 +617,14 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "road_class",
             "class of the road's roughness after ISO 8608, 1 in the middle of A, 8 in that of H",
+            "1 + log4(G(n0) / 16e-6 m^3)",
+            "rougher than the middle of the class before A",
             rests_on=_BAND,
         ),
         Quantity(
             "road_roughness_m3",
             "density of the road's height at 0.1 cycles per m",
+            "G(n0) from the variance of ln(contact width), ISO 8608:2016",
             powers={Basis.RADIUS: 2.0},
             rests_on=_BAND,
             possible=_POSITIVE,
@@ -410,14 +634,24 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "leading_edge_shift_rad",
             "shift of the leading edge into the contact, against the contacts before",
+            "edge less the prediction by the contacts before",
+            "into the contact",
             rests_on=_SIGNAL,
         ),
         Quantity(
             "trailing_edge_shift_rad",
             "shift of the trailing edge into the contact, against the contacts before",
+            "edge less the prediction by the contacts before",
+            "into the contact",
             rests_on=_SIGNAL,
         ),
-        Quantity("water_wedge_rad", "shift of the leading edge less that of the trailing edge", rests_on=_SIGNAL),
+        Quantity(
+            "water_wedge_rad",
+            "shift of the leading edge less that of the trailing edge",
+            "the first less the second",
+            "shorter contact by the leading edge",
+            rests_on=_SIGNAL,
+        ),
     ),
 }
 """Quantities of each estimator of this package, in the order of their columns."""
@@ -439,11 +673,26 @@ def unit_of(name: str) -> str:
     return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix) and len(name) > len(suffix)), "")
 
 
+def declared() -> Iterator[Quantity]:
+    """Yield every quantity once, in the order of the estimators."""
+    yield from _BY_NAME.values()
+
+
+def in_state() -> list[str]:
+    """Return the names of the quantities in the state of a wheel."""
+    return [quantity.name for quantity in declared() if quantity.is_in_state]
+
+
+def on_bus(frame: BusFrame) -> list[tuple[Quantity, OnBus]]:
+    """Return the quantities of a CAN frame with their signals, in the order of these."""
+    return [(one, one.bus) for one in declared() if one.bus is not None and one.bus.frame is frame]
+
+
 @lru_cache(maxsize=1024)
 def quantity_of(name: str) -> Quantity:
     """Return what is declared of an estimate by its name, with or without the prefix of its estimator.
 
-    An estimate that is not declared, such as one of a plug-in, rests on the whole signal.
+    An estimate that is not declared rests on the whole signal.
     """
     plain = name.rpartition(":")[2]
     return _BY_NAME.get(plain) or Quantity(plain, plain, rests_on=_LOCKED)

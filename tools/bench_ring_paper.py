@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal import contact_edges as contact
 from gateway.signal.angle_resampling import GRID_SIZE, fit_phase, resample_revolution
 from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std

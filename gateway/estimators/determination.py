@@ -15,10 +15,10 @@ from typing import Final, NamedTuple, Self
 
 import numpy as np
 
-from gateway.constants import RING_NUMBERS, RING_RATIOS
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
+from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.reasons import Code, Reason
 from gateway.types import BoolArray, FloatArray
 

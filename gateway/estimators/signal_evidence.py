@@ -33,7 +33,8 @@ from gateway.estimators.self_calibration import (
     steady_value_lost,
 )
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
-from gateway.quantity_catalogue import LARGEST_ZERO_MPS2, Basis, quantity_of
+from gateway.quantity import Basis
+from gateway.quantity_catalogue import LARGEST_ZERO_MPS2, quantity_of
 from gateway.reasons import Code, Reason
 
 # Relative change of an estimate from which it is invalid.

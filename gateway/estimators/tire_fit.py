@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.tire_data import (
     DIFFERENCE_STD_K,
@@ -25,6 +24,7 @@ from gateway.estimators.tire_data import (
     LoadCalibration,
     ReferenceNumbers,
 )
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.types import FloatArray
 
 # Exponent of the half angle, curvature and exponent of the pressure on the exact ring, and their variation.

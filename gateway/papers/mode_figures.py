@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.papers.ring_data import NOISE_MG_PER_RTHZ, RADIUS_M, RATE_HZ, fitted_orders, measured_orders, new_tire
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import (
@@ -26,6 +26,7 @@ from gateway.physics.ring_series import (
     stiffness_terms,
 )
 from gateway.physics.rolling_ring import RingSolution
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
 from gateway.signal.order_spectrum import highest_order
 from gateway.signal.order_statistics import BLOCK_REVOLUTIONS, OrderAccumulator, OrderStatistics

@@ -11,12 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.estimators.registry import make_estimator
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
 from gateway.physics.ring_series import signal_orders
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal.angle_resampling import GRID_SIZE
 from gateway.signal.contact_edges import find_contact_edges
 from gateway.signal.order_spectrum import ORDER_COUNT, coefficient_std, highest_order, order_coefficients, sample_std

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gateway.constants import RING_NUMBERS
 from gateway.papers.ring_data import (
     OMEGA_RADPS,
     RADIUS_M,
@@ -36,6 +35,7 @@ from gateway.papers.trend_assumptions import (
     trend,
 )
 from gateway.physics.ring_series import pressure_number, signal_waveform
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal.angle_resampling import angle_grid
 from gateway.types import FloatArray
 

@@ -17,7 +17,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import TireConditions
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.ring_paper import fit_ring_numbers
@@ -26,6 +25,7 @@ from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_PRESSURE_PA
 from gateway.physics.ring_series import pressure_number
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal.contact_edges import contact_levels, smoothing_order
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.types import FloatArray

@@ -8,7 +8,8 @@ from typing import Final
 
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.signal_evidence import Evidence
-from gateway.quantity_catalogue import CATALOGUE, Basis, quantity_of
+from gateway.quantity import Basis
+from gateway.quantity_catalogue import CATALOGUE, quantity_of
 from gateway.reasons import Code, Reason
 
 # Standard errors beyond what is possible from which a value is not one of its quantity: one in 160 by chance.

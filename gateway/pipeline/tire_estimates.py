@@ -21,7 +21,8 @@ from gateway.pipeline.own_drift import OwnDrift
 from gateway.pipeline.qualification import provisional_where, qualified
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.quantity_catalogue import Basis, rests_on_times_alone
+from gateway.quantity import Basis
+from gateway.quantity_catalogue import rests_on_times_alone
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import AverageSteps, RunningAverage
 from gateway.types import ComplexArray, FloatArray

@@ -19,7 +19,7 @@ from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.signal_evidence import Contradiction, Evidence, Subject
 from gateway.pipeline.results import Alarm, RevolutionResult
 from gateway.pipeline.vehicle_signals import Quantity, SignalHistory, VehicleSignal
-from gateway.quantity_catalogue import Basis
+from gateway.quantity import Basis
 from gateway.reasons import Code, Reason
 
 # Standard errors of both together from which car and wheel contradict each other.

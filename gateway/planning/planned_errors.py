@@ -16,13 +16,14 @@ import numpy as np
 from firmware_protocol.messages import Environment
 from firmware_protocol.wire import MAX_RATE_HZ, MIN_RATE_HZ
 from gateway.config.vehicle import parse_vehicle
-from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.planning.accelerometer import Accelerometer
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, Reason
 from gateway.simulator.hub import hello_of
 from gateway.simulator.scenario import vehicle_toml

@@ -15,14 +15,11 @@ from gateway.pipeline.results import RevolutionResult, SessionSnapshot, WheelSna
 from gateway.publishing.can_frames import (
     ALARM_BITS,
     ALARMS,
-    BELT,
     CONDITIONS,
-    CONTACT,
     DEFAULT_BASE_ID,
+    LAYOUTS,
     MOTION,
-    RING,
     STATE_NUMBERS,
-    TIRE,
     Availability,
     Frame,
     FrameEncoder,
@@ -38,15 +35,6 @@ from gateway.publishing.sink import (
     SinkSetting,
 )
 
-# Signal of a frame: estimate that it carries.
-_CONTACT: Final = {
-    "LeadingEdge": "leading_edge_rad",
-    "TrailingEdge": "trailing_edge_rad",
-    "ContactLength": "contact_length_m",
-}
-_BELT: Final = {"Bs": "Bs", "Cw": "Cw"}
-_RING: Final = {"Rs": "Rs", "Ts": "Ts"}
-_TIRE: Final = {"Wear": "wear_mm", "EstimatedLoad": "load_n"}
 _SEND_S: Final = 0.1
 _ATTEMPTS: Final = 10
 _DRAINED_PER_POLL: Final = 1000
@@ -160,21 +148,19 @@ class CanSink:
         estimates = {estimate.name: estimate for estimate in result.estimates}
         position, conditions = result.position, result.conditions
         self._wheels |= {position}
-        motion = _values(estimates, {"Speed": "speed_mps"})
-        motion |= {
-            "Revolution": result.revolution.index % 65536,
-            "State": STATE_NUMBERS[WheelState.ROLLING],
-        }
-        yield self._encoder.wheel(position, MOTION, motion)
-        yield self._encoder.wheel(position, CONTACT, _values(estimates, _CONTACT))
         known = {
             "Pressure": conditions.pressure_pa,
             "Temperature": conditions.temperature_degc,
             "Load": conditions.load_n,
         }
-        yield self._encoder.wheel(position, CONDITIONS, _known(known))
-        for layout, names in ((BELT, _BELT), (RING, _RING), (TIRE, _TIRE)):
-            yield self._encoder.wheel(position, layout, _values(estimates, names))
+        values: dict[str, float] = {
+            "Revolution": result.revolution.index % 65536,
+            "State": STATE_NUMBERS[WheelState.ROLLING],
+        }
+        for layout in LAYOUTS:
+            if layout is not ALARMS:
+                values |= _values(estimates, layout.estimates)
+                yield self._encoder.wheel(position, layout, values | _known(known))
 
     def _state(self, snapshot: SessionSnapshot) -> Iterator[Frame | None]:
         self._wheels = frozenset(wheel.position for wheel in snapshot.wheels)

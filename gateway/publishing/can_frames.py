@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final
 
 from gateway.errors import ConfigError
 from gateway.pipeline.results import WheelState
+from gateway.quantity import BusFrame
+from gateway.quantity_catalogue import on_bus, unit_of
 
 DEFAULT_BASE_ID: Final = 0x500
 SLOTS: Final = 8
@@ -107,43 +109,47 @@ class FrameLayout:
         name: behind the name of the wheel.
         comment: for users.
         signals: in their order, from bit 0 on, without a gap; the counter follows.
+        estimates: signal of a number -> name of the estimate that it carries.
     """
 
     offset: int
     name: str
     comment: str
     signals: tuple[FrameSignal, ...]
+    estimates: Mapping[str, str] = field(default_factory=dict)
 
 
-MOTION: Final = FrameLayout(
-    0,
-    "Motion",
-    "after each revolution; once a second while the wheel does not roll",
-    (
-        _number("Speed", 16, 0.01, "m/s", "rolling speed"),
-        _number("SpeedError", 8, 0.01, "m/s", "one standard error"),
-        FrameSignal("Revolution", 16, comment="running number of the revolution, modulo 65536"),
-        FrameSignal("State", 3, comment="motion of the wheel", choices=_STATE_CHOICES),
-        _status("Speed"),
-    ),
+_EACH_REVOLUTION: Final = "after each revolution"
+_ALSO_AT_REST: Final = f"{_EACH_REVOLUTION}; once a second while the wheel does not roll"
+
+
+def _layout(
+    frame: BusFrame, comment: str, signals: Iterable[FrameSignal], estimates: Mapping[str, str] | None = None
+) -> FrameLayout:
+    return FrameLayout(int(frame), frame.name.capitalize(), comment, tuple(signals), estimates or {})
+
+
+def _of_estimates(frame: BusFrame, comment: str = _EACH_REVOLUTION, *others: FrameSignal) -> FrameLayout:
+    """Return the frame of the quantities that are declared for it: numbers with errors, other signals, statuses."""
+    numbers: list[FrameSignal] = []
+    estimates: dict[str, str] = {}
+    for quantity, bus in on_bus(frame):
+        estimates[bus.signal], unit = quantity.name, unit_of(quantity.name)
+        numbers.append(_number(bus.signal, 16, bus.resolution, unit, quantity.description, signed=bus.is_signed))
+        if bus.std_resolution:
+            numbers.append(_number(f"{bus.signal}Error", 8, bus.std_resolution, unit, "one standard error"))
+    return _layout(frame, comment, (*numbers, *others, *map(_status, estimates)), estimates)
+
+
+MOTION: Final = _of_estimates(
+    BusFrame.MOTION,
+    _ALSO_AT_REST,
+    FrameSignal("Revolution", 16, comment="running number of the revolution, modulo 65536"),
+    FrameSignal("State", 3, comment="motion of the wheel", choices=_STATE_CHOICES),
 )
-CONTACT: Final = FrameLayout(
-    1,
-    "Contact",
-    "after each revolution",
-    (
-        _number("LeadingEdge", 16, 1e-4, "rad", "angle of the leading contact edge, negative", signed=True),
-        _number("TrailingEdge", 16, 1e-4, "rad", "angle of the trailing contact edge", signed=True),
-        _number("ContactLength", 16, 1e-5, "m", "length of the contact along the belt"),
-        _status("LeadingEdge"),
-        _status("TrailingEdge"),
-        _status("ContactLength"),
-    ),
-)
-CONDITIONS: Final = FrameLayout(
-    2,
-    "Conditions",
-    "after each revolution; once a second while the wheel does not roll",
+CONDITIONS: Final = _layout(
+    BusFrame.CONDITIONS,
+    _ALSO_AT_REST,
     (
         _number("Pressure", 16, 10.0, "Pa", "inflation pressure (gauge)"),
         _number("Temperature", 16, 0.01, "degC", "inner liner", signed=True),
@@ -151,45 +157,6 @@ CONDITIONS: Final = FrameLayout(
         _status("Pressure"),
         _status("Temperature"),
         _status("Load"),
-    ),
-)
-BELT: Final = FrameLayout(
-    3,
-    "Belt",
-    "after each revolution",
-    (
-        _number("Bs", 16, 1e-6, "", "bending stiffness number of the belt"),
-        _number("BsError", 8, 1e-5, "", "one standard error"),
-        _number("Cw", 16, 1e-5, "", "contact width number of the belt"),
-        _number("CwError", 8, 1e-4, "", "one standard error"),
-        _status("Bs"),
-        _status("Cw"),
-    ),
-)
-RING: Final = FrameLayout(
-    4,
-    "Ring",
-    "after each revolution",
-    (
-        _number("Rs", 16, 1e-3, "", "sidewall stiffness number"),
-        _number("RsError", 8, 1e-2, "", "one standard error"),
-        _number("Ts", 16, 1e-3, "", "shear stiffness number of the belt"),
-        _number("TsError", 8, 1e-2, "", "one standard error"),
-        _status("Rs"),
-        _status("Ts"),
-    ),
-)
-TIRE: Final = FrameLayout(
-    5,
-    "Tire",
-    "after each revolution",
-    (
-        _number("Wear", 16, 1e-3, "mm", "loss of tread since the reference", signed=True),
-        _number("WearError", 8, 0.02, "mm", "one standard error"),
-        _number("EstimatedLoad", 16, 1.0, "N", "vertical load from the signal"),
-        _number("EstimatedLoadError", 8, 10.0, "N", "one standard error"),
-        _status("Wear"),
-        _status("EstimatedLoad"),
     ),
 )
 ALARM_BITS: Final = (
@@ -202,13 +169,14 @@ def _bit_name(alarm: str) -> str:
     return "".join(word.capitalize() for word in alarm.split()) + "Alarm"
 
 
-ALARMS: Final = FrameLayout(
-    6,
-    "Alarms",
+ALARMS: Final = _layout(
+    BusFrame.ALARMS,
     "on change and once a second",
     (*(FrameSignal(_bit_name(name), 1) for name in ALARM_BITS), FrameSignal("OtherAlarm", 1)),
 )
-LAYOUTS: Final = (MOTION, CONTACT, CONDITIONS, BELT, RING, TIRE, ALARMS)
+_OTHERS: Final = {BusFrame.MOTION: MOTION, BusFrame.CONDITIONS: CONDITIONS, BusFrame.ALARMS: ALARMS}
+LAYOUTS: Final = tuple(_OTHERS.get(frame) or _of_estimates(frame) for frame in BusFrame)
+"""Frames of a wheel, by `BusFrame`."""
 GATEWAY: Final = FrameLayout(
     0,
     "Gateway",

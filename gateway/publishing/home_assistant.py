@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
 from gateway import __version__
+from gateway.quantity_catalogue import declared, unit_of
 
 EXPIRE_S: Final = 30
 """A state that is not renewed for this long is no longer the present one; states come once a second."""
@@ -37,12 +38,19 @@ class _Entity(NamedTuple):
     template: str = ""
 
 
-_WHEEL: Final = (
-    _Entity("sensor", "speed_mps", "speed", "m/s", "speed"),
-    _Entity("sensor", "pressure_pa", "pressure", "Pa", "pressure"),
-    _Entity("sensor", "temperature_degc", "inner liner", "°C", "temperature"),
-    _Entity("sensor", "load_n", "load", "N"),
-    _Entity("sensor", "wear_mm", "tread wear", "mm", "distance"),
+# Units of the names, as Home Assistant writes them, and the kind of quantity that they mean to it.
+_SYMBOLS: Final = {"degC": "°C", "m^3": "m³", "m/s^2": "m/s²"}
+_CLASSES: Final = {"m/s": "speed", "Pa": "pressure", "degC": "temperature", "m": "distance", "mm": "distance"}
+
+
+def _number(field: str, name: str) -> _Entity:
+    unit = unit_of(field)
+    return _Entity("sensor", field, name, _SYMBOLS.get(unit, unit), _CLASSES.get(unit, ""))
+
+
+_STATE: Final = (
+    _number("pressure_pa", "pressure"),
+    _number("temperature_degc", "inner liner"),
     _Entity("sensor", "state", "motion"),
     _Entity(
         "binary_sensor", "alarms", "alarm", "", "problem", "{{ 'ON' if value_json.alarms | length > 0 else 'OFF' }}"
@@ -58,7 +66,10 @@ _LINK: Final = (
 
 def wheel_discovery(discovery_prefix: str, prefix: str, position: str) -> Iterator[Discovery]:
     """Yield the messages for the entities of a wheel."""
-    return _discovery(_WHEEL, discovery_prefix, prefix, f"wheel/{quote(position, safe='')}", f"Wheel {position}")
+    numbers = (_number(quantity.name, quantity.entity) for quantity in declared() if quantity.entity)
+    return _discovery(
+        (*numbers, *_STATE), discovery_prefix, prefix, f"wheel/{quote(position, safe='')}", f"Wheel {position}"
+    )
 
 
 def link_discovery(discovery_prefix: str, prefix: str, link: str) -> Iterator[Discovery]:

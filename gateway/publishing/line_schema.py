@@ -6,6 +6,7 @@ from copy import deepcopy
 from typing import Any, Final
 
 from gateway.pipeline.results import SinkState, WheelState
+from gateway.quantity_catalogue import in_state
 from gateway.recording.schemas import schema_of
 
 _NUMBER: Final = {"type": "number"}
@@ -100,10 +101,7 @@ def _alarm() -> dict[str, Any]:
 
 def _wheel() -> dict[str, Any]:
     counts = ("revolutions", "revolutions_rejected", "samples", "samples_lost", "samples_saturated")
-    numbers = (
-        "rate_hz", "speed_mps", "rotation_rpm", "distance_m", "pressure_pa", "temperature_degc", "load_n", "wear_mm",
-        "silent_s", "environment_silent_s",
-    )  # fmt: skip
+    numbers = ("rate_hz", *in_state(), "pressure_pa", "temperature_degc", "silent_s", "environment_silent_s")
     return _object(
         "wheel",
         {

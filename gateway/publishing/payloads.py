@@ -9,15 +9,16 @@ from typing import Any, Final
 
 from gateway.pipeline.results import Alarm, LinkSnapshot, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.publishing.sink import Item, PublishedAlarm, PublishedRevolution, PublishedState
+from gateway.quantity_catalogue import in_state
 from gateway.reasons import Code, Reason
 from gateway.views.recording_topics import revolution_payload
 from gateway.views.wording import as_json, text
 
 JsonObject = dict[str, Any]
-# Fields of states that say how it is now; the others identify and count.
+# Fields of states that say how it is now, beside estimates; the others identify and count.
 _PRESENT: Final = frozenset({
-    "rate_hz", "speed_mps", "rotation_rpm", "distance_m", "pressure_pa", "temperature_degc", "load_n", "wear_mm",
-    "silent_s", "environment_silent_s", "latency_s", "battery_percent", "rssi_dbm", "supply_w",
+    "rate_hz", "pressure_pa", "temperature_degc", "silent_s", "environment_silent_s", "latency_s", "battery_percent",
+    "rssi_dbm", "supply_w",
 })  # fmt: skip
 _AT_END: Final[Mapping[str, JsonObject]] = {
     "wheel": {"state": str(WheelState.NO_DATA), "alarms": []},
@@ -70,17 +71,13 @@ def wheel(item: PublishedState, one: WheelSnapshot) -> JsonObject:
     """Return the state of a wheel: what is silent has an age in place of its numbers."""
     silence, old = one.silence, one.old_environment
     counters = one.counters
-    wear = one.wear_mm if silence is None else None
     is_current = one.has_current_environment
     numbers = {
         "rate_hz": (one.rate_hz or None) if silence is None else None,
-        "speed_mps": _last_estimate(one, "speed_mps"),
-        "rotation_rpm": _last_estimate(one, "rotation_rpm"),
-        "distance_m": _last_estimate(one, "distance_m"),
+        **{name: _last_estimate(one, name) for name in in_state()},
         "pressure_pa": one.pressure_pa if is_current else None,
         "temperature_degc": one.temperature_degc if is_current else None,
         "load_n": one.load_n if silence is None else None,
-        "wear_mm": wear.value if wear is not None else None,
         "silent_s": silence.age_s if silence is not None else None,
         "environment_silent_s": old.age_s if old is not None else None,
     }
@@ -144,7 +141,7 @@ def session(item: PublishedState) -> JsonObject:
 
 def at_end(payload: JsonObject) -> JsonObject:
     """Return a state as it is to be kept after the session: nothing in it is of the present."""
-    lasting = {name: value for name, value in payload.items() if name not in _PRESENT}
+    lasting = {name: value for name, value in payload.items() if name not in _PRESENT.union(in_state())}
     # A link that was open to the end has not sent that it ended.
     note = {"note": text(Reason(Code.LINK_ENDED))} if payload.get("connected") else {}
     return {**lasting, **note, **_AT_END[payload["type"]]}

@@ -6,10 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.vehicle_signals import SIGNAL_NAMES
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Reason
 from gateway.views.numbers import UNITS, Shown, show, split_name
 from gateway.views.wording import joined

@@ -8,8 +8,8 @@ import pytest
 
 from gateway.cli.doctor_checks import check_config
 from gateway.config.vehicle import parse_vehicle
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Status
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code
 from tests.testkit.simulated_wheel import last, simulated
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.constants import RING_NUMBERS, RING_RATIOS
 from gateway.estimators.determination import (
     FittedNumbers,
     all_invalid,
@@ -20,6 +19,7 @@ from gateway.estimators.determination import (
     scale_error,
 )
 from gateway.estimators.estimator import Status, TireConditions
+from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.reasons import Code, Reason, codes_of
 
 CONDITIONS = TireConditions(0.32, 5000.0, 2.1e5)

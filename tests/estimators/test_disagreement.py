@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.determination import FittedNumbers, number_estimates
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, codes_of
 
 VALUES = np.array([3e-3, 0.195, 2.97, 2.5])

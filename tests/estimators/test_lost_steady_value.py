@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.constants import RING_NUMBERS, RING_RATIOS
 from gateway.estimators.estimator import Status
 from gateway.estimators.lost_steady_value import SteadyValueCheck
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.reasons import Code
 from tests.testkit.simulated_wheel import last, restated, simulated
 

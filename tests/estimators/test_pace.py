@@ -18,7 +18,7 @@ from gateway.pipeline import tire_estimates
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.quantity_catalogue import Basis
+from gateway.quantity import Basis
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import simulated
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.estimator import Status
 from gateway.estimators.sidewall_damping import sidewall_damping
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
 from gateway.physics.reference_tire import TABLE_3_LOAD_NUMBER, TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingSolution, solve_rolling_ring
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal.contact_edges import find_contact_edges
 from tests.estimators.test_weak_form import estimates_of
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, on_grid

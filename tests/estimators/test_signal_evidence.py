@@ -7,13 +7,14 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.self_calibration import Equations, Measured
 from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims
 from gateway.estimators.signal_evidence import Contradiction, Subject, assess
 from gateway.pipeline.wheel_setup import ReferenceNumbers, TireData, WheelSetup
-from gateway.quantity_catalogue import Basis
+from gateway.quantity import Basis
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, Reason, codes_of
 from tests.testkit.simulated_wheel import last, restated, simulated
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.signal_evidence import Evidence
 from gateway.pipeline.qualification import provisional_where, qualified
-from gateway.quantity_catalogue import CATALOGUE, Basis, quantity_of
+from gateway.quantity import Basis
+from gateway.quantity_catalogue import CATALOGUE, quantity_of
 from gateway.reasons import Code, Reason, codes_of
 
 NOTHING = Evidence(0.0, 0.0, True, 0.0, 0.0, 0.3, 0.003)

@@ -15,7 +15,6 @@ from gateway.errors import ConfigError
 from gateway.pipeline.results import WheelState
 from gateway.publishing.can_frames import (
     CONDITIONS,
-    CONTACT,
     GATEWAY,
     LAYOUTS,
     MOTION,
@@ -26,6 +25,7 @@ from gateway.publishing.can_frames import (
 )
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
+from gateway.quantity import BusFrame
 from tests.publishing.receivers import TIMEOUT_S, until
 
 
@@ -110,7 +110,7 @@ def test_unknown_and_impossible_values_are_not_available(dbc) -> None:
     for value in (math.nan, math.inf, -1.0, 656.0):
         broken = frame(MOTION, {"Speed": value, "SpeedStatus": 2})
         assert (broken["Speed"], broken["SpeedStatus"]) == ("not_available", "not_available")
-    low = frame(CONTACT, {"LeadingEdge": -3.2767, "LeadingEdgeStatus": 2})
+    low = frame(LAYOUTS[BusFrame.CONTACT], {"LeadingEdge": -3.2767, "LeadingEdgeStatus": 2})
     assert low["LeadingEdge"] == pytest.approx(-3.2767)
     assert frame(CONDITIONS, {"Temperature": -40.0, "TemperatureStatus": 2})["Temperature"] == pytest.approx(-40.0)
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import solve_rolling_ring
+from gateway.quantity_catalogue import RING_NUMBERS
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, omega_at
 from tools.accuracy.bound import (
     DEFAULT_PARAMETERS,

@@ -15,9 +15,9 @@ from typing import Final, Self
 
 import numpy as np
 
-from gateway.constants import RING_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.types import ComplexArray, FloatArray
 
 # Field of `RingParameters` for each parameter name; all derivatives are by logarithms.

@@ -13,12 +13,13 @@ from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, wavef
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, take, turns_of
 from accuracy.signals import samples_of, truth_of
-from gateway.constants import RING_NUMBERS, STANDARD_GRAVITY_MPS2
+from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.registry import make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Reason
 from gateway.signal.synchronous_average import RunningAverage
 

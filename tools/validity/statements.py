@@ -9,8 +9,8 @@ import numpy as np
 
 from gateway.config.toml_writer import toml_text
 from gateway.config.vehicle import VehicleConfig, parse_vehicle
-from gateway.constants import RING_NUMBERS
 from gateway.estimators.tire_data import LoadCalibration
+from gateway.quantity_catalogue import RING_NUMBERS
 from validity.tires import GAIN_STDS_PERCENT, World
 
 DEFAULT_RADIUS_STD: Final = 0.01

@@ -1,0 +1,148 @@
+"""How a quantity is declared: what it is, what it rests on, the values it can have, and where it is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from math import inf
+from typing import NamedTuple
+
+from gateway.reasons import Code
+
+
+class Basis(StrEnum):
+    """What an estimate rests on."""
+
+    # Statements that may be wrong: that an axis is the lateral one, or the one along the belt, and in time.
+    AXES = "axes"
+    ALONG = "along"
+    COUPLING = "coupling"
+    GAIN = "gain"
+    HUB = "hub"
+    OFFSET = "offset"
+    RADIUS = "radius"
+    RATE = "rate"
+    ZERO = "zero"
+    # Measurements.
+    PRESSURE = "pressure"
+    SAMPLES = "samples"  # more than the times of the contacts
+    WAVEFORM = "waveform"  # what repeats with the wheel's angle, and so contains known effects
+
+
+class Statement(StrEnum):
+    """What the configuration states of a tire and trends follow."""
+
+    LOAD = "load"
+    RADIUS = "radius"
+    THICKNESS = "thickness"
+    REFERENCE = "reference"
+    CALIBRATION = "calibration"
+
+
+class BusFrame(IntEnum):
+    """CAN frame of a wheel, by its identifier within the sixteen of the wheel."""
+
+    MOTION = 0
+    CONTACT = 1
+    CONDITIONS = 2
+    BELT = 3
+    RING = 4
+    TIRE = 5
+    ALARMS = 6
+
+
+class OnBus(NamedTuple):
+    """Signal of a quantity on a CAN bus: 16 bits, and 8 of its standard error.
+
+    Attributes:
+        frame: that it is in.
+        signal: name in the DBC file.
+        resolution: of one count, in the quantity's unit.
+        std_resolution: of one count of the error; 0 without one.
+        is_signed: whether it may be negative.
+    """
+
+    frame: BusFrame
+    signal: str
+    resolution: float
+    std_resolution: float = 0.0
+    is_signed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Watch:
+    """How trends of a fleet follow a series of values over the recordings of a tire.
+
+    Attributes:
+        number: begin of the names of its numbers: `Bs` gives `Bs_rate`.
+        unit: of the series.
+        factor: value of the series over that of the quantity.
+        notable: change from which it is a finding, in `unit`.
+        is_logarithm: the series is the logarithm in percent, and temperature has an influence.
+        is_over_pressure: the quantity is a stiffness over the pressure; its drift is that of the stiffness.
+        worse: sign of the changes that are faults; 0 for both.
+        is_drawn: whether pages draw it.
+        shifted_by: statements that shift its level.
+        drift: finding of a sensor that drifts, and the value that says by how much; None for a quantity of the tire.
+    """
+
+    number: str
+    unit: str
+    notable: float
+    factor: float = 1.0
+    is_logarithm: bool = False
+    is_over_pressure: bool = False
+    worse: float = 0.0
+    is_drawn: bool = False
+    shifted_by: frozenset[Statement] = frozenset()
+    drift: tuple[Code, str] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity that an estimator gives.
+
+    Attributes:
+        name: with its unit where it has one, as in `Estimate`.
+        description: noun phrase, in one line.
+        equation: that defines it, with its source where that is not this package.
+        sign: what a positive value means, where it may be negative; axes of ISO 8855.
+        powers: exponents in the ratios (true over stated) of belt radius, sampling rate and gain, and of the share of
+            the true signal in its axis.
+        rests_on: what else it needs; what changes it in a way that no power describes.
+        possible: least and greatest value that a tire, a sensor or a road can have.
+        origin: value at which what the powers scale is zero.
+        is_steady: whether it is of the tire or the sensor, so that driving does not change it.
+        memory_revolutions: of the running average that it is made of; 0 for none.
+        label: name on screens; from `name` where it is empty.
+        shown_unit: unit on screens, with its factor, where it is not the usual one of the unit in the name.
+        is_in_state: whether the state of a wheel that live outputs publish has it.
+        entity: name in Home Assistant and in the short text of a revolution; empty for neither.
+        bus: its signal on a CAN bus; None for none.
+        watch: how trends follow it; None where they do not.
+        compared: number of a trend that compares left and right wheels; empty where they are not compared.
+    """
+
+    name: str
+    description: str
+    equation: str = ""
+    sign: str = ""
+    powers: Mapping[Basis, float] = field(default_factory=dict)
+    rests_on: frozenset[Basis] = frozenset()
+    possible: tuple[float, float] = (-inf, inf)
+    origin: float = 0.0
+    is_steady: bool = False
+    memory_revolutions: int = 0
+    label: str = ""
+    shown_unit: tuple[str, float] | None = None
+    is_in_state: bool = False
+    entity: str = ""
+    bus: OnBus | None = None
+    watch: Watch | None = None
+    compared: str = ""
+
+    @property
+    def is_radius_times_angle(self) -> bool:
+        """Whether it is the stated radius times something measured much better."""
+        return self.powers.get(Basis.RADIUS) == 1.0 and Basis.COUPLING not in self.rests_on
