@@ -12,12 +12,13 @@ from gateway.api.column_table import utc_array
 from gateway.estimators.estimator import Estimate, TireConditions
 from gateway.estimators.estimator import Revolution as RevolutionSignal
 from gateway.pipeline.results import RevolutionResult
+from gateway.quantity_catalogue import declared
 from gateway.signal.angle_resampling import angle_grid
 from gateway.types import ComplexArray, FloatArray
 from gateway.views.numbers import show
 from gateway.views.wording import joined, text
 
-_SHOWN: Final = ("speed_mps", "load_n", "wear_mm")
+_SHOWN: Final = tuple(quantity.name for quantity in declared() if quantity.entity)
 
 
 class Revolution:

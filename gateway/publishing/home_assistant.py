@@ -11,7 +11,8 @@ from typing import Any, Final, NamedTuple
 from urllib.parse import quote
 
 from gateway import __version__
-from gateway.quantity_catalogue import declared, unit_of
+from gateway.quantity_catalogue import declared
+from gateway.views.tables.campaign_columns import unit_of
 
 EXPIRE_S: Final = 30
 """A state that is not renewed for this long is no longer the present one; states come once a second."""
@@ -38,14 +39,13 @@ class _Entity(NamedTuple):
     template: str = ""
 
 
-# Units of the names, as Home Assistant writes them, and the kind of quantity that they mean to it.
-_SYMBOLS: Final = {"degC": "°C", "m^3": "m³", "m/s^2": "m/s²"}
-_CLASSES: Final = {"m/s": "speed", "Pa": "pressure", "degC": "temperature", "m": "distance", "mm": "distance"}
+# Kind of quantity to Home Assistant, by its unit.
+_CLASSES: Final = {"m/s": "speed", "Pa": "pressure", "°C": "temperature", "m": "distance", "mm": "distance"}
 
 
 def _number(field: str, name: str) -> _Entity:
     unit = unit_of(field)
-    return _Entity("sensor", field, name, _SYMBOLS.get(unit, unit), _CLASSES.get(unit, ""))
+    return _Entity("sensor", field, name, unit, _CLASSES.get(unit, ""))
 
 
 _STATE: Final = (

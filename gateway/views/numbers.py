@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 from gateway.estimators.estimator import Estimate, Status
+from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Reason
 from gateway.views.wording import joined
 
@@ -33,6 +34,7 @@ class Unit(NamedTuple):
 
 # Suffix of a quantity's name -> shown unit. Longer suffixes first: `_mps2` must not be read as `_mps`.
 UNITS: Final[dict[str, Unit]] = {
+    "_per_degc": Unit("1/K"),
     "_radps2": Unit("rad/s²"),
     "_radps": Unit("rad/s"),
     "_rpm": Unit("rpm"),
@@ -56,8 +58,6 @@ UNITS: Final[dict[str, Unit]] = {
     "_w": Unit("W"),
     "_v": Unit("V"),
 }
-# Quantities whose unit of display is not that of their suffix: name -> label and unit.
-_OWN_UNITS: Final = {"distance_m": ("distance", Unit("m"))}
 _DIMENSIONLESS: Final = Unit("")
 
 
@@ -137,12 +137,13 @@ def distinct_name(name: str, taken: Collection[str]) -> str:
 @lru_cache(maxsize=256)
 def split_name(name: str) -> tuple[str, Unit]:
     """Split a quantity's name into a label and the unit it is shown in: `leading_edge_rad` -> `leading edge`, deg."""
-    if name in _OWN_UNITS:
-        return _OWN_UNITS[name]
-    for suffix, unit in UNITS.items():
-        if name.endswith(suffix) and len(name) > len(suffix):
-            return name[: -len(suffix)].replace("_", " "), unit
-    return name.replace("_over_", "/").replace("_", " "), _DIMENSIONLESS
+    declared, prefix = quantity_of(name), name.rpartition(":")[0]
+    suffix = next((suffix for suffix in UNITS if name.endswith(suffix) and len(name) > len(suffix)), "")
+    label = name.removesuffix(suffix).replace("_", " ") if suffix else name.replace("_over_", "/").replace("_", " ")
+    if declared.label:
+        label = f"{prefix}:{declared.label}" if prefix else declared.label
+    unit = UNITS[suffix] if suffix else _DIMENSIONLESS
+    return label, Unit(*declared.shown_unit) if declared.shown_unit is not None else unit
 
 
 class Shown(NamedTuple):

@@ -9,15 +9,16 @@ from typing import Final, NamedTuple
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.vehicle_signals import SIGNAL_NAMES
-from gateway.quantity_catalogue import RING_NUMBERS
+from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.reasons import Reason
-from gateway.views.numbers import UNITS, Shown, show, split_name
+from gateway.views.numbers import Shown, show
 from gateway.views.wording import joined
 
 SPEED: Final = "speed_mps"
 ROTATION: Final = "rotation_rpm"
 DISTANCE: Final = "distance_m"
-ANGLE: Final = UNITS["_rad"]
+LEADING: Final = "leading_edge_rad"
+TRAILING: Final = "trailing_edge_rad"
 _ORDER: Final = (Status.VALID, Status.PROVISIONAL, Status.INVALID)
 
 
@@ -67,36 +68,22 @@ class Reading(NamedTuple):
 
 def read_result(result: RevolutionResult) -> Reading:
     """Sort a result's estimates; speed and angles fall back to the revolution's own when no estimate names them."""
-    speed: Estimate | None = None
-    rotation: Estimate | None = None
-    distance: Estimate | None = None
-    leading: Estimate | None = None
-    trailing: Estimate | None = None
-    further: list[Estimate] = []
+    others: dict[str, Estimate] = {}
     car: list[Estimate] = []
     whole: list[Estimate] = []
     ratios: list[Estimate] = []
     for estimate in result.estimates:
+        plain = estimate.name.rpartition(":")[2]
         if estimate.name in SIGNAL_NAMES:
             car.append(estimate)
-            continue
-        label, unit = split_name(estimate.name)
-        if not unit.symbol and "/" in label:
+        elif plain in RING_RATIOS:
             ratios.append(estimate)
-        elif label.rpartition(":")[2] in RING_NUMBERS:
+        elif plain in RING_NUMBERS:
             whole.append(estimate)
-        elif estimate.name == SPEED:
-            speed = estimate
-        elif estimate.name == ROTATION:
-            rotation = estimate
-        elif estimate.name == DISTANCE:
-            distance = estimate
-        elif unit is ANGLE and label.startswith("leading"):
-            leading = estimate
-        elif unit is ANGLE and label.startswith("trailing"):
-            trailing = estimate
         else:
-            further.append(estimate)
+            others[estimate.name] = estimate
+    speed, rotation, distance = others.pop(SPEED, None), others.pop(ROTATION, None), others.pop(DISTANCE, None)
+    leading, trailing = others.pop(LEADING, None), others.pop(TRAILING, None)
     known = any(number.status is not Status.INVALID for number in whole)
     ratios_only = not known and any(ratio.status is not Status.INVALID for ratio in ratios)
     shown = tuple(show(number) for number in (ratios if ratios_only else whole))
@@ -104,14 +91,12 @@ def read_result(result: RevolutionResult) -> Reading:
     kinematic = (
         show(speed or _measured(SPEED, revolution.omega_radps * result.conditions.radius_m, math.nan)),
         show(rotation or _measured(ROTATION, revolution.omega_radps * 30.0 / math.pi, math.nan)),
-        show(leading or _measured("leading_edge_rad", revolution.leading_edge_rad, revolution.leading_edge_std_rad)),
-        show(
-            trailing or _measured("trailing_edge_rad", revolution.trailing_edge_rad, revolution.trailing_edge_std_rad)
-        ),
+        show(leading or _measured(LEADING, revolution.leading_edge_rad, revolution.leading_edge_std_rad)),
+        show(trailing or _measured(TRAILING, revolution.trailing_edge_rad, revolution.trailing_edge_std_rad)),
     )
     return Reading(
         *kinematic,
-        tuple(further),
+        tuple(others.values()),
         None if distance is None else show(distance),
         shown,
         max((number.status for number in shown), key=_ORDER.index, default=Status.INVALID),

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.vehicle_signals import SIGNAL_NAMES
-from gateway.quantity_catalogue import CATALOGUE
+from gateway.quantity_catalogue import quantity_of
 from gateway.views.numbers import split_name
 
 SPAN_S: Final = 600
@@ -22,7 +22,6 @@ _DESCRIPTIONS: Final = {
     "pressure_pa": "inflation pressure, measured or stated",
     "temperature_degc": "temperature at the sensor",
     **dict.fromkeys(SIGNAL_NAMES, "signal of the vehicle"),
-    **{quantity.name: quantity.description for quantities in CATALOGUE.values() for quantity in quantities},
 }
 
 
@@ -147,4 +146,4 @@ def _estimates(result: RevolutionResult) -> list[Estimate]:
 
 def _words(name: str) -> tuple[str, str, str]:
     label, unit = split_name(name)
-    return label, unit.symbol, _DESCRIPTIONS.get(name, "")
+    return label, unit.symbol, _DESCRIPTIONS.get(name) or quantity_of(name).description

@@ -87,6 +87,9 @@ def test_values_are_shown_in_field_units(name, value, std, text):
 def test_names_become_labels():
     assert split_name("leading_edge_rad")[0] == "leading edge"
     assert split_name("Bs_over_Cw")[0] == "Bs/Cw"
+    assert split_name("distance_m")[1].symbol == "m"
+    label, unit = split_name("gain_per_degc")
+    assert (label, unit.symbol) == ("gain with temperature", "1/K")
     assert split_name("Cw") == ("Cw", split_name("Ts")[1])
 
 

@@ -26,6 +26,14 @@ def test_numbers_are_shown_without_ratios(made):
     assert reading.trailing.text() == "13.51 ± 0.10 deg"
 
 
+def test_shift_of_an_edge_is_not_taken_for_the_edge(made):
+    shift = Estimate("leading_edge_shift_rad", 0.01, 0.001, Status.VALID)
+    result = made.result()
+    reading = read_result(dataclasses.replace(result, estimates=(*result.estimates, shift)))
+    assert reading.leading.text() == "-13.740 ± 0.097 deg"
+    assert shift in reading.further
+
+
 def test_other_quantities_are_rounded_when_asked_for(made, monkeypatch):
     shown = []
     monkeypatch.setattr("gateway.views.readout.show", lambda estimate: shown.append(estimate.name) or show(estimate))
