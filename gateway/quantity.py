@@ -70,6 +70,15 @@ class OnBus(NamedTuple):
     is_signed: bool = False
 
 
+class Trend(StrEnum):
+    """How a trend is made of a series."""
+
+    LINE = "line"  # over the months
+    STIFFNESS = "stiffness"  # of the logarithm, with temperature
+    SENSOR = "sensor"  # with a finding when the sensor drifts
+    APART = "apart"  # by an analysis of its own
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
     """How trends of a fleet follow a series of values over the recordings of a tire.
@@ -79,18 +88,20 @@ class Watch:
         unit: of the series.
         factor: value of the series over that of the quantity.
         notable: change from which it is a finding, in `unit`.
-        is_logarithm: the series is the logarithm in percent, and temperature has an influence.
-        is_over_pressure: the quantity is a stiffness over the pressure; its drift is that of the stiffness.
+        trend: how it is made.
+        is_logarithm: whether the series is the logarithm in percent.
+        is_over_pressure: whether it is a stiffness over the pressure, so that its drift is that of the product.
         worse: sign of the changes that are faults; 0 for both.
         is_drawn: whether pages draw it.
         shifted_by: statements that shift its level.
-        drift: finding of a sensor that drifts, and the value that says by how much; None for a quantity of the tire.
+        drift: finding where the sensor drifts, and its value that says by how much; None for what is of the tire.
     """
 
     number: str
     unit: str
     notable: float
     factor: float = 1.0
+    trend: Trend = Trend.LINE
     is_logarithm: bool = False
     is_over_pressure: bool = False
     worse: float = 0.0
@@ -121,7 +132,8 @@ class Quantity:
         entity: name in Home Assistant and in the short text of a revolution; empty for neither.
         bus: its signal on a CAN bus; None for none.
         watch: how trends follow it; None where they do not.
-        compared: number of a trend that compares left and right wheels; empty where they are not compared.
+        compared: begin of the name of the number that compares left and right wheels; empty where trends do not.
+        is_stated_too: whether a condition of the same name is stated, so that tables call the estimate otherwise.
     """
 
     name: str
@@ -141,6 +153,12 @@ class Quantity:
     bus: OnBus | None = None
     watch: Watch | None = None
     compared: str = ""
+    is_stated_too: bool = False
+
+    @property
+    def column(self) -> str:
+        """Name in tables that have the conditions too."""
+        return f"estimated_{self.name}" if self.is_stated_too else self.name
 
     @property
     def is_radius_times_angle(self) -> bool:

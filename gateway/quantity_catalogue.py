@@ -13,7 +13,7 @@ from math import inf
 from typing import Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2, TIRE_DEGC
-from gateway.quantity import Basis, BusFrame, OnBus, Quantity, Statement, Watch
+from gateway.quantity import Basis, BusFrame, OnBus, Quantity, Statement, Trend, Watch
 from gateway.reasons import Code
 
 # Times of contacts need nothing else; a high-pass passes contact edges and what is not locked to the wheel.
@@ -59,11 +59,12 @@ def _ring_number(name: str, description: str, bus: OnBus, *, is_over_pressure: b
         is_steady=True,
         memory_revolutions=_AVERAGE,
         bus=bus,
-        # 5 % of the stiffness are more than the warmth of a season leaves after its correction.
+        # 5 % of EI are 0.25 mm of a ring of 15 mm.
         watch=Watch(
             number=name,
             unit="%",
             notable=5.0,
+            trend=Trend.STIFFNESS,
             is_logarithm=True,
             is_over_pressure=is_over_pressure,
             is_drawn=True,
@@ -167,6 +168,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             powers={Basis.RADIUS: 1.0},
             rests_on=_SIGNAL,
             possible=_POSITIVE,
+            label="contact length",
             bus=OnBus(BusFrame.CONTACT, "ContactLength", 1e-5),
             watch=Watch(number="contact_length", unit="mm", factor=1e3, notable=5.0, shifted_by=_BY_RADIUS),
         ),
@@ -197,6 +199,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 unit="%",
                 factor=100.0,
                 notable=2.0,
+                trend=Trend.SENSOR,
                 shifted_by=_BY_RADIUS,
                 drift=(Code.TREND_SENSOR_GAIN, "share"),
             ),
@@ -216,6 +219,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 number="zero",
                 unit="m/s²",
                 notable=5.0,
+                trend=Trend.SENSOR,
                 shifted_by=_BY_RADIUS,
                 drift=(Code.TREND_SENSOR_ZERO, "change_mps2"),
             ),
@@ -223,7 +227,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "gain_per_degc",
             "temperature coefficient of the gain, 1/K",
-            "G' of mean(s) = (G + G' dT) R Omega^2 + z",
+            "G' of mean(s) = (G + G' dT) R Omega^2 + z, where the temperature changes",
             "gain grows with warmth",
             rests_on=_LOCKED,
             label="gain with temperature",
@@ -272,16 +276,16 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "edge_wave_before",
             "amplitude of the wave packet before the contact over R Omega^2",
-            "exact rolling ring with edge waves, fitted to the average",
-            "toward the wheel centre at the edge",
+            "hypot(a, b) of (a cos(n d) + b sin(n d)) exp(-d / decay)",
             rests_on=_LOCKED,
+            possible=_POSITIVE,
         ),
         Quantity(
             "edge_wave_after",
             "amplitude of the wave packet after the contact over R Omega^2",
-            "exact rolling ring with edge waves, fitted to the average",
-            "toward the wheel centre at the edge",
+            "hypot(a, b) of (a cos(n d) + b sin(n d)) exp(-d / decay)",
             rests_on=_LOCKED,
+            possible=_POSITIVE,
         ),
     ),
     "wear": (
@@ -293,6 +297,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
             is_steady=True,
+            label="wear",
             is_in_state=True,
             entity="tread wear",
             bus=OnBus(BusFrame.TIRE, "Wear", 1e-3, 0.02, is_signed=True),
@@ -300,6 +305,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 number="wear",
                 unit="mm",
                 notable=NEW_TIRE_MM,
+                trend=Trend.APART,
                 is_drawn=True,
                 shifted_by=_BY_RADIUS_AND_LOAD | {Statement.THICKNESS, Statement.REFERENCE},
             ),
@@ -329,6 +335,8 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             powers={Basis.RADIUS: 2.0},
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
+            label="load",
+            is_stated_too=True,
             is_in_state=True,
             entity="load",
             bus=OnBus(BusFrame.TIRE, "EstimatedLoad", 1.0, 10.0),
@@ -337,6 +345,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 number="load",
                 unit="N",
                 notable=200.0,
+                trend=Trend.APART,
                 is_drawn=True,
                 shifted_by=_BY_RADIUS | {Statement.CALIBRATION},
             ),
@@ -463,7 +472,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers={Basis.RADIUS: -1.0},
         ),
-        Quantity("laminate_b16_n", "B16 of the stated plies", "ply steer paper, Eq. 10", "shear under bending"),
+        Quantity("laminate_b16_n", "B16 of the stated plies", "ply steer paper, Eq. 10", "as ply steer"),
         Quantity("laminate_a66_npm", "A66 of the stated plies", "ply steer paper, Eq. 10", possible=_POSITIVE),
     ),
     "slip-angle": (
@@ -553,7 +562,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "sliding_share",
             "share of the contact in which the tread slides, by the brush model",
-            "pneumatic trail over a third of the half length",
+            "brush model at the ratio of the pneumatic trail to that at no slip",
             rests_on=_BY_PRESSURE,
             possible=(0.0, 1.0),
         ),
@@ -648,7 +657,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
         Quantity(
             "water_wedge_rad",
             "shift of the leading edge less that of the trailing edge",
-            "the first less the second",
+            "the first less the second; not verified by any measurement",
             "shorter contact by the leading edge",
             rests_on=_SIGNAL,
         ),

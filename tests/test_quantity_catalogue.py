@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import ast
+import dataclasses
 import importlib
 import math
+import re
+from collections.abc import Iterator
 
 import pytest
 
-from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS
 from gateway.estimators.signal_evidence import Contradiction, Subject
-from gateway.quantity_catalogue import CATALOGUE, Basis, quantity_of, rests_on_times_alone
+from gateway.quantity import Basis
+from gateway.quantity_catalogue import CATALOGUE, declared, quantity_of, rests_on_times_alone
 from gateway.reasons import Code, Reason
+from gateway.recording.revolution_fields import CONDITIONS
+from tests.test_import_rules import dotted, modules
 
 RATE = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RATE: 2.0})
 LOST_STEADY_VALUE = Contradiction(Subject.COUPLING, Reason(Code.NO_STEADY_VALUE), {Basis.COUPLING: math.nan})
@@ -34,6 +41,7 @@ def test_a_name_has_one_meaning() -> None:
             least, greatest = quantity.possible
             assert least < greatest
             assert quantity.description
+            assert quantity.is_stated_too == (quantity.name in CONDITIONS)
 
 
 def test_what_is_not_declared_rests_on_the_whole_signal() -> None:
@@ -72,3 +80,70 @@ def test_a_high_pass_leaves_lines_and_edges(name: str) -> None:
 @pytest.mark.parametrize("name", ["load_by_width_n", "pressure_number", "wear_drift_mm", "side_force_n"])
 def test_an_old_pressure_reaches_all_that_rests_on_it(name: str) -> None:
     assert Basis.PRESSURE in quantity_of(name).rests_on
+
+
+# Modules that may list quantities by name, each with the reason.
+LISTS = {
+    "gateway.closure.inference.number_estimates": "errors of the closed loop's own grid, by parameter of its ring",
+    "gateway.closure.model.tire_state": "parameters of the closed loop's ring that the sidewall gives",
+    "gateway.planning.planned_errors": "true values of a simulated wheel",
+}
+
+
+def is_exempt(module: str) -> bool:
+    """Estimators give quantities, and the papers' figures show those of the papers."""
+    return module in LISTS or module.startswith(("gateway.estimators.", "gateway.papers."))
+
+
+def fields_of_a_revolution() -> set[str]:
+    """Return names that are also fields of a revolution or of its conditions, or a column of a recording's row."""
+    return {field.name for kind in (Revolution, TireConditions) for field in dataclasses.fields(kind)} | {"distance_m"}
+
+
+def listed_names(node: ast.AST) -> Iterator[str]:
+    """Yield the texts that a collection literal holds, also in nested ones, or a text that is split."""
+    if isinstance(node, (ast.List, ast.Set, ast.Tuple)):
+        for item in node.elts:
+            yield from listed_names(item)
+    elif isinstance(node, ast.Dict):
+        for item in (*node.keys, *node.values):
+            if item is not None:
+                yield from listed_names(item)
+    elif isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "split":
+        yield from re.split(r"[\s,|]+", ast.unparse(node.func.value).strip("'\""))
+    elif isinstance(node, ast.Constant):
+        yield str(node.value)
+
+
+def lists_of_quantities(source: str) -> list[str]:
+    """Return `line: names` of every list of two quantities or more in a module."""
+    names = {name for one in declared() for name in (one.name, one.column)} - fields_of_a_revolution()
+    found = ((node, names.intersection(listed_names(node))) for node in ast.walk(ast.parse(source)))
+    return [f"{node.lineno}: {sorted(listed)}" for node, listed in found if len(listed) > 1]  # type: ignore[attr-defined]
+
+
+SOURCES = {dotted(name): path.read_text("utf-8") for name, path in modules()}
+
+
+def test_no_other_module_lists_quantities_by_name() -> None:
+    found = {module: lists_of_quantities(source) for module, source in SOURCES.items() if not is_exempt(module)}
+    assert {module: lists for module, lists in found.items() if lists} == {}
+
+
+def test_exceptions_are_needed() -> None:
+    assert [module for module in LISTS if not lists_of_quantities(SOURCES[module])] == []
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'A = ("Bs", "Cw")',
+        'A = {"wear_mm": 1, "gain": 2}',
+        'A = {1: "wear_mm", 2: ("x", "gain")}',
+        'A = frozenset({"wear_mm", "estimated_load_n"})',
+        'A = "wear_mm gain".split()',
+    ],
+)
+def test_a_list_of_quantities_is_recognised(source: str) -> None:
+    assert lists_of_quantities(source)
+    assert not lists_of_quantities(source.replace("wear_mm", "omega_radps").replace('"Bs"', '"load_n"'))

@@ -16,6 +16,7 @@ from gateway.errors import ConfigError, TreadlinkError
 from gateway.estimators.tire_data import SOFTENING_STD_PER_K, LoadCalibration, ReferenceNumbers
 from gateway.estimators.tire_fit import LoadFit, TirePoint
 from gateway.pipeline.results import RevolutionResult
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.recording.reader import RecordingReader
 from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.signal.contact_edges import error_beyond_definition
@@ -192,7 +193,7 @@ def calibration_toml(calibration: LoadCalibration, reference: ReferenceNumbers) 
         temperature_degc=None if calibration.temperature_degc is None else _rounded(calibration.temperature_degc),
     )
     known: dict[str, float] = {}
-    for name in ("Bs", "Cw", "Rs", "Ts"):
+    for name in RING_NUMBERS:
         value = getattr(reference, name)
         if value is not None:
             known[name] = _rounded(value)

@@ -24,8 +24,10 @@ from gateway.fleet.dataset import FAILURES, Key, is_identified, partition_name, 
 from gateway.fleet.parquet_parts import read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.repeated_drives import Row, without_repeats
+from gateway.quantity import Statement
+from gateway.quantity_catalogue import declared
 from gateway.reasons import Code, Reason
-from gateway.trends.tire_history import Statement, TireHistory
+from gateway.trends.tire_history import TireHistory
 from gateway.types import FloatArray
 
 Odometer = Mapping[str, tuple[NDArray[np.int64], FloatArray]]
@@ -38,10 +40,7 @@ _PLAIN: Final = (
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
     "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
 )  # fmt: skip
-_ESTIMATES: Final = (
-    "wear_mm", "estimated_load_n", "contact_length_m", "Bs", "Cw", "Rs", "Ts", "gain", "zero_g_offset_mps2",
-    "ply_steer_contact_line_rad", "slip_angle_rad",
-)  # fmt: skip
+_ESTIMATES: Final = tuple(one.column for one in declared() if one.watch is not None or one.compared)
 _TIMES: Final = ("start_utc", "begin_utc", "end_utc", "hub_zero_utc")
 _TEXT: Final = frozenset(
     {"recording_id", "recording", "path", "position", "sensor_id", "reference", "load_calibration", "faults", "alarms",

@@ -32,12 +32,8 @@ PARTS: Final = {
 
 
 def field_names(estimator: str) -> tuple[str, ...]:
-    """Return the fields of an estimator's estimates: their names with `_over_` for `/`.
-
-    A name that is also a condition's, such as the load, is `estimated_NAME`.
-    """
-    plain = (quantity.name.replace("/", "_over_") for quantity in CATALOGUE[estimator])
-    return tuple(f"estimated_{name}" if name in CONDITIONS else name for name in plain)
+    """Return the fields of an estimator's estimates: their columns with `_over_` for `/`."""
+    return tuple(quantity.column.replace("/", "_over_") for quantity in CATALOGUE[estimator])
 
 
 def estimate_descriptions() -> dict[str, str]:

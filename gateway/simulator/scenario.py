@@ -10,6 +10,7 @@ from gateway.config.toml_writer import toml_text
 from gateway.config.validation import parse_document, read_text
 from gateway.errors import SourceError
 from gateway.nearest_name import nearest
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.simulator.scenario_checks import scenario_faults
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.wheel_plan import wheel_plans
@@ -90,7 +91,7 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
                     "temperature_degc": wheel.temperature_degc.at(0.0),
                     "ring_thickness_mm": tire.ring_thickness_mm,
                     "reference": {
-                        **{"Bs": tire.Bs, "Cw": tire.Cw, "Rs": tire.Rs, "Ts": tire.Ts},
+                        **{name: getattr(tire, name) for name in RING_NUMBERS},
                         "pressure_kpa": tire.reference_pressure_kpa,
                     },
                 },

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, NamedTuple
 
@@ -17,6 +17,9 @@ import numpy as np
 from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.estimator import Status
 from gateway.estimators.wear import bending_left
+from gateway.quantity import Quantity as Declared
+from gateway.quantity import Trend
+from gateway.quantity_catalogue import NEW_TIRE_MM, declared
 from gateway.reasons import Code, Reason, Value
 from gateway.trends.late_changes import LEAST_AFTER, LateChange, find_shape
 from gateway.trends.level_steps import LEAST_POINTS, find_steps, runs, with_steps
@@ -36,7 +39,11 @@ from gateway.trends.trend_result import (
     TrendNumber,
     TrendOutlier,
     TrendSeries,
+    asymmetry_of,
+    by_temperature,
+    rate_of,
 )
+from gateway.trends.watched_series import SERIES, Series, followed_by
 from gateway.types import FloatArray, IntArray
 
 REFERENCE_DEGC: Final = 20.0
@@ -48,8 +55,6 @@ _DAY_MONTHS: Final = 1e9 * _DAY_S / MONTH_NS
 _LEAST_SPREAD_K: Final = 2.0
 _LEAST_FOR_TEMPERATURE: Final = 12
 _LEAST_SPREAD_SPEED: Final = 0.03
-# A new tire has this much less wear at least.
-_LEAST_NEW_TIRE_MM: Final = 0.3
 # What changes within a day or a week (temperature, load, driver, road) is no ageing, and a rate per month from less
 # than a week, a quarter of its unit, would be mostly that. The same share of 1,000 km is more than a day's drive. A
 # pressure at one temperature changes by a leak only, which may be a fast one: a day is enough.
@@ -60,39 +65,12 @@ _LEAST_1000KM: Final = 0.25
 _OFTEN_MONTHS: Final = 7.0 * _DAY_MONTHS
 # Smaller refills are no steps of the line; they are part of the loss's likelihood.
 _LEAST_REFILL_PA: Final = 3000.0
-# What is worth a finding, besides being significant.
+# What is worth a finding, besides being significant; the rest is in `gateway.trends.watched_series`.
 _NOTABLE_LOSS_PA: Final = 1000.0
 # Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
 _NOTABLE_FALL_PA: Final = 20e3
-_NOTABLE_NOISE: Final = 0.25
-_NOTABLE_SHARE: Final = 0.005
-_NOTABLE_CLIPPING: Final = 0.001
-_NOTABLE_OFFSET_M: Final = 1e-3
-_NOTABLE_GAIN: Final = 0.02
-_NOTABLE_ZERO_MPS2: Final = 5.0
 # Change with time at the same speed over that of the values, from which the two only cancel each other.
 _SHOWN: Final = 1.2
-_NOTABLE_STIFFNESS: Final = 0.05
-# Refills that are not seen make steps down of nearly this in a leak.
-_NOTABLE_LEVEL_PA: Final = 5000.0
-# Size from which a change from one recording on is a finding, in the unit of the series. A rise of the pressure is a
-# refill, and less noise, losses or clipping is no fault.
-_NOTABLE_CHANGE: Final = {
-    "wear_mm": _LEAST_NEW_TIRE_MM,
-    "pressure_at_20_degc": 1e-3 * _NOTABLE_LEVEL_PA,
-    "estimated_load_n": 200.0,
-    "contact_length_m": 5.0,
-    **dict.fromkeys(("Bs", "Cw", "Rs", "Ts"), 100.0 * _NOTABLE_STIFFNESS),
-    "noise_mps2": 100.0 * math.log1p(_NOTABLE_NOISE),
-    "samples_lost": 100.0 * _NOTABLE_SHARE,
-    "samples_saturated": 100.0 * _NOTABLE_CLIPPING,
-    "mounting_offset_m": 1e3 * _NOTABLE_OFFSET_M,
-    "gain": 100.0 * _NOTABLE_GAIN,
-    "zero_g_offset_mps2": _NOTABLE_ZERO_MPS2,
-}
-_WORSE: Final = {"pressure_at_20_degc": -1.0, "noise_mps2": 1.0, "samples_lost": 1.0, "samples_saturated": 1.0}
-# Series of logarithms in percent.
-_LOGARITHMS: Final = frozenset({"Bs", "Cw", "Rs", "Ts", "noise_mps2"})
 # Share of a notable change below which numbers do not follow it: readings have a resolution.
 _FOLLOWED: Final = 0.1
 # Recordings from which the newest state has a line of its own, and from which its numbers are valid. A slope needs two
@@ -101,6 +79,15 @@ _LEAST_OWN_LINE: Final = 5
 _LEAST_VALID: Final = 8
 # Recordings in a row that deviate to the same side are no single errors.
 _LEAST_RUN: Final = 2
+# Series of the sensor whose outliers are reported.
+_TESTED_OF_SENSOR: Final = frozenset({"noise_mps2", "mounting_offset_m"})
+# Value of the finding of a sensor that drifts, from the change in the unit of the series.
+_DRIFTS: Final[Mapping[str, Callable[[float], float]]] = {
+    "factor": lambda change: math.exp(change / 100.0),
+    "share": lambda change: change / 100.0,
+    "change_m": lambda change: change * 1e-3,
+    "change_mps2": lambda change: change,
+}
 # Tires from which a fleet has a median wear, and excess over it that is a finding.
 _LEAST_FLEET: Final = 4
 _FAST_WEAR: Final = 1.5
@@ -193,7 +180,7 @@ def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:
     if len(known) > LEAST_FREEDOM + 2:
         levels = _levels(known, places_of(stated_changes(history), "wear_mm"))
         design = np.column_stack([np.ones(len(known)), _centred(history.km[known]), *levels])
-        steps = find_steps(design, wear[known], family=family, least=_LEAST_NEW_TIRE_MM)
+        steps = find_steps(design, wear[known], family=family, least=NEW_TIRE_MM)
         if levels and steps:
             whole = np.column_stack([design, *_levels(np.arange(len(known)), steps)])
             by_levels = np.linalg.lstsq(whole, wear[known], rcond=None)[0][2 : 2 + len(levels)]
@@ -234,7 +221,7 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     fall = -float(np.linalg.lstsq(columns, wear, rcond=None)[0][2])
     scatter = math.sqrt(squares(columns) / freedom)
     std = scatter * math.sqrt(max(float(np.linalg.pinv(columns.T @ columns)[2, 2]), 0.0))
-    if fall >= _LEAST_NEW_TIRE_MM and fall > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, freedom)) * std:
+    if fall >= NEW_TIRE_MM and fall > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, freedom)) * std:
         return at
     # Few recordings give no slope of their own.
     at = min(places, key=lambda place: squares(two_lines(place)[:, :3]))
@@ -242,7 +229,7 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     fall = -float(np.linalg.lstsq(step, wear, rcond=None)[0][2])
     knees = range(1, count - 1)
     bent = min(squares(np.column_stack([along, np.maximum(km - km[knee], 0.0)])) for knee in knees)
-    return at if fall >= _LEAST_NEW_TIRE_MM and squares(step) < bent else None
+    return at if fall >= NEW_TIRE_MM and squares(step) < bent else None
 
 
 def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
@@ -250,18 +237,14 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
     _wear(tire)
     _pressure(tire)
     _load(tire)
-    for name, quantity, temperature in (
-        ("Bs", Quantity.BS_RATE, Quantity.BS_TEMPERATURE),
-        ("Cw", Quantity.CW_RATE, Quantity.CW_TEMPERATURE),
-        ("Rs", Quantity.RS_RATE, Quantity.RS_TEMPERATURE),
-        ("Ts", Quantity.TS_RATE, Quantity.TS_TEMPERATURE),
-    ):
-        _stiffness(tire, name, quantity, temperature)
+    for series in followed_by(Trend.LINE):
+        _over_months(tire, series)
+    for series in followed_by(Trend.STIFFNESS):
+        _stiffness(tire, series)
     _sensor(tire)
     tire.findings += findings_of_changes(history, tire.changes)
     tire.findings += tire.readings.findings
     tire.findings += findings_of_recordings(history)
-    order = list(Quantity)
     trend = TireTrend(
         vehicle=history.vehicle,
         position=history.position,
@@ -272,7 +255,7 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
         recordings=len(history.recordings),
         distance_km=float(history.km[-1] - history.km[0]),
         has_odometer=history.has_odometer,
-        numbers=tuple(sorted(tire.numbers, key=lambda number: order.index(number.quantity))),
+        numbers=tuple(tire.numbers),
         findings=tuple(tire.findings),
         series=tuple(tire.series),
         is_identified=history.is_identified,
@@ -291,7 +274,7 @@ def _of_unknown_tire(number: TrendNumber) -> TrendNumber:
 
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Add a finding to tires that wear much faster than the median of the fleet: that tires wear is none."""
-    rates = [next(n for n in tire.numbers if n.quantity is Quantity.WEAR_RATE) for tire in tires]
+    rates = [next(n for n in tire.numbers if n.quantity == Quantity.WEAR_RATE) for tire in tires]
     known = [rate.value for rate in rates if rate.status is Status.VALID]
     if len(known) < _LEAST_FLEET:
         return tuple(tires)
@@ -312,7 +295,7 @@ def _wear(tire: _Tire) -> None:
     why = _missing(history, "wear_mm", wear)
     if math.isfinite(history.km[0]) and not _span(history.km) > 0.0 and np.isfinite(wear).any():
         why = Reason(Code.TREND_DISTANCE_CONSTANT)
-    line = _line(tire, "wear_mm", "mm", history.km * 1e-3, wear, history.column("wear_mm_std"), against="km", warm=True)
+    line = _line(tire, "wear_mm", history.km * 1e-3, wear, history.column("wear_mm_std"), against="km", warm=True)
     basis = () if history.has_odometer else (Reason(Code.TREND_RECORDED_DISTANCE, distance_m=1e3 * _span(history.km)),)
     if line is None or line.search.fit is None:
         tire.numbers.append(TrendNumber(Quantity.WEAR_RATE, unit="mm/1000 km", reasons=(why,)))
@@ -347,7 +330,7 @@ def _pressure(tire: _Tire) -> None:
         why = _missing(history, "", cold)
     unknown = np.full(len(cold), math.nan)
     steps_from = _LEAST_REFILL_PA * 1e-3
-    line = _line(tire, "pressure_at_20_degc", "kPa", history.months, cold * 1e-3, unknown, steps_from=steps_from)
+    line = _line(tire, "pressure_at_20_degc", history.months, cold * 1e-3, unknown, steps_from=steps_from)
     found = None
     if line is not None and line.search.fit is not None:
         normal, change = ~line.search.is_outlier, line.change
@@ -445,20 +428,26 @@ def _load(tire: _Tire) -> None:
     measured, stds = history.column("estimated_load_n"), history.column("estimated_load_n_std")
     line = None
     if np.isfinite(measured).any():
-        line = _line(tire, "estimated_load_n", "N", history.months, measured, stds)
+        line = _line(tire, "estimated_load_n", history.months, measured, stds)
     if line is None or line.search.fit is None:
         tire.numbers += _stated_load(history, _missing(history, "estimated_load_n", measured))
     else:
         tire.numbers += _measured_load(line, line.search.fit)
         if line.steps and line.doubt is None:
             tire.findings.append(Reason(Code.TREND_LOAD_STEPS, count=len(line.steps)))
-    contact, errors = 1e3 * history.column("contact_length_m"), 1e3 * history.column("contact_length_m_std")
-    length = _line(tire, "contact_length_m", "mm", history.months, contact, errors)
-    if length is None or length.search.fit is None:
-        why = _missing(history, "contact_length_m", contact)
-        tire.numbers.append(TrendNumber(Quantity.CONTACT_RATE, unit="mm/month", reasons=(why,)))
+
+
+def _over_months(tire: _Tire, series: Series) -> None:
+    """Fit the line of a quantity over the months."""
+    history, watch = tire.history, series.watch
+    values, stds = (watch.factor * history.column(name) for name in (series.name, f"{series.name}_std"))
+    line = _line(tire, series.name, history.months, values, stds)
+    unit = f"{watch.unit}/month"
+    if line is None or line.search.fit is None:
+        why = _missing(history, series.name, values)
+        tire.numbers.append(TrendNumber(rate_of(watch), unit=unit, reasons=(why,)))
     else:
-        tire.numbers.append(_rate(Quantity.CONTACT_RATE, "mm/month", length))
+        tire.numbers.append(_rate(rate_of(watch), unit, line))
 
 
 def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
@@ -501,15 +490,16 @@ def _shared_std(stds: FloatArray) -> float:
     return float(np.nanmedian(stds)) if np.isfinite(stds).any() else 0.0
 
 
-def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity) -> None:
-    history = tire.history
+def _stiffness(tire: _Tire, series: Series) -> None:
+    history, name, watch = tire.history, series.name, series.watch
     values = history.column(name)
-    factor = tire.readings.pressure_pa if name != "Cw" else np.ones(len(values))
+    factor = tire.readings.pressure_pa if watch.is_over_pressure else np.ones(len(values))
     with np.errstate(invalid="ignore", divide="ignore"):
         percent = 100.0 * np.log(values * factor)
         stds = 100.0 * history.column(f"{name}_std") / values
+    quantity, temperature = rate_of(watch), by_temperature(watch)
     middle = np.nanmedian(percent) if np.isfinite(percent).any() else 0.0
-    line = _line(tire, name, "%", history.months, percent - middle, stds, warm=True)
+    line = _line(tire, name, history.months, percent - middle, stds, warm=True)
     why = _missing(history, name, percent)
     if line is None or line.search.fit is None:
         tire.numbers.append(TrendNumber(quantity, unit="%/month", reasons=(why,)))
@@ -534,7 +524,7 @@ def _stiffness(tire: _Tire, name: str, quantity: Quantity, temperature: Quantity
     if (
         line.change is None
         and _is_significant(drift, line)
-        and abs(drift.value) * _span(history.months) > 100.0 * _NOTABLE_STIFFNESS
+        and abs(drift.value) * _span(history.months) > watch.notable
     ):
         tire.findings.append(
             Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
@@ -577,27 +567,22 @@ def _sensor(tire: _Tire) -> None:
         clipped = 100.0 * history.column("samples_saturated") / history.column("samples")
         lost = history.column("samples_lost") / (history.column("samples") + history.column("samples_lost"))
         log_speed = np.log(speed)
-    nothing = np.full(len(speed), math.nan)
-    offset, offset_std = history.column("mounting_offset_m"), history.column("mounting_offset_std_m")
-    gain, gain_std = history.column("gain"), history.column("gain_std")
-    zero, zero_std = history.column("zero_g_offset_mps2"), history.column("zero_g_offset_mps2_std")
-    for quantity, name, unit, values, stds, notable in (
-        (Quantity.NOISE_RATE, "noise_mps2", "%", noise, nothing, 100.0 * math.log1p(_NOTABLE_NOISE)),
-        (Quantity.LOSS_RATE, "samples_lost", "%", 100.0 * lost, nothing, 100.0 * _NOTABLE_SHARE),
-        (Quantity.CLIPPING_RATE, "samples_saturated", "%", clipped, nothing, 100.0 * _NOTABLE_CLIPPING),
-        (Quantity.OFFSET_RATE, "mounting_offset_m", "mm", 1e3 * offset, 1e3 * offset_std, 1e3 * _NOTABLE_OFFSET_M),
-        (Quantity.GAIN_RATE, "gain", "%", 100.0 * gain, 100.0 * gain_std, 100.0 * _NOTABLE_GAIN),
-        (Quantity.ZERO_RATE, "zero_g_offset_mps2", "m/s²", zero, zero_std, _NOTABLE_ZERO_MPS2),
-    ):
-        covariate = log_speed if quantity is Quantity.NOISE_RATE else None
-        tested = quantity in (Quantity.NOISE_RATE, Quantity.OFFSET_RATE)
+    derived = {"noise_mps2": noise, "samples_lost": 100.0 * lost, "samples_saturated": clipped}
+    for name, _, watch in followed_by(Trend.SENSOR):
+        if name in derived:
+            values, stds = derived[name], np.full(len(speed), math.nan)
+        else:
+            values, stds = watch.factor * history.column(name), watch.factor * history.column(_std_of(name))
+        covariate = log_speed if name == "noise_mps2" else None
+        tested = name in _TESTED_OF_SENSOR
         known = len(tire.findings)
-        line = _line(tire, name, unit, history.months, values, stds, covariate=covariate, tested=tested)
+        line = _line(tire, name, history.months, values, stds, covariate=covariate, tested=tested)
+        quantity, unit = rate_of(watch), f"{watch.unit}/month"
         if line is None or line.search.fit is None:
             why = _missing(history, name if name in history.invalid else "", values)
-            tire.numbers.append(TrendNumber(quantity, unit=f"{unit}/month", reasons=(why,)))
+            tire.numbers.append(TrendNumber(quantity, unit=unit, reasons=(why,)))
             continue
-        rate = _rate(quantity, f"{unit}/month", line)
+        rate = _rate(quantity, unit, line)
         over = abs(rate.value) * _span(history.months)
         # A change far beyond what the recordings show is the covariate's, which goes with the time.
         shown = line.change is not None or not line.has_covariate or over < _SHOWN * float(np.ptp(line.values))
@@ -605,31 +590,21 @@ def _sensor(tire: _Tire) -> None:
             why = Reason(Code.TREND_SPEED_WITH_TIME)
             rate = replace(rate, status=Status.PROVISIONAL, reasons=(why, *rate.reasons))
         tire.numbers.append(rate)
-        worse = rate.value > 0.0 or quantity in (Quantity.OFFSET_RATE, Quantity.GAIN_RATE, Quantity.ZERO_RATE)
+        worse = not watch.worse or rate.value * watch.worse > 0.0
         has_finding = line.change is not None and len(tire.findings) > known
-        if not has_finding and worse and over > notable and _is_significant(rate, line):
-            tire.findings.append(_sensor_finding(quantity, rate.value * _span(history.months)))
+        if not has_finding and worse and over > watch.notable and _is_significant(rate, line) and watch.drift:
+            code, value = watch.drift
+            tire.findings.append(Reason(code, **{value: _DRIFTS[value](rate.value * _span(history.months))}))
 
 
-def _sensor_finding(quantity: Quantity, change: float) -> Reason:
-    """Return the finding of a change over the whole history."""
-    if quantity is Quantity.NOISE_RATE:
-        return Reason(Code.TREND_SENSOR_NOISE, factor=math.exp(change / 100.0))
-    if quantity is Quantity.LOSS_RATE:
-        return Reason(Code.TREND_SENSOR_LOSSES, share=change / 100.0)
-    if quantity is Quantity.CLIPPING_RATE:
-        return Reason(Code.TREND_SENSOR_CLIPS, share=change / 100.0)
-    if quantity is Quantity.OFFSET_RATE:
-        return Reason(Code.TREND_SENSOR_MOVES, change_m=change * 1e-3)
-    if quantity is Quantity.GAIN_RATE:
-        return Reason(Code.TREND_SENSOR_GAIN, share=change / 100.0)
-    return Reason(Code.TREND_SENSOR_ZERO, change_mps2=change)
+def _std_of(name: str) -> str:
+    """Return the column of the standard error of a column: that of a condition has its unit at the end."""
+    return "mounting_offset_std_m" if name == "mounting_offset_m" else f"{name}_std"
 
 
 def _line(
     tire: _Tire,
     name: str,
-    unit: str,
     at: FloatArray,
     values: FloatArray,
     stds: FloatArray,
@@ -644,10 +619,9 @@ def _line(
 
     Args:
         tire: to add series and outliers to.
-        name: of the quantity.
-        unit: of values.
+        name: of the series.
         at: (n,) abscissa.
-        values: (n,) NaN where unknown.
+        values: (n,) NaN where unknown, in the unit of the series.
         stds: (n,) stated errors.
         against: name of the abscissa.
         warm: whether the temperature may have an influence.
@@ -655,7 +629,7 @@ def _line(
         steps_from: least size of a step.
         tested: whether outliers are reported.
     """
-    history = tire.history
+    history, watch = tire.history, SERIES[name].watch
     known = np.isfinite(values)
     if warm:
         known &= ~tire.readings.is_impossible
@@ -676,7 +650,7 @@ def _line(
         chosen,
         family=tire.family,
         least_step=steps_from,
-        least_change=_FOLLOWED * _NOTABLE_CHANGE[name],
+        least_change=_FOLLOWED * watch.notable,
         may_be_isolated=tested,
     )
     steps, change = shape.steps, shape.change
@@ -717,11 +691,11 @@ def _line(
     if tested:
         tire.tested += len(index)
         outliers = np.flatnonzero(search.is_outlier).tolist()
-        tire.outliers += [_outlier(history, name, unit, line, fit, one) for one in outliers]
+        tire.outliers += [_outlier(history, name, watch.unit, line, fit, one) for one in outliers]
     tire.series.append(
         TrendSeries(
             name=name,
-            unit=unit,
+            unit=watch.unit,
             against=against,
             at=at[index] * (1e3 if against == "km" else 1.0),
             values=chosen - moved,
@@ -732,7 +706,7 @@ def _line(
         )
     )
     if line.doubt is None:
-        tire.findings += _findings_of_line(tire, name, unit, line)
+        tire.findings += _findings_of_line(tire, name, line)
     return line
 
 
@@ -784,9 +758,9 @@ def _along(line: _Line, along: FloatArray) -> tuple[float, float]:
     return float(along @ fit.coefficients), math.sqrt(max(variance, 0.0))
 
 
-def _findings_of_line(tire: _Tire, name: str, unit: str, line: _Line) -> Iterator[Reason]:
+def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Reason]:
     """Yield a finding for each notable change from one recording on, and for recordings in a row that deviate."""
-    history, change, fit = tire.history, line.change, line.search.fit
+    history, change, fit, watch = tire.history, line.change, line.search.fit, SERIES[name].watch
     assert fit is not None
     for begin, end in _runs(line):
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
@@ -798,16 +772,16 @@ def _findings_of_line(tire: _Tire, name: str, unit: str, line: _Line) -> Iterato
         at = line.design.shape[1] - len(line.steps) + number - (0 if change is None else 1 + line.has_own_line)
         along[at] = 1.0
         size, std = _along(line, along)
-        if abs(size) >= _NOTABLE_CHANGE[name] and size * _WORSE.get(name, size) > 0.0:
+        if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
-            yield _changed(Code.TREND_LEVEL_CHANGED, history, name, unit, line, (size, std), begin, end)
+            yield _changed(Code.TREND_LEVEL_CHANGED, history, name, line, (size, std), begin, end)
     if change is None:
         return
     size, std = _size_of_change(line)
     explained = _softened_by_wear(tire, line, _size_of_change_at(line)) if name == "Bs" else None
     if explained is not None:
         size, std = size - explained[0], math.hypot(std, explained[1])
-    if size * _WORSE.get(name, size) <= 0.0:
+    if size * (watch.worse or size) <= 0.0:
         return
     end = len(line.values)
     if change.is_slope and name in ("wear_mm", "pressure_at_20_degc"):
@@ -817,7 +791,7 @@ def _findings_of_line(tire: _Tire, name: str, unit: str, line: _Line) -> Iterato
         bend, bend_std = _along(line, _slope_after(line) - _slope_before(line))
         if abs(bend) < _quantile(line) * bend_std:
             return
-        if name == "wear_mm" and bend > 0.0 and abs(size) >= _NOTABLE_CHANGE[name]:
+        if name == "wear_mm" and bend > 0.0 and abs(size) >= watch.notable:
             yield Reason(
                 Code.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
                 after_m=1e-3 * after[0], after_std_m=1e-3 * after[1], **part,
@@ -827,19 +801,19 @@ def _findings_of_line(tire: _Tire, name: str, unit: str, line: _Line) -> Iterato
                 Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
                 after_pa=-1e3 * after[0], after_std_pa=1e3 * after[1], **part,
             )  # fmt: skip
-    elif abs(size) >= _NOTABLE_CHANGE[name]:
+    elif abs(size) >= watch.notable:
         code = Code.TREND_SLOPE_CHANGED if change.is_slope else Code.TREND_LEVEL_CHANGED
-        yield _changed(code, history, name, unit, line, (size, std), change.begin, end)
+        yield _changed(code, history, name, line, (size, std), change.begin, end)
 
 
 def _changed(
-    code: Code, history: TireHistory, name: str, unit: str, line: _Line, size: tuple[float, float], begin: int, end: int
+    code: Code, history: TireHistory, name: str, line: _Line, size: tuple[float, float], begin: int, end: int
 ) -> Reason:
     """Return the finding of a change; that of a logarithm as a share of the value itself."""
-    change, std = size
-    if name in _LOGARITHMS:
+    (change, std), watch = size, SERIES[name].watch
+    if watch.is_logarithm:
         change, std = 100.0 * math.expm1(change / 100.0), std * math.exp(change / 100.0)
-    return Reason(code, name=name, change=change, std=std, unit=unit, **_recordings(history, line, begin, end))
+    return Reason(code, name=name, change=change, std=std, unit=watch.unit, **_recordings(history, line, begin, end))
 
 
 def _recordings(history: TireHistory, line: _Line, begin: int, end: int) -> dict[str, Value]:
@@ -895,7 +869,7 @@ def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, 
 
 
 def _rate(
-    quantity: Quantity,
+    quantity: str,
     unit: str,
     line: _Line,
     *,
@@ -948,7 +922,7 @@ def _notes_of_steps(line: _Line) -> tuple[Reason, ...]:
 
 
 def _number(
-    quantity: Quantity,
+    quantity: str,
     unit: str,
     line: _Line,
     along: FloatArray,
@@ -974,7 +948,7 @@ def _number(
     return _judged(number, line)
 
 
-def _at_end(quantity: Quantity, unit: str, line: _Line) -> TrendNumber:
+def _at_end(quantity: str, unit: str, line: _Line) -> TrendNumber:
     """Return the value of the trend at the last recording; its error includes what all recordings share.
 
     It follows a change. It is provisional where few recordings show the newest state, or the last one contradicts it.
@@ -1058,14 +1032,9 @@ def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
         for left in wheels:
             right = _opposite(left)
             if right in wheels:
-                numbers = (
-                    _difference(
-                        Quantity.PLY_STEER_ASYMMETRY, "ply_steer_contact_line_rad", wheels[left], wheels[right]
-                    ),
-                    _difference(Quantity.SLIP_ASYMMETRY, "slip_angle_rad", wheels[left], wheels[right]),
-                )
+                numbers = tuple(_difference(one, wheels[left], wheels[right]) for one in declared() if one.compared)
                 if not all(one.is_identified for side in (left, right) for one in wheels[side]):
-                    numbers = (_of_unknown_tire(numbers[0]), _of_unknown_tire(numbers[1]))
+                    numbers = tuple(map(_of_unknown_tire, numbers))
                 yield PairTrend(vehicle, left, right, numbers)
 
 
@@ -1078,10 +1047,9 @@ def _opposite(position: str) -> str | None:
     return None
 
 
-def _difference(
-    quantity: Quantity, name: str, left: Sequence[TireHistory], right: Sequence[TireHistory]
-) -> TrendNumber:
-    first, second = _by_path(left, name), _by_path(right, name)
+def _difference(compared: Declared, left: Sequence[TireHistory], right: Sequence[TireHistory]) -> TrendNumber:
+    quantity = asymmetry_of(compared)
+    first, second = _by_path(left, compared.column), _by_path(right, compared.column)
     starts = {path: (int(at), path) for tire in left for path, at in zip(tire.paths, tire.time_ns, strict=True)}
     common = sorted(first.keys() & second.keys(), key=lambda path: starts[path])
     differences = np.array([first[path][0] - second[path][0] for path in common]) * _ANGLES

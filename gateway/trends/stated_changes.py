@@ -8,26 +8,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.quantity import Statement
 from gateway.reasons import Code, Reason
-from gateway.trends.tire_history import Statement, TireHistory
+from gateway.trends.tire_history import TireHistory
+from gateway.trends.watched_series import SERIES
 
 # A load that changes more often is stated for each recording, as on a scale; all numbers are then comparable.
 _MOST_LOADS: Final = 3
 _MOST_NAMED: Final = 3
 
-_RING: Final = frozenset({Statement.LOAD, Statement.RADIUS})
-_RESTING_ON: Final[Mapping[str, frozenset[Statement]]] = {
-    "wear_mm": _RING | {Statement.THICKNESS, Statement.REFERENCE},
-    "Bs": _RING,
-    "Cw": _RING,
-    "Rs": _RING,
-    "Ts": _RING,
-    "contact_length_m": frozenset({Statement.RADIUS}),
-    "estimated_load_n": frozenset({Statement.RADIUS, Statement.CALIBRATION}),
-    "gain": frozenset({Statement.RADIUS}),
-    "zero_g_offset_mps2": frozenset({Statement.RADIUS}),
-    "mounting_offset_m": frozenset({Statement.RADIUS}),
-}
 _CODES: Final = {
     Statement.THICKNESS: Code.TREND_STATED_THICKNESS,
     Statement.REFERENCE: Code.TREND_STATED_REFERENCE,
@@ -68,7 +57,7 @@ def stated_changes(history: TireHistory) -> list[StatedChange]:
 
 def places_of(changes: Iterable[StatedChange], name: str) -> list[int]:
     """Return the recordings at which the level of a series changes with what is stated, each once."""
-    resting = _RESTING_ON.get(name, frozenset())
+    resting = SERIES[name].watch.shifted_by
     return sorted({change.at for change in changes if change.statement in resting})
 
 

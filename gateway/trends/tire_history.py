@@ -5,26 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.quantity import Statement
 from gateway.types import BoolArray, FloatArray
 
 MONTH_NS: Final = 365.25 / 12.0 * 86_400e9
 """Length of a mean month in ns."""
-
-
-class Statement(StrEnum):
-    """What the configuration states of a tire and trends follow."""
-
-    LOAD = "load"
-    RADIUS = "radius"
-    THICKNESS = "thickness"
-    REFERENCE = "reference"
-    CALIBRATION = "calibration"
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,6 +8,8 @@ from enum import StrEnum
 from typing import Final
 
 from gateway.estimators.estimator import Status
+from gateway.quantity import Quantity as Declared
+from gateway.quantity import Watch
 from gateway.reasons import Reason
 from gateway.types import BoolArray, FloatArray
 
@@ -16,7 +18,7 @@ UNKNOWN_VEHICLE: Final = "unknown"
 
 
 class Quantity(StrEnum):
-    """Numbers of a trend. Reference: docs/reference/dataset.md."""
+    """Numbers of a trend that are no plain rate of a series. Reference: docs/reference/dataset.md."""
 
     WEAR_RATE = "wear_rate"
     WEAR_NOW = "wear_now"
@@ -25,23 +27,21 @@ class Quantity(StrEnum):
     LOAD = "load"
     LOAD_RATE = "load_rate"
     LOAD_SCATTER = "load_scatter"
-    CONTACT_RATE = "contact_length_rate"
-    BS_RATE = "Bs_rate"
-    BS_TEMPERATURE = "Bs_temperature"
-    CW_RATE = "Cw_rate"
-    CW_TEMPERATURE = "Cw_temperature"
-    RS_RATE = "Rs_rate"
-    RS_TEMPERATURE = "Rs_temperature"
-    TS_RATE = "Ts_rate"
-    TS_TEMPERATURE = "Ts_temperature"
-    NOISE_RATE = "noise_rate"
-    LOSS_RATE = "loss_rate"
-    CLIPPING_RATE = "clipping_rate"
-    OFFSET_RATE = "offset_rate"
-    GAIN_RATE = "gain_rate"
-    ZERO_RATE = "zero_rate"
-    PLY_STEER_ASYMMETRY = "ply_steer_asymmetry"
-    SLIP_ASYMMETRY = "slip_asymmetry"
+
+
+def rate_of(watch: Watch) -> str:
+    """Return the name of the rate of a series."""
+    return f"{watch.number}_rate"
+
+
+def by_temperature(watch: Watch) -> str:
+    """Return the name of the change of a series with temperature."""
+    return f"{watch.number}_temperature"
+
+
+def asymmetry_of(quantity: Declared) -> str:
+    """Return the name of the number that compares a quantity of left and right wheels."""
+    return f"{quantity.compared}_asymmetry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class TrendNumber:
     """A number of a trend.
 
     Attributes:
-        quantity: what it is.
+        quantity: what it is: a `Quantity`, or the name of a rate.
         value: in `unit`; NaN when not determined.
         std: one standard error, from the scatter between recordings.
         unit: of both.
@@ -61,7 +61,7 @@ class TrendNumber:
         high: upper end.
     """
 
-    quantity: Quantity
+    quantity: str
     value: float = math.nan
     std: float = math.nan
     unit: str = ""

@@ -17,8 +17,8 @@ from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Level, Notice, Reason, Value
+from gateway.trends.watched_series import label_of
 from gateway.views.probabilities import probability_text
-from gateway.views.series_labels import SERIES_LABELS
 from gateway.views.text import escaped
 
 TEMPLATES: Final[Mapping[Code, str]] = {
@@ -1285,7 +1285,7 @@ class _Template(string.Formatter):
             return probability_text(value, ".2g")
         if format_spec == "series":
             # Sentences are about the value itself, not its logarithm.
-            return SERIES_LABELS.get(value, str(value)).removeprefix("ln ")
+            return label_of(str(value)).removeprefix("ln ")
         if format_spec == "times":
             return f"more than {_MOST_TIMES:g} times" if value > _MOST_TIMES else f"{value:.2g} times"
         if format_spec == " ":

@@ -13,13 +13,18 @@ from pydantic import BaseModel
 
 from gateway.cli import treadlink
 from gateway.closure.effects.catalogue import catalogue
+from gateway.quantity import Quantity
+from gateway.quantity_catalogue import declared
 from gateway.reasons import Code
 from gateway.views.effect_catalogue import effects_markdown
+from gateway.views.tables import campaign_columns
 from gateway.views.wording import fields
 from tests.test_import_rules import ALLOWED, modules
 from tools.docs_site.api_pages import PACKAGES
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import DOCUMENTS, configuration_markdown
+from tools.docs_site.markdown import escaped
+from tools.docs_site.quantity_pages import quantities_markdown
 from tools.docs_site.reason_pages import reasons_markdown
 from tools.docs_site.staging import generated_pages
 
@@ -75,6 +80,19 @@ def models_in(annotation: object) -> Iterator[type[BaseModel]]:
 def test_every_effect_is_listed():
     page = effects_markdown()
     assert [effect.name for effect in catalogue().values() if effect.name not in page] == []
+
+
+def test_every_quantity_is_listed_with_its_unit_equation_and_sign():
+    page = quantities_markdown()
+    for quantity in declared():
+        assert quantity.equation, quantity.name
+        assert quantity.sign or quantity.possible[0] >= 0.0, quantity.name
+        (row,) = (line for line in page.splitlines() if line.startswith(f"| `{quantity.name}` | {unit(quantity)} |"))
+        assert f" | {escaped(quantity.equation)} | {quantity.sign} | " in row
+
+
+def unit(quantity: Quantity) -> str:
+    return campaign_columns.unit_of(quantity.name) or "1"
 
 
 def test_every_reason_is_listed_with_its_values():

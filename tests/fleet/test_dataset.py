@@ -15,8 +15,10 @@ from gateway.fleet.content_keys import path_key
 from gateway.fleet.dataset import Dataset, Description, opened, partition
 from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
+from gateway.quantity import Trend
 from gateway.recording.file_content import FileContent, read_content
-from gateway.trends.trend_result import Quantity
+from gateway.trends.trend_result import Quantity, rate_of
+from gateway.trends.watched_series import followed_by
 from gateway.views.tables.campaign_columns import (
     DIAGNOSIS_COLUMNS,
     FAILURE_COLUMNS,
@@ -112,7 +114,10 @@ def test_reference_page_lists_all_columns():
             assert f"| `{name}` | {unit_of(name)} | {column.text} |" in sections[table], name
     for part, column in RECORDING_PARTS.items():
         assert f"| `NAME{part}` | {column.text} |" in sections["recordings"]
-    assert set(re.findall(r"^\| `(\w+)` \|", sections["Trends"], re.MULTILINE)) == set(Quantity)
+    assert set(re.findall(r"^\| `(\w+)` \|", sections["Trends"], re.MULTILINE)) == {
+        *Quantity,
+        *(rate_of(one.watch) for one in followed_by(Trend.SENSOR) if one.name in recording_columns(())),
+    }
 
 
 @pytest.mark.parametrize(

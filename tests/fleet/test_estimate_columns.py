@@ -14,7 +14,6 @@ from gateway.fleet.dataset import Description, opened
 from gateway.fleet.history_reading import read_histories
 from gateway.fleet.recording_estimation import _EVERYTHING_STATED, estimate_names
 from gateway.trends.fleet_analysis import analyse
-from gateway.trends.trend_result import Quantity
 from tests.estimators.test_estimator_contract import CASES
 from tests.fleet.conftest import DAY_NS
 from tests.fleet.test_campaign_run import rows
@@ -59,7 +58,7 @@ def test_left_against_right_goes_from_campaign_to_a_number(campaign, tmp_path):
     assert all(math.isfinite(row["ply_steer_contact_line_rad"]) for row in found)
     assert all(row["other_estimates"] is None for row in found)
     (pair,) = analyse(read_histories(tmp_path / "dataset").tires, recordings=4).pairs
-    steer = next(number for number in pair.numbers if number.quantity is Quantity.PLY_STEER_ASYMMETRY)
+    steer = next(number for number in pair.numbers if number.quantity == "ply_steer_asymmetry")
     assert steer.count == 4
     assert abs(steer.value) > 3.0 * steer.std  # the belts have opposite cord angles
     by_path = {(row["path"], row["position"]): row["ply_steer_contact_line_rad"] for row in found}

@@ -16,10 +16,10 @@ from gateway.errors import OutputError, RecordingError
 from gateway.fleet.dataset import is_identified
 from gateway.fleet.history_reading import read_histories, read_odometer
 from gateway.fleet.parquet_parts import read_rows
+from gateway.quantity import Statement
 from gateway.recording.compact import compact_recording
 from gateway.trends.fleet_analysis import analyse
 from gateway.trends.stated_changes import stated_changes
-from gateway.trends.tire_history import Statement
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 ODOMETER = "vehicle,utc,km\nvan 7,2023-11-14T00:00:00Z,1000\nvan 7,2023-11-24T00:00:00Z,1500\n"

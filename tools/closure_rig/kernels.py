@@ -14,10 +14,11 @@ from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.likelihood import whiten
-from gateway.closure.inference.number_estimates import NUMBERS, estimates_of
+from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.posterior import posterior_of
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.model.baseline_registry import angle_effects, make_core
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.session.campaign import read_campaign
 
 # About 0.6 and 1.6 times the lengths in use.
@@ -28,7 +29,9 @@ def kernel_table(recordings: Sequence[Path]) -> Table:
     """Return probabilities and numbers from the exact ring under each set of lengths."""
     campaign = read_campaign(recordings)
     rows = tuple(_row(campaign, lengths_rad) for lengths_rad in LENGTHS_RAD)
-    return Table("Other correlation lengths", "probabilities above 0.05", ("lengths, rad", "effects", *NUMBERS), rows)
+    return Table(
+        "Other correlation lengths", "probabilities above 0.05", ("lengths, rad", "effects", *RING_NUMBERS), rows
+    )
 
 
 def _row(campaign: Campaign, lengths_rad: tuple[float, ...]) -> tuple[str, ...]:
@@ -41,5 +44,5 @@ def _row(campaign: Campaign, lengths_rad: tuple[float, ...]) -> tuple[str, ...]:
     found, _ = estimates_of([(one.fit, weight) for one, weight in posterior.considered])
     listed = [name for name in posterior.names if posterior.probability([name]) >= criteria.LISTED]
     names = ", ".join(f"{name} {posterior.probability([name]):.3f}" for name in listed)
-    numbers = (f"{found[name].value:.4g} ± {found[name].std:.2g}" for name in NUMBERS)
+    numbers = (f"{found[name].value:.4g} ± {found[name].std:.2g}" for name in RING_NUMBERS)
     return ", ".join(f"{length:g}" for length in lengths_rad), names or "none", *numbers

@@ -15,6 +15,7 @@ from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import configuration_markdown
 from tools.docs_site.notebook_pages import notebook_markdown
 from tools.docs_site.python_pages import python_markdown
+from tools.docs_site.quantity_pages import quantities_markdown
 from tools.docs_site.reason_pages import reasons_markdown
 
 ROOT: Final = Path(__file__).parents[2]
@@ -34,6 +35,7 @@ def generated_pages(*, run_notebooks: bool = False) -> dict[str, str]:
         "reference/configuration.md": configuration_markdown(),
         "reference/effects.md": effects_markdown(),
         "reference/python.md": python_markdown(),
+        "reference/quantities.md": quantities_markdown(),
         "reference/reasons.md": reasons_markdown(),
         **notebook_markdown(run=run_notebooks),
         **{f"reference/api/{name}": page for name, page in api_markdown().items()},

@@ -15,9 +15,9 @@ from gateway.closure.effects.wheel_nonuniformity import ROLLING_RADIUS
 from gateway.closure.inference import criteria
 from gateway.closure.inference.fit import Fit
 from gateway.closure.result import Fitted, TireState
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.types import FloatArray
 
-NUMBERS: Final = ("Bs", "Cw", "Rs", "Ts")
 # A number known worse than this is not determined; nor is bending below this share of tension.
 _WORST_SHARE: Final = 0.3
 _LEAST_BENDING: Final = 1e-3
@@ -28,7 +28,7 @@ _TREAD: Final = "tread_stiffness_npm2"
 # Errors due to contact edges between the nodes of the solver's grid, as shares: rms over rings drawn at random.
 _GRID_SHARES: Final = {"Bs": 5e-5, "Cw": 8e-5, "Rs": 5e-5, "Ts": 2.5e-4, _TREAD: 3.5e-4, _HALF_ANGLE: 4e-4}
 # In proportion to the load that was stated.
-_OF_LOAD: Final = frozenset({*NUMBERS, _TREAD})
+_OF_LOAD: Final = frozenset({*RING_NUMBERS, _TREAD})
 _UNITS: Final = {_TREAD: "N/m^2", _HALF_ANGLE: "rad"}
 
 
@@ -69,7 +69,7 @@ def open_effects(sets: Sequence[tuple[Fit, float]], estimates: Mapping[str, Fitt
         likely = probability > 0.5
         _, known = _mean_of([one for one, of in zip(every, names, strict=True) if (name in of) == likely])
         ratios = {}
-        for number in NUMBERS:
+        for number in RING_NUMBERS:
             std = estimates[number].std
             without = math.sqrt(max(std**2 - errors[number] ** 2 + known[number] ** 2, 0.0))
             if std > criteria.OPEN_RATIO * without > 0.0:
@@ -222,7 +222,7 @@ def _values(fit: Fit, vector: FloatArray, index: int) -> dict[str, float]:
     group, layout = fit.model.campaign.groups[index], fit.model.layout
     numbers = fit.model.core.numbers(vector[layout.state(group.state)], _in_earnest(fit, vector, group.conditions))
     values = dict(numbers)
-    values.update({f"{name}/Cw": numbers[name] / numbers["Cw"] for name in ("Bs", "Rs", "Ts")})
+    values.update({f"{name}/Cw": numbers[name] / numbers["Cw"] for name in RING_NUMBERS if name != "Cw"})
     shape = fit.model.shape(vector, index)
     values[_HALF_ANGLE] = 0.5 * (shape.trailing_edge_rad - shape.leading_edge_rad)
     return values

@@ -16,11 +16,12 @@ from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.likelihood import whiten
-from gateway.closure.inference.number_estimates import NUMBERS, contradict, estimates_of
+from gateway.closure.inference.number_estimates import contradict, estimates_of
 from gateway.closure.inference.set_evidence import evaluate
 from gateway.closure.inference.set_search import baseline_fit
 from gateway.closure.model.baseline import Core
 from gateway.closure.result import Fitted
+from gateway.quantity_catalogue import RING_NUMBERS
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ def _alone(campaign: Campaign, core: Core, state: int, recording: int) -> dict[s
         fit: Fit = evaluate(baseline_fit(part, core, data), data, Discrepancy(part, data), None).fit
     except FitFailedError:
         return {}
-    return {name: one for name, one in estimates_of([(fit, 1.0)])[0].items() if name in NUMBERS}
+    return {name: one for name, one in estimates_of([(fit, 1.0)])[0].items() if name in RING_NUMBERS}
 
 
 def _between(state: int, pair: Sequence[int], numbers: dict[int, dict[str, Fitted]]) -> Iterator[Apart]:

@@ -26,6 +26,7 @@ from gateway.physics.rolling_ring import (
     solve_rolling_ring,
 )
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.types import FloatArray
 
 # Table 3's tire; its stiffnesses over its load are the start of a fit at any load.
@@ -73,7 +74,7 @@ class ExactCore:
     """The geometrically exact ring: Bs, Cw, Rs, Ts and the tread's stiffness are a state's parameters."""
 
     model = BaselineModel.EXACT
-    names: tuple[str, ...] = ("Bs", "Cw", "Rs", "Ts", "tread_stiffness_npm2")
+    names: tuple[str, ...] = (*RING_NUMBERS, "tread_stiffness_npm2")
     gravity = True
     drift = True
     mean = True

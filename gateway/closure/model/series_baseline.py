@@ -28,6 +28,7 @@ from gateway.physics.reference_tire import (
 )
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring.sensor_waveform import SensorWaveform, waveform_orders
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.types import FloatArray
 
 # Table 3's tire; its stiffnesses over its load are the start of a fit at any load.
@@ -74,8 +75,7 @@ class SeriesCore:
         self.model = model
         self._corrected = corrected = model is BaselineModel.SERIES
         self.gravity = self.drift = self.mean = corrected
-        numbers = ("Bs", "Cw", "Rs", "Ts")
-        self.names: tuple[str, ...] = (*numbers, "half_angle") if corrected else numbers
+        self.names: tuple[str, ...] = (*RING_NUMBERS, "half_angle") if corrected else RING_NUMBERS
         self.prior_mean: FloatArray = np.zeros(len(self.names))
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, _HALF_ANGLE_STD])[: len(self.names)]
         self.steps: FloatArray = np.full(len(self.names), 1e-3)

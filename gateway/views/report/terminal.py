@@ -7,6 +7,7 @@ from typing import Final
 
 from gateway.closure.data.campaign_data import Remark
 from gateway.closure.result import Diagnosis, Finding
+from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, Reason
 from gateway.views.numbers import fixed
 from gateway.views.probabilities import probability_text
@@ -53,8 +54,6 @@ _DECISIVE: Final = frozenset(
         Code.SENSOR_IN_DOUBT,
     }
 )
-# Estimates listed, in this order; the rest is in the report.
-_ESTIMATES: Final = ("Bs", "Cw", "Rs", "Ts")
 
 
 def closure_summary_lines(diagnosis: Diagnosis, columns: int = LINE_WIDTH, *, has_all_notes: bool = False) -> list[str]:
@@ -162,7 +161,7 @@ class _Lines:
 
     def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:
         before, after = diagnosis.estimates_before, diagnosis.estimates_after
-        names = [name for name in _ESTIMATES if name in after]
+        names = [name for name in RING_NUMBERS if name in after]
         cells = []
         for name in names:
             old, new = show_fitted(name, before.get(name)), show_fitted(name, after[name])

@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from gateway.trends.trend_result import TireTrend, TrendSeries
+from gateway.trends.watched_series import SERIES, label_of
 from gateway.views.report.figures import AFTER, BEFORE, MEASURED, QUIET, drawable
-from gateway.views.series_labels import SERIES_LABELS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-DRAWN: Final = ("wear_mm", "pressure_at_20_degc", "estimated_load_n", "Bs", "Cw", "Rs", "Ts", "noise_mps2")
-"""Series that are drawn, in order; contact length where the load is not measured."""
 
 MOST_POINTS: Final = 300
 """Points of a series that are drawn; outliers always are."""
@@ -50,9 +47,9 @@ def tire_figure(trend: TireTrend) -> Figure | None:
 
 
 def _chosen(series: Sequence[TrendSeries]) -> list[TrendSeries]:
-    known = {one.name: one for one in series}
-    names = [name if name in known or name != "estimated_load_n" else "contact_length_m" for name in DRAWN]
-    return [known[name] for name in names if name in known]
+    """Return the series that are drawn, and the contact length where the load is not measured."""
+    instead = () if any(one.name == "estimated_load_n" for one in series) else ("contact_length_m",)
+    return [one for one in series if SERIES[one.name].watch.is_drawn or one.name in instead]
 
 
 def _draw(panel: Axes, series: TrendSeries) -> None:
@@ -71,7 +68,6 @@ def _draw(panel: Axes, series: TrendSeries) -> None:
         panel.plot(series.at[part], series.expected[part], color=AFTER, lw=1.3, label="trend" if begin == 0 else None)
     for at in series.steps:
         panel.axvline(0.5 * (series.at[at - 1] + series.at[at]), color=QUIET, lw=0.8, ls=":")
-    label = SERIES_LABELS.get(series.name, series.name)
-    panel.set_title(drawable(f"{label}, {series.unit}"), fontsize=9.5)
+    panel.set_title(drawable(f"{label_of(series.name)}, {series.unit}"), fontsize=9.5)
     panel.set_xlabel("km" if series.against == "km" else "months")
     panel.ticklabel_format(useOffset=False, axis="y")

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gateway import __version__
 from gateway.estimators.estimator import Status
-from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber
+from gateway.quantity import Trend
+from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber, by_temperature, rate_of
+from gateway.trends.watched_series import followed_by, label_of
 from gateway.views.html_template import html_template
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import inline_svg, report_style, require_report_packages
-from gateway.views.series_labels import SERIES_LABELS
 from gateway.views.text import clean, counted
 from gateway.views.trend_report.trend_figures import tire_figure
 from gateway.views.trend_report.trend_tables import (
@@ -43,26 +44,15 @@ _MOST_NOTES: Final = 40
 _PACKAGE: Final = "gateway.views.trend_report"
 _TEMPLATE: Final = "fleet_trends.html.j2"
 _STYLE: Final = ("gateway.views.report", "closure_report.css")
-_TABLES: Final[tuple[tuple[str, str, tuple[Quantity, ...]], ...]] = (
-    (
-        "tires",
-        "Wear, pressure and load",
-        (Quantity.WEAR_RATE, Quantity.WEAR_NOW, Quantity.PRESSURE_LOSS, Quantity.PRESSURE_NOW, Quantity.LOAD,
-         Quantity.LOAD_RATE, Quantity.LOAD_SCATTER),
-    ),
+_TABLES: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
+    ("tires", "Wear, pressure and load", tuple(Quantity)),
     (
         "stiffness",
         "Stiffness with age and temperature",
-        (Quantity.BS_RATE, Quantity.BS_TEMPERATURE, Quantity.CW_RATE, Quantity.CW_TEMPERATURE, Quantity.RS_RATE,
-         Quantity.RS_TEMPERATURE, Quantity.TS_RATE, Quantity.TS_TEMPERATURE),
+        tuple(name(one.watch) for one in followed_by(Trend.STIFFNESS) for name in (rate_of, by_temperature)),
     ),
-    (
-        "sensors",
-        "Sensors",
-        (Quantity.NOISE_RATE, Quantity.LOSS_RATE, Quantity.CLIPPING_RATE, Quantity.OFFSET_RATE, Quantity.GAIN_RATE,
-         Quantity.ZERO_RATE),
-    ),
-)  # fmt: skip
+    ("sensors", "Sensors", tuple(rate_of(one.watch) for one in followed_by(Trend.SENSOR))),
+)
 
 
 class Cell(NamedTuple):
@@ -169,7 +159,7 @@ def _page(trends: FleetTrends) -> _Page:
             (
                 clean(one.recording),
                 tire_name(one),
-                SERIES_LABELS.get(one.name, one.name),
+                label_of(one.name),
                 plain_number(one.value, one.unit),
                 plain_number(one.expected, one.unit),
                 f"{one.deviation:+.1f}",
@@ -204,7 +194,7 @@ def _answer(trends: FleetTrends) -> list[str]:
     ]
 
 
-def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequence[Quantity]) -> Table:
+def _table(tires: Sequence[TireTrend], key: str, title: str, quantities: Sequence[str]) -> Table:
     units = {quantity: unit_in(tires, quantity) for quantity in quantities}
     rows: list[tuple[str, list[Cell]]] = []
     reasons: dict[tuple[str, str], list[str]] = {}

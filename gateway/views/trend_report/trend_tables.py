@@ -11,6 +11,8 @@ import numpy as np
 
 from gateway import __version__
 from gateway.estimators.estimator import Status
+from gateway.quantity import Trend
+from gateway.quantity_catalogue import declared
 from gateway.reasons import Reason
 from gateway.trends.trend_result import (
     UNKNOWN_VEHICLE,
@@ -20,9 +22,12 @@ from gateway.trends.trend_result import (
     TireTrend,
     TrendNumber,
     TrendOutlier,
+    asymmetry_of,
+    by_temperature,
+    rate_of,
 )
-from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error
-from gateway.views.series_labels import SERIES_LABELS
+from gateway.trends.watched_series import followed_by, label_of
+from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error, split_name
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.text import clean, counted, pad, width
 from gateway.views.wording import as_json, joined, text
@@ -30,7 +35,7 @@ from gateway.views.wording import as_json, joined, text
 FORMAT: Final = "treadlink trends"
 FORMAT_VERSION: Final = 1
 
-LABELS: Final[dict[Quantity, str]] = {
+LABELS: Final[dict[str, str]] = {
     Quantity.WEAR_RATE: "wear",
     Quantity.WEAR_NOW: "wear at the end",
     Quantity.PRESSURE_LOSS: "pressure loss",
@@ -38,25 +43,17 @@ LABELS: Final[dict[Quantity, str]] = {
     Quantity.LOAD: "load",
     Quantity.LOAD_RATE: "change of the load",
     Quantity.LOAD_SCATTER: "scatter of the load",
-    Quantity.CONTACT_RATE: "change of the contact length",
-    Quantity.BS_RATE: "Bs with age",
-    Quantity.BS_TEMPERATURE: "Bs with temperature",
-    Quantity.CW_RATE: "Cw with age",
-    Quantity.CW_TEMPERATURE: "Cw with temperature",
-    Quantity.RS_RATE: "Rs with age",
-    Quantity.RS_TEMPERATURE: "Rs with temperature",
-    Quantity.TS_RATE: "Ts with age",
-    Quantity.TS_TEMPERATURE: "Ts with temperature",
-    Quantity.NOISE_RATE: "noise",
-    Quantity.LOSS_RATE: "samples lost",
-    Quantity.CLIPPING_RATE: "samples at the end of the range",
-    Quantity.OFFSET_RATE: "distance from the neutral layer",
-    Quantity.GAIN_RATE: "gain",
-    Quantity.ZERO_RATE: "zero-g offset",
-    Quantity.PLY_STEER_ASYMMETRY: "ply steer, left less right",
-    Quantity.SLIP_ASYMMETRY: "slip angle, left less right",
+    **{rate_of(one.watch): f"change of the {one.label}" for one in followed_by(Trend.LINE)},
+    **{
+        name(one.watch): f"{one.label} with {what}"
+        for one in followed_by(Trend.STIFFNESS)
+        for name, what in ((rate_of, "age"), (by_temperature, "temperature"))
+    },
+    **{rate_of(one.watch): one.label.removeprefix("ln ") for one in followed_by(Trend.SENSOR)},
+    **{asymmetry_of(one): f"{split_name(one.name)[0]}, left less right" for one in declared() if one.compared},
 }
-_SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, Quantity.BS_RATE, Quantity.NOISE_RATE)
+"""Label of each number of a trend."""
+_SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, "Bs_rate", "noise_rate")
 _LISTED: Final = 40
 _NAMED_TIRES: Final = 3
 _COLUMNS: Final[dict[str, type]] = {
@@ -90,14 +87,14 @@ def shown(number: TrendNumber) -> str:
     return f"{round_to_error(number.value, number.std).joined()}{' ' + mark if mark else ''}"
 
 
-def number_of(numbers: Sequence[TrendNumber], quantity: Quantity) -> TrendNumber:
+def number_of(numbers: Sequence[TrendNumber], quantity: str) -> TrendNumber:
     """Return a number of a tire; one without a value when the tire has none."""
-    return next((number for number in numbers if number.quantity is quantity), TrendNumber(quantity))
+    return next((number for number in numbers if number.quantity == quantity), TrendNumber(quantity))
 
 
-def unit_in(tires: Sequence[TireTrend], quantity: Quantity) -> str:
+def unit_in(tires: Sequence[TireTrend], quantity: str) -> str:
     """Return the unit of a quantity."""
-    return next((n.unit for tire in tires for n in tire.numbers if n.quantity is quantity), "")
+    return next((n.unit for tire in tires for n in tire.numbers if n.quantity == quantity), "")
 
 
 def trends_json(trends: FleetTrends) -> dict[str, Any]:
@@ -193,7 +190,7 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     yield from (clean(text(note)) for note in trends.notes)
     yield ""
     units = {
-        quantity: next((n.unit for t in trends.tires for n in t.numbers if n.quantity is quantity), "")
+        quantity: next((n.unit for t in trends.tires for n in t.numbers if n.quantity == quantity), "")
         for quantity in _SHORT
     }
     rows = [["tire", "recordings", *(f"{LABELS[one]}, {units[one]}" for one in _SHORT)]]
@@ -218,7 +215,7 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
     for name, path in list(recordings)[:_LISTED]:
         mine = [one for one in trends.outliers if one.path == path]
-        what = "; ".join(f"{SERIES_LABELS.get(one.name, one.name)} {one.deviation:+.1f}" for one in mine)
+        what = "; ".join(f"{label_of(one.name)} {one.deviation:+.1f}" for one in mine)
         yield f"  {clean(name)}: {what} standard deviations from its trend"
     if len(recordings) > _LISTED:
         yield f"  ... and {len(recordings) - _LISTED} more"
