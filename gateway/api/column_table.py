@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from html import escape
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from gateway.errors import OutputError
 from gateway.quantity_catalogue import unit_of as quantity_unit
+from gateway.table_columns import REVOLUTION_COLUMNS, Column
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +33,11 @@ _SHOWN_DIGITS: Final = 6
 _BANDS: Final = ("_std", "_scatter")
 
 
-def column(description: str) -> dict[str, str]:
-    """Return the metadata that makes a field of a table a column; its unit is the suffix of its name."""
+def column(description: str = "") -> dict[str, str]:
+    """Return the metadata that makes a field of a table a column; its unit is the suffix of its name.
+
+    Without a description it has that of the column of this name in the files.
+    """
     return {COLUMN: description}
 
 
@@ -52,6 +57,7 @@ class ColumnTable:
     """
 
     _rows: ClassVar[str] = "rows"
+    _shared: ClassVar[Mapping[str, Column]] = REVOLUTION_COLUMNS
 
     recording: str
 
@@ -63,7 +69,11 @@ class ColumnTable:
     @property
     def descriptions(self) -> dict[str, str]:
         """One line of explanation per column."""
-        return {one.name: one.metadata[COLUMN] for one in fields(self) if COLUMN in one.metadata}
+        return {
+            one.name: one.metadata[COLUMN] or self._shared[one.name].description
+            for one in fields(self)
+            if COLUMN in one.metadata
+        }
 
     @property
     def units(self) -> dict[str, str]:

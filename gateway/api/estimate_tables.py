@@ -44,10 +44,10 @@ class Estimates(ColumnTable):
     _rows: ClassVar[str] = "estimates"
 
     wheel: TextArray = field(metadata=column("position"))
-    revolution: IndexArray = field(metadata=column("running number of the wheel's revolution"))
-    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the start of the revolution"))
-    device_end_s: FloatArray = field(metadata=column("time of the hub's clock at its end"))
-    host_utc: TimeArray = field(metadata=column("time of the computer's clock at its end; NaT when unknown"))
+    revolution: IndexArray = field(metadata=column())
+    device_start_s: FloatArray = field(metadata=column())
+    device_end_s: FloatArray = field(metadata=column())
+    host_utc: TimeArray = field(metadata=column())
     name: TextArray = field(metadata=column("quantity, with its unit"))
     value: FloatArray = field(metadata=column("in the unit of the name; NaN when invalid"))
     std: FloatArray = field(metadata=column("one standard error, same unit; NaN when not known"))

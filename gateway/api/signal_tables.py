@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from gateway.session.recorded_signals import EnvironmentReading, SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
 from gateway.signal.mean_revolution import MeanOfRevolutions, MeanRevolution
 from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
+from gateway.table_columns import AVERAGE_COLUMNS, SAMPLE_COLUMNS, Column
 from gateway.types import BoolArray, ComplexArray, FloatArray
 from gateway.views.wording import joined
 
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 IndexArray = NDArray[np.int64]
-
-_DEVICE_TIME: Final = "time of the hub's clock"
-_HOST_TIME: Final = "time of the computer's clock; NaT when unknown"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -43,19 +41,20 @@ class Samples(ColumnTable):
     """
 
     _rows: ClassVar[str] = "samples"
+    _shared: ClassVar[Mapping[str, Column]] = SAMPLE_COLUMNS
 
     wheel: str
     rate_hz: float
     ac_coupled: bool
-    device_s: FloatArray = field(metadata=column(_DEVICE_TIME))
-    host_utc: TimeArray = field(metadata=column(_HOST_TIME))
-    circumferential_mps2: FloatArray = field(metadata=column("specific force along the tread; NaN without this axis"))
-    lateral_mps2: FloatArray = field(metadata=column("specific force across the tread; NaN without this axis"))
-    radial_mps2: FloatArray = field(metadata=column("specific force toward the wheel centre; NaN without this axis"))
-    saturated: BoolArray = field(metadata=column("whether an axis is at the end of the sensor's range"))
-    lost_before: IndexArray = field(metadata=column("samples lost on the link before this one"))
-    number: IndexArray = field(metadata=column("running number that the hub gave the sample"))
-    segment: IndexArray = field(metadata=column("stretch of one clock: a restart or a gap begins a new one"))
+    device_s: FloatArray = field(metadata=column())
+    host_utc: TimeArray = field(metadata=column())
+    circumferential_mps2: FloatArray = field(metadata=column())
+    lateral_mps2: FloatArray = field(metadata=column())
+    radial_mps2: FloatArray = field(metadata=column())
+    saturated: BoolArray = field(metadata=column())
+    lost_before: IndexArray = field(metadata=column())
+    number: IndexArray = field(metadata=column())
+    segment: IndexArray = field(metadata=column())
 
     @property
     def axes_mps2(self) -> FloatArray:
@@ -137,10 +136,11 @@ class Environment(ColumnTable):
     """
 
     _rows: ClassVar[str] = "readings"
+    _shared: ClassVar[Mapping[str, Column]] = SAMPLE_COLUMNS
 
     wheel: str
-    device_s: FloatArray = field(metadata=column(_DEVICE_TIME))
-    host_utc: TimeArray = field(metadata=column(_HOST_TIME))
+    device_s: FloatArray = field(metadata=column())
+    host_utc: TimeArray = field(metadata=column())
     pressure_pa: FloatArray = field(metadata=column("inflation pressure above ambient (gauge); NaN when not measured"))
     temperature_degc: FloatArray = field(metadata=column("temperature of the inner liner; NaN when not measured"))
     supply_v: FloatArray = field(metadata=column("supply of the sensor; NaN when not measured"))
@@ -178,27 +178,27 @@ class Revolutions(ColumnTable):
     _rows: ClassVar[str] = "revolutions"
 
     wheel: str
-    revolution: IndexArray = field(metadata=column("running number"))
-    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the first contact centre"))
-    device_end_s: FloatArray = field(metadata=column("time of the hub's clock at the second contact centre"))
-    host_utc: TimeArray = field(metadata=column("time of the computer's clock at its end; NaT when unknown"))
-    speed_mps: FloatArray = field(metadata=column("rolling speed, belt radius times angular speed"))
-    omega_radps: FloatArray = field(metadata=column("mean angular speed"))
-    omega_dot_radps2: FloatArray = field(metadata=column("angular acceleration"))
-    leading_edge_rad: FloatArray = field(metadata=column("angle of the leading contact edge, negative"))
-    leading_edge_std_rad: FloatArray = field(metadata=column("its standard error"))
-    trailing_edge_rad: FloatArray = field(metadata=column("angle of the trailing contact edge, positive"))
-    trailing_edge_std_rad: FloatArray = field(metadata=column("its standard error"))
-    noise_mps2: FloatArray = field(metadata=column("noise of one sample of the normalised radial waveform"))
-    rate_hz: FloatArray = field(metadata=column("sampling rate measured against the hub's clock"))
-    radius_m: FloatArray = field(metadata=column("belt radius in use"))
-    load_n: FloatArray = field(metadata=column("vertical load as stated; NaN when it is not"))
-    pressure_pa: FloatArray = field(metadata=column("inflation pressure above ambient (gauge), measured or stated"))
-    temperature_degc: FloatArray = field(metadata=column("temperature of the inner liner"))
-    missing_fraction: FloatArray = field(metadata=column("share of its samples that were lost and interpolated"))
-    saturated: BoolArray = field(metadata=column("whether a radial sample is at the end of the sensor's range"))
-    usable: BoolArray = field(metadata=column("whether it may be used for estimates"))
-    faults: TextArray = field(metadata=column("why it may not"))
+    revolution: IndexArray = field(metadata=column())
+    device_start_s: FloatArray = field(metadata=column())
+    device_end_s: FloatArray = field(metadata=column())
+    host_utc: TimeArray = field(metadata=column())
+    speed_mps: FloatArray = field(metadata=column())
+    omega_radps: FloatArray = field(metadata=column())
+    omega_dot_radps2: FloatArray = field(metadata=column())
+    leading_edge_rad: FloatArray = field(metadata=column())
+    leading_edge_std_rad: FloatArray = field(metadata=column())
+    trailing_edge_rad: FloatArray = field(metadata=column())
+    trailing_edge_std_rad: FloatArray = field(metadata=column())
+    noise_mps2: FloatArray = field(metadata=column())
+    rate_hz: FloatArray = field(metadata=column())
+    radius_m: FloatArray = field(metadata=column())
+    load_n: FloatArray = field(metadata=column())
+    pressure_pa: FloatArray = field(metadata=column())
+    temperature_degc: FloatArray = field(metadata=column())
+    missing_fraction: FloatArray = field(metadata=column())
+    saturated: BoolArray = field(metadata=column())
+    usable: BoolArray = field(metadata=column())
+    faults: TextArray = field(metadata=column())
 
     def _title(self) -> str:
         if not len(self):
@@ -275,16 +275,14 @@ class AngleWaveforms(ColumnTable):
 
     wheel: str
     angle_rad: FloatArray
-    revolution: IndexArray = field(metadata=column("running number"))
-    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the first contact centre"))
-    omega_radps: FloatArray = field(metadata=column("mean angular speed"))
-    usable: BoolArray = field(metadata=column("whether it may be used for estimates"))
-    circumferential_mps2: FloatArray = field(metadata=column("specific force along the tread, (n, m)"))
-    lateral_mps2: FloatArray = field(metadata=column("specific force across the tread, (n, m)"))
-    radial_mps2: FloatArray = field(metadata=column("specific force toward the wheel centre, (n, m)"))
-    normalised_mps2: FloatArray = field(
-        metadata=column("radial axis without gravity and angular acceleration, (n, m); a steady tire repeats it")
-    )
+    revolution: IndexArray = field(metadata=column())
+    device_start_s: FloatArray = field(metadata=column())
+    omega_radps: FloatArray = field(metadata=column())
+    usable: BoolArray = field(metadata=column())
+    circumferential_mps2: FloatArray = field(metadata=column())
+    lateral_mps2: FloatArray = field(metadata=column())
+    radial_mps2: FloatArray = field(metadata=column())
+    normalised_mps2: FloatArray = field(metadata=column())
 
     def _title(self) -> str:
         return f"{len(self)} revolutions of {self.wheel} at {len(self.angle_rad)} angles"
@@ -357,6 +355,7 @@ class AverageWaveform(ColumnTable):
     """
 
     _rows: ClassVar[str] = "angles"
+    _shared: ClassVar[Mapping[str, Column]] = AVERAGE_COLUMNS
 
     wheel: str
     count: int
@@ -368,15 +367,15 @@ class AverageWaveform(ColumnTable):
     trailing_edge_std_rad: float
     orders_mps2: ComplexArray
     orders_std_mps2: FloatArray
-    angle_rad: FloatArray = field(metadata=column("angle of the sensor, 0 at the contact centre"))
-    circumferential_mps2: FloatArray = field(metadata=column("mean specific force along the tread"))
-    circumferential_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
-    lateral_mps2: FloatArray = field(metadata=column("mean specific force across the tread"))
-    lateral_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
-    radial_mps2: FloatArray = field(metadata=column("mean specific force toward the wheel centre"))
-    radial_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
-    normalised_mps2: FloatArray = field(metadata=column("mean radial axis without gravity, at the mean speed"))
-    normalised_scatter_mps2: FloatArray = field(metadata=column("its standard deviation between revolutions"))
+    angle_rad: FloatArray = field(metadata=column())
+    circumferential_mps2: FloatArray = field(metadata=column())
+    circumferential_scatter_mps2: FloatArray = field(metadata=column())
+    lateral_mps2: FloatArray = field(metadata=column())
+    lateral_scatter_mps2: FloatArray = field(metadata=column())
+    radial_mps2: FloatArray = field(metadata=column())
+    radial_scatter_mps2: FloatArray = field(metadata=column())
+    normalised_mps2: FloatArray = field(metadata=column())
+    normalised_scatter_mps2: FloatArray = field(metadata=column())
 
     def _title(self) -> str:
         return f"average of {self.count} revolutions of {self.wheel} at {self.omega_radps:.2f} rad/s"
@@ -442,11 +441,11 @@ class OrderSpectra(ColumnTable):
     wheel: str
     axis: str
     order: IndexArray
-    revolution: IndexArray = field(metadata=column("running number"))
-    device_start_s: FloatArray = field(metadata=column("time of the hub's clock at the first contact centre"))
-    omega_radps: FloatArray = field(metadata=column("mean angular speed"))
-    usable: BoolArray = field(metadata=column("whether it may be used for estimates"))
-    order_max: IndexArray = field(metadata=column("highest order that the sampling rate carries"))
+    revolution: IndexArray = field(metadata=column())
+    device_start_s: FloatArray = field(metadata=column())
+    omega_radps: FloatArray = field(metadata=column())
+    usable: BoolArray = field(metadata=column())
+    order_max: IndexArray = field(metadata=column())
     orders_mps2: ComplexArray = field(metadata=column("coefficients c - i s, (n, 61) complex"))
 
     @property

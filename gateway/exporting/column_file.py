@@ -9,7 +9,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.exporting.export_table import DTYPES, Block, Column, ExportWriter, Kind, Target, WheelTable, length
+from gateway.exporting.export_table import DTYPES, Block, ExportWriter, Target, WheelTable, length
+from gateway.table_columns import Column
 
 # Rows that are stored together; a column of them is read at once.
 _STORED_ROWS: Final = 1 << 14
@@ -28,7 +29,7 @@ class ColumnFile:
         """Create the file in `folder`, None for the system's folder of temporary files; it has no name."""
         self.columns = tuple(columns)
         self.rows = 0
-        self.longest_text = {column.name: 0 for column in columns if column.kind is Kind.TEXT}
+        self.longest_text = {column.name: 0 for column in columns if column.kind is str}
         self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 - open until `close`
         self._pending: list[Block] = []
         self._pending_rows = 0
@@ -88,7 +89,7 @@ class ColumnFile:
         self._offsets.append(np.array(offsets, np.int64))
 
     def _packed(self, column: Column, values: NDArray[Any]) -> bytes:
-        if column.kind is not Kind.TEXT:
+        if column.kind is not str:
             return np.asarray(values, DTYPES[column.kind].newbyteorder("<")).tobytes()
         texts = [str(text).encode() for text in values]
         self.longest_text[column.name] = max(self.longest_text[column.name], max(map(len, texts), default=0))

@@ -6,48 +6,23 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import IO, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.table_columns import Column
+
 Cell = str | int | float | bool
 
 
-class Kind(StrEnum):
-    """Type of a column; only real numbers can be unknown, as NaN."""
-
-    REAL = "real"
-    INTEGER = "integer"
-    FLAG = "flag"
-    TEXT = "text"
-
-
-DTYPES: Final[dict[Kind, np.dtype[Any]]] = {
-    Kind.REAL: np.dtype(np.float64),
-    Kind.INTEGER: np.dtype(np.int64),
-    Kind.FLAG: np.dtype(np.bool_),
-    Kind.TEXT: np.dtype(object),
+DTYPES: Final[dict[type, np.dtype[Any]]] = {
+    float: np.dtype(np.float64),
+    int: np.dtype(np.int64),
+    bool: np.dtype(np.bool_),
+    str: np.dtype(object),
 }
-"""Type of the arrays of a block, by the kind of their column."""
-
-
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A column.
-
-    Attributes:
-        name: with its SI unit at the end.
-        unit: symbol in ASCII, `m/s^2`; empty without one.
-        description: one line.
-        kind: type of its values.
-    """
-
-    name: str
-    unit: str
-    description: str
-    kind: Kind = Kind.REAL
+"""Type of the arrays of a block, by the kind of their column; only real numbers can be unknown, as NaN."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +62,7 @@ class WheelTable:
 Block = Mapping[str, NDArray[Any]]
 """Rows of a table: an array of equal length for each column, by its name, of the type in DTYPES."""
 
-WHEEL: Final = Column("wheel", "", "wheel", Kind.TEXT)
+WHEEL: Final = Column("wheel", "wheel", str)
 """Column that tells wheels apart in a format with a single table."""
 
 

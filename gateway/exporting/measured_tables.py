@@ -6,7 +6,7 @@ import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,33 +14,31 @@ import numpy as np
 from firmware_protocol.messages import Axis
 from gateway.constants import AXIS_NAMES
 from gateway.exporting.export_registry import CONTENTS, SAMPLES
-from gateway.exporting.export_table import DTYPES, Block, Column, Kind, WheelTable
-from gateway.exporting.result_columns import estimate_columns, result_column
+from gateway.exporting.export_table import DTYPES, Block, WheelTable
 from gateway.pipeline.results import RevolutionResult
-from gateway.quantity_catalogue import CATALOGUE, unit_of
-from gateway.recording.revolution_fields import field_names
+from gateway.quantity_catalogue import CATALOGUE
+from gateway.recording.revolution_fields import estimate_descriptions, field_names
 from gateway.session.recorded_signals import SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
 from gateway.signal.mean_revolution import MeanOfRevolutions
 from gateway.signal.order_spectrum import ORDER_COUNT
+from gateway.table_columns import (
+    AVERAGE_COLUMNS,
+    OTHER,
+    RESULT_HEAD,
+    RESULT_TAIL,
+    REVOLUTION_COLUMNS,
+    SAMPLE_COLUMNS,
+    Column,
+    estimate_columns,
+)
 from gateway.types import FloatArray
-from gateway.views.tables.result_table import HEAD, OTHER, TAIL, row_of
+from gateway.views.tables.result_table import row_of
 
 # Revolutions in one block of rows.
 _BLOCK_REVOLUTIONS: Final = 64
 # Results that are looked at for names of estimates that are not listed, such as those of plug-ins.
 _LOOKED_AT: Final = 256
-_TIME: Final = Column("time_s", "s", "time since the beginning of the recording, on the clock of the computer")
-_HOST: Final = Column("host_ns", "ns", "time on the clock of the computer, since 1970", Kind.INTEGER)
-_AXES: Final = (
-    "specific force along the tread, in the direction of travel of the sensor",
-    "specific force across the tread, to the left of the vehicle",
-    "specific force toward the wheel centre",
-)
-_REVOLUTION: Final = Column("revolution", "", "running number of the revolutions of the wheel", Kind.INTEGER)
-_USABLE: Final = Column("usable", "", "whether the revolution may be averaged and used for estimates", Kind.FLAG)
-_SPEED: Final = Column("omega_radps", "rad/s", "mean angular speed of the revolution")
-_ANGLE: Final = Column("angle_rad", "rad", "angle of the sensor, 0 at the contact centre")
 
 
 class Source(NamedTuple):
@@ -87,7 +85,7 @@ def measured(what: str, source: Source) -> Measured:
         KeyError: there is no such content.
     """
     if what == SAMPLES:
-        return Measured(what, _SAMPLE_COLUMNS, _sample_rows(source))
+        return Measured(what, _OF_SAMPLES, _sample_rows(source))
     results = source.results(CONTENTS[what].needs_estimators)
     if what == "angle":
         return Measured(what, _ANGLE_COLUMNS, _blocks(results, _ANGLE_COLUMNS, _in_angle(source.start_ns)))
@@ -101,22 +99,9 @@ def measured(what: str, source: Source) -> Measured:
     return Measured(what, columns, _blocks(results, columns, _as_row(columns, source)))
 
 
-def _acceleration(name: str, description: str) -> Column:
-    return Column(f"{name}_mps2", "m/s^2", description)
-
-
 # --- samples
 
-_SAMPLE_COLUMNS: Final = (
-    _TIME,
-    *map(_acceleration, AXIS_NAMES, _AXES),
-    Column("saturated", "", "whether an axis is at the end of the range of the sensor", Kind.FLAG),
-    Column("lost_before", "", "samples lost on the link before this one", Kind.INTEGER),
-    Column("number", "", "running number that the hub gave the sample", Kind.INTEGER),
-    Column("segment", "", "stretch of one clock: a restart or a long gap begins a new one", Kind.INTEGER),
-    Column("device_s", "s", "time on the clock of the hub"),
-    _HOST,
-)
+_OF_SAMPLES: Final = tuple(column for column in SAMPLE_COLUMNS.values() if column.name != "host_utc")
 
 
 def _sample_rows(source: Source) -> Iterator[tuple[str, Block]]:
@@ -168,14 +153,10 @@ def _joined(columns: Sequence[Column], rows: Sequence[Rows]) -> Block:
 # --- angle
 
 _ANGLE_COLUMNS: Final = (
-    _TIME,
-    _REVOLUTION,
-    _ANGLE,
-    *map(_acceleration, AXIS_NAMES, _AXES),
-    _acceleration("normalised", "radial axis without gravity and the angular acceleration of the revolution"),
-    _SPEED,
-    _USABLE,
-    _HOST,
+    *(REVOLUTION_COLUMNS[name] for name in ("time_s", "revolution", "angle_rad")),
+    *(REVOLUTION_COLUMNS[f"{name}_mps2"] for name in (*AXIS_NAMES, "normalised")),
+    *(REVOLUTION_COLUMNS[name] for name in ("omega_radps", "usable")),
+    SAMPLE_COLUMNS["host_ns"],
 )
 
 
@@ -218,17 +199,13 @@ def _times_s(result: RevolutionResult, elapsed_rad: FloatArray) -> FloatArray:
 # --- orders
 
 _ORDER_COLUMNS: Final = (
-    _TIME,
-    _REVOLUTION,
-    _SPEED,
-    _USABLE,
-    Column("order_max", "", "highest order that the sampling rate carries", Kind.INTEGER),
+    *(REVOLUTION_COLUMNS[name] for name in ("time_s", "revolution", "omega_radps", "usable", "order_max")),
     *(
-        _acceleration(f"order_{order:02d}_{part}", f"{part} coefficient of order {order} of the normalised radial axis")
+        Column(f"order_{order:02d}_{part}_mps2", f"{part} coefficient of order {order} of the normalised radial axis")
         for order in range(ORDER_COUNT)
         for part in ("cosine", "sine")
     ),
-    _HOST,
+    SAMPLE_COLUMNS["host_ns"],
 )
 
 
@@ -254,25 +231,7 @@ def _in_orders(start_ns: int) -> Callable[[RevolutionResult], Rows]:
 
 # --- average
 
-_CURVES: Final = (
-    *zip(AXIS_NAMES, _AXES, strict=True),
-    ("normalised", "radial axis without gravity, at the mean speed"),
-)
-_AVERAGE_COLUMNS: Final = (
-    _ANGLE,
-    *(
-        column
-        for name, description in _CURVES
-        for column in (
-            _acceleration(name, f"mean of {description}"),
-            _acceleration(f"{name}_scatter", "its standard deviation from revolution to revolution"),
-        )
-    ),
-    Column("revolutions", "", "number of averaged revolutions", Kind.INTEGER),
-    replace(_SPEED, description="mean angular speed of the revolutions"),
-    Column("omega_std_radps", "rad/s", "standard deviation of the angular speed"),
-    replace(_HOST, description="beginning of the recording on the clock of the computer, since 1970"),
-)
+_AVERAGE_COLUMNS: Final = tuple(AVERAGE_COLUMNS.values())
 
 
 def _average_rows(results: Iterable[RevolutionResult], start_ns: int) -> Iterator[tuple[str, Block]]:
@@ -325,16 +284,15 @@ def _estimate_columns(first: Iterable[RevolutionResult], estimators: Sequence[st
         names |= dict.fromkeys(f"{estimator}:{name}" if name in names else name for name in field_names(estimator))
     for result in first:
         names |= dict.fromkeys(_plain(name) for name in row_of(result)[1])
-    fixed = [result_column(name) for name in HEAD if name not in _LEFT_OUT]
-    of_estimates = [column for name in names for column in estimate_columns(name)]
+    descriptions = estimate_descriptions()
     return (
-        _TIME,
-        *fixed,
-        Column("period_s", unit_of("period_s"), "duration of the revolution"),
-        _SPEED,
-        *of_estimates,
-        *map(result_column, TAIL),
-        result_column(OTHER),
+        REVOLUTION_COLUMNS["time_s"],
+        *(column for column in RESULT_HEAD.values() if column.name not in _LEFT_OUT),
+        REVOLUTION_COLUMNS["period_s"],
+        REVOLUTION_COLUMNS["omega_radps"],
+        *(column for name in names for column in estimate_columns(name, descriptions.get(name, name))),
+        *RESULT_TAIL.values(),
+        OTHER,
     )
 
 
@@ -344,10 +302,7 @@ def _plain(name: str) -> str:
 
 def _as_row(columns: Sequence[Column], source: Source) -> Callable[[RevolutionResult], Rows]:
     known = {column.name for column in columns}
-    empty: Rows = {
-        column.name: {Kind.REAL: math.nan, Kind.INTEGER: 0, Kind.FLAG: False, Kind.TEXT: ""}[column.kind]
-        for column in columns
-    }
+    empty: Rows = {column.name: {float: math.nan, int: 0, bool: False, str: ""}[column.kind] for column in columns}
 
     def row(result: RevolutionResult) -> Rows:
         fixed, named = row_of(result, source.recording)
@@ -358,7 +313,7 @@ def _as_row(columns: Sequence[Column], source: Source) -> Callable[[RevolutionRe
         cells["time_s"] = (result.host_ns - source.start_ns) * 1e-9
         cells["period_s"] = result.revolution.period_s
         cells["omega_radps"] = result.revolution.omega_radps
-        cells[OTHER] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else ""
+        cells[OTHER.name] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else ""
         return {name: default if cells.get(name) is None else cells[name] for name, default in empty.items()}
 
     return row

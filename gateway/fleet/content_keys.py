@@ -25,7 +25,7 @@ _ROWS: Final = (
     "gateway.session",
     "gateway.fleet:recording_estimation.py",
     "gateway.fleet:wheel_rows.py",
-    "gateway.views.tables:campaign_columns.py",
+    "gateway:table_columns.py",
 )
 _DIAGNOSING: Final = ("gateway.closure",)
 

@@ -35,9 +35,10 @@ from gateway.fleet.parquet_parts import FORMAT, PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
+from gateway.table_columns import FAILURE_COLUMNS
 from gateway.trends.trend_result import UNKNOWN_VEHICLE
 from gateway.views.output_file import write_whole
-from gateway.views.tables.campaign_columns import FAILURE_COLUMNS
+from gateway.views.text import storable
 from gateway.views.wording import as_json, text
 
 if sys.platform == "win32":
@@ -239,8 +240,8 @@ class Dataset:
             part.row(
                 {
                     "recording_id": content.recording_id if content is not None else None,
-                    "recording": _storable(path.name),
-                    "path": _storable(str(path)),
+                    "recording": storable(path.name),
+                    "path": storable(str(path)),
                     "code": str(reason.code),
                     "text": text(reason),
                     "values": json.dumps(as_json(reason)["values"], ensure_ascii=False),
@@ -523,7 +524,3 @@ def _explained(root: Path) -> Iterator[None]:
             f"the dataset '{root}' cannot be written: {error.strerror or error}",
             "Free some space or check the permissions, then run the same command again.",
         ) from error
-
-
-def _storable(text: str) -> str:
-    return text.encode("utf-8", "backslashreplace").decode()

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from contextlib import suppress
-from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
 from gateway import __version__
 from gateway.errors import OutputError
+from gateway.table_columns import Column
 from gateway.views.output_file import OutputFile
-from gateway.views.tables.campaign_columns import Column, unit_of
-from gateway.views.tables.table_sinks import Cell
+from gateway.views.tables.table_sinks import Cell, arrow_schema
 
 _ROW_GROUP: Final = 16_384
 _COMPRESSION: Final = "zstd"
@@ -52,7 +51,6 @@ class PartFile:
         path: Path,
         columns: Mapping[str, Column],
         table: str,
-        estimates: Sequence[str] = (),
         *,
         many_rows: bool = False,
     ) -> None:
@@ -62,7 +60,6 @@ class PartFile:
             path: of the file.
             columns: in order.
             table: name of the table, for the metadata.
-            estimates: names of estimates, whose columns have their units.
             many_rows: whether text repeats from row to row.
 
         Raises:
@@ -74,7 +71,7 @@ class PartFile:
         self.rows = 0
         self._columns = columns
         self._cells: dict[str, list[Any]] = {name: [] for name in columns}
-        self._schema = schema_of(columns, table, estimates)
+        self._schema = _schema(columns, table)
         self._output = OutputFile(path, force=True)
         text = [field.name for field in self._schema if pa.types.is_string(field.type)]
         # The footer of a file with hundreds of columns and few rows is larger than its data: no Arrow schema, which
@@ -173,21 +170,14 @@ def read_rows(path: Path, names: Collection[str], needed: Collection[str] | None
     return rows
 
 
-def schema_of(columns: Mapping[str, Column], table: str, estimates: Sequence[str] = ()) -> Any:
+def _schema(columns: Mapping[str, Column], table: str) -> Any:
     """Return the Arrow schema; the file's metadata have the units of all columns as one JSON object."""
-    import pyarrow as pa
-
-    kinds = {str: pa.string(), int: pa.int64(), bool: pa.bool_(), datetime: pa.timestamp("ns", tz="UTC")}
-    units = {name: unit_of(name, estimates) for name in columns}
-    fields = [
-        pa.field(name, kinds.get(column.kind) or (pa.float32() if column.is_short else pa.float64()))
-        for name, column in columns.items()
-    ]
+    units = {name: column.unit for name, column in columns.items() if column.unit}
     about = {
         "treadlink": __version__,
         "treadlink.dataset": FORMAT,
         "treadlink.table": table,
         "treadlink.time_zone": "UTC",
-        "treadlink.units": json.dumps({name: unit for name, unit in units.items() if unit}, ensure_ascii=False),
+        "treadlink.units": json.dumps(units, ensure_ascii=False),
     }
-    return pa.schema(fields, metadata=about)
+    return arrow_schema(columns.values(), about, is_brief=True)

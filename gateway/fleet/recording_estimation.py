@@ -41,15 +41,18 @@ from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.session.provenance import Quantity, is_assumed
 from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.session.wheel_identity import configured
-from gateway.views.numbers import distinct_name
-from gateway.views.tables.campaign_columns import (
+from gateway.table_columns import (
     RECORDING_HEAD,
     RECORDING_TAIL,
+    RESULT_HEAD,
+    RESULT_TAIL,
     recording_columns,
     revolution_columns,
 )
-from gateway.views.tables.result_table import HEAD, TAIL, alarm_fields, row_of
+from gateway.views.numbers import distinct_name
+from gateway.views.tables.result_table import alarm_fields, row_of
 from gateway.views.tables.table_sinks import Cell
+from gateway.views.text import storable
 from gateway.views.wording import as_json
 
 REVOLUTIONS: Final = "revolutions"
@@ -126,7 +129,7 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
 
     Some estimates come only with a lateral axis, others only where the configuration states plies or a calibration.
     """
-    taken = {*RECORDING_HEAD, *RECORDING_TAIL, *HEAD, *TAIL}
+    taken = {*RECORDING_HEAD, *RECORDING_TAIL, *RESULT_HEAD, *RESULT_TAIL}
     found: dict[str, None] = {}
     for tire in (_EVERYTHING_STATED, TireData()):
         for axes in (0.0, math.nan):
@@ -294,7 +297,7 @@ class _Collector:
         names = order.settings.columns
         if self.revolutions is None:
             path = order.folder / f"{order.token}.{REVOLUTIONS}.parquet"
-            self.revolutions = PartFile(path, revolution_columns(names), REVOLUTIONS, names, many_rows=True)
+            self.revolutions = PartFile(path, revolution_columns(names), REVOLUTIONS, many_rows=True)
         fixed, named = row_of(result, order.content.path.name)
         cells: dict[str, Cell] = {**fixed, "recording_id": order.content.recording_id}
         cells["host_utc"] = cells["host_ns"]
@@ -367,7 +370,7 @@ def _recording_rows(
     sensors = {position: _sensor_text(estimation.sensors.at(vehicle, position)) for position in own}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
     statements = estimation.statements.found()
-    with PartFile(path, recording_columns(names), RECORDINGS, names) as part:
+    with PartFile(path, recording_columns(names), RECORDINGS) as part:
         for position in own:
             wheel = configured(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
@@ -378,8 +381,8 @@ def _recording_rows(
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             cells |= {
                 "recording_id": content.recording_id,
-                "recording": _storable(content.path.name),
-                "path": _storable(str(content.path)),
+                "recording": storable(content.path.name),
+                "path": storable(str(content.path)),
                 "position": position,
                 "sensor_id": sensors[position],
                 "start_utc": start_ns,
@@ -439,11 +442,6 @@ def _sensor_text(sensors: frozenset[int]) -> str:
 
 def _json(value: Any) -> str | None:
     return json.dumps(value, ensure_ascii=False, allow_nan=False) if value else None
-
-
-def _storable(text: str) -> str:
-    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
-    return text.encode("utf-8", "backslashreplace").decode()
 
 
 def _effects_identity(table: CorrectionTable) -> str:

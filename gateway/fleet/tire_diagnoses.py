@@ -20,7 +20,8 @@ from gateway.fleet.parquet_parts import PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS
 from gateway.fleet.worker_tasks import WorkerTasks
 from gateway.reasons import Code, Reason
-from gateway.views.tables.campaign_columns import DIAGNOSIS_COLUMNS
+from gateway.table_columns import DIAGNOSIS_COLUMNS
+from gateway.views.text import storable
 from gateway.views.wording import as_json, joined, text
 
 MOST_RECORDINGS: Final = 12
@@ -222,16 +223,11 @@ def diagnose_tire(order: DiagnosisOrder, _: Callable[[int], None] = lambda _: No
 
 
 def _as_list(reasons: Sequence[Reason]) -> str:
-    return _storable(json.dumps([as_json(reason) for reason in reasons], ensure_ascii=False))
-
-
-def _storable(text: str) -> str:
-    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
-    return text.encode("utf-8", "backslashreplace").decode()
+    return storable(json.dumps([as_json(reason) for reason in reasons], ensure_ascii=False))
 
 
 def _head(order: DiagnosisOrder, used: Sequence[str]) -> dict[str, Any]:
-    recordings = [_storable(path) for path in used]
+    recordings = [storable(path) for path in used]
     return {
         "position": order.position,
         "sensor_id": order.sensor_id,

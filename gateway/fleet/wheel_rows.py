@@ -13,8 +13,8 @@ from gateway.estimators.estimator import Estimate, Status
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
+from gateway.table_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
 from gateway.views.numbers import distinct_name
-from gateway.views.tables.campaign_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
 from gateway.views.tables.table_sinks import Cell
 from gateway.views.wording import as_json, joined
 

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from gateway import __version__
 from gateway.quantity_catalogue import declared
-from gateway.views.tables.campaign_columns import unit_of
+from gateway.table_columns import typeset_unit
 
 EXPIRE_S: Final = 30
 """A state that is not renewed for this long is no longer the present one; states come once a second."""
@@ -44,7 +44,7 @@ _CLASSES: Final = {"m/s": "speed", "Pa": "pressure", "°C": "temperature", "m": 
 
 
 def _number(field: str, name: str) -> _Entity:
-    unit = unit_of(field)
+    unit = typeset_unit(field)
     return _Entity("sensor", field, name, unit, _CLASSES.get(unit, ""))
 
 

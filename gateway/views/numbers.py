@@ -126,12 +126,16 @@ def round_to_error(value: float, std: float = math.nan) -> Rounded:
     return Rounded(f"{round(value, digits) + 0.0:.{decimals}f}", f"{round(std, digits):.{decimals}f}", exponent)
 
 
+RENAMED: Final = "estimated_"
+"""Prefix of an estimate whose name another field of its row has."""
+
+
 def distinct_name(name: str, taken: Collection[str]) -> str:
     """Return the name of an estimate in a row that has other fields: `estimated_NAME` where NAME is taken.
 
     A later estimator may estimate what is also a condition, such as the load. The condition keeps the plain name.
     """
-    return f"estimated_{name}" if name in taken else name
+    return RENAMED + name if name in taken else name
 
 
 @lru_cache(maxsize=256)

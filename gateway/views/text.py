@@ -82,3 +82,8 @@ def pad(text: str, cells: int) -> str:
 def pad_left(text: str, cells: int) -> str:
     """Return `text` filled with blanks on the left to at least `cells` cells; longer text stays whole."""
     return " " * (cells - width(text)) + text
+
+
+def storable(text: str) -> str:
+    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
+    return text.encode("utf-8", "backslashreplace").decode()

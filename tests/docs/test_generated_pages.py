@@ -16,8 +16,8 @@ from gateway.closure.effects.catalogue import catalogue
 from gateway.quantity import Quantity
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code
+from gateway.table_columns import typeset_unit
 from gateway.views.effect_catalogue import effects_markdown
-from gateway.views.tables import campaign_columns
 from gateway.views.wording import fields
 from tests.test_import_rules import ALLOWED, modules
 from tools.docs_site.api_pages import PACKAGES
@@ -92,7 +92,7 @@ def test_every_quantity_is_listed_with_its_unit_equation_and_sign():
 
 
 def unit(quantity: Quantity) -> str:
-    return campaign_columns.unit_of(quantity.name) or "1"
+    return typeset_unit(quantity.name) or "1"
 
 
 def test_every_reason_is_listed_with_its_values():

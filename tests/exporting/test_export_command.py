@@ -22,22 +22,23 @@ from gateway.exporting import column_file
 from gateway.exporting.column_file import ColumnFile
 from gateway.exporting.export_file import ExportFile
 from gateway.exporting.export_registry import FORMATS, check_format, format_of
-from gateway.exporting.export_table import Column, Condition, Kind, WheelTable
+from gateway.exporting.export_table import Condition, WheelTable
 from gateway.exporting.formats import mat_file, mcap_file, mdf_file, parquet_file
 from gateway.exporting.recording_export import export_recording
 from gateway.io.source import Chunk
 from gateway.recording.reader import RecordingReader
+from gateway.table_columns import Column
 from tests.testkit.campaign_recordings import write_recording
 
 TABLE = WheelTable(
     "samples",
     "FL",
     (
-        Column("time_s", "s", "time"),
-        Column("radial_mps2", "m/s^2", "acceleration"),
-        Column("host_ns", "ns", "time", Kind.INTEGER),
-        Column("saturated", "", "flag", Kind.FLAG),
-        Column("note", "", "text", Kind.TEXT),
+        Column("time_s", "time"),
+        Column("radial_mps2", "acceleration"),
+        Column("host_ns", "time", int),
+        Column("saturated", "flag", bool),
+        Column("note", "text", str),
     ),
     (Condition("load_n", 4200.0, "N", "stated"), Condition("start_ns", 10**18, "ns")),
 )

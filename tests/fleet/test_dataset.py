@@ -17,16 +17,16 @@ from gateway.fleet.parquet_parts import PartFile
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS
 from gateway.quantity import Trend
 from gateway.recording.file_content import FileContent, read_content
-from gateway.trends.trend_result import Quantity, rate_of
-from gateway.trends.watched_series import followed_by
-from gateway.views.tables.campaign_columns import (
+from gateway.table_columns import (
     DIAGNOSIS_COLUMNS,
     FAILURE_COLUMNS,
     RECORDING_PARTS,
+    Column,
     recording_columns,
     revolution_columns,
-    unit_of,
 )
+from gateway.trends.trend_result import Quantity, rate_of
+from gateway.trends.watched_series import followed_by
 
 ROOT = Path(__file__).parents[2]
 DESCRIPTION = Description(("kinematic",), ("speed_mps",), "second")
@@ -111,9 +111,9 @@ def test_reference_page_lists_all_columns():
         ("diagnoses", DIAGNOSIS_COLUMNS),
     ):
         for name, column in columns.items():
-            assert f"| `{name}` | {unit_of(name)} | {column.text} |" in sections[table], name
+            assert f"| `{name}` | {column.unit} | {column.description} |" in sections[table], name
     for part, column in RECORDING_PARTS.items():
-        assert f"| `NAME{part}` | {column.text} |" in sections["recordings"]
+        assert f"| `NAME{part}` | {column.description} |" in sections["recordings"]
     assert set(re.findall(r"^\| `(\w+)` \|", sections["Trends"], re.MULTILINE)) == {
         *Quantity,
         *(rate_of(one.watch) for one in followed_by(Trend.SENSOR) if one.name in recording_columns(())),
@@ -122,10 +122,10 @@ def test_reference_page_lists_all_columns():
 
 @pytest.mark.parametrize(
     ("name", "unit"),
-    [("speed_mean_mps", "m/s"), ("radius_m", "m"), ("recordings", ""), ("temperature_min_degc", "°C"), ("gain", "")],
+    [("speed_mean_mps", "m/s"), ("radius_m", "m"), ("recordings", ""), ("temperature_min_degc", "degC"), ("gain", "")],
 )
 def test_units_follow_names(name, unit):
-    assert unit_of(name) == unit
+    assert Column(name, "").unit == unit
 
 
 @pytest.mark.parametrize(

@@ -115,6 +115,17 @@ def test_json_lines_list_reasons_as_values(tmp_path: Path) -> None:
     assert [fault["code"] for fault in row["fault_reasons"]] == ["samples_lost", "radial_saturated"]
 
 
+def test_parquet_fields_have_unit_and_description(tmp_path: Path) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
+    with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
+        table.write(result())
+    metadata = {field.name: field.metadata for field in parquet.read_schema(tmp_path / "out")}
+    assert metadata["speed_mps"][b"unit"] == metadata["speed_mps_std"][b"unit"] == b"m/s"
+    assert metadata["speed_mps_status"][b"unit"] == b""
+    assert b"rolling speed" in metadata["speed_mps"][b"description"]
+    assert metadata["pressure_pa"] == {b"unit": b"Pa", b"description": b"gauge pressure, measured or else stated"}
+
+
 def test_host_time_is_iso_and_parquet_timestamp(tmp_path: Path) -> None:
     assert iso_utc(START_NS) == "2023-11-14T22:13:20.123456Z"
     parquet = pytest.importorskip("pyarrow.parquet")

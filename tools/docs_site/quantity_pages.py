@@ -8,9 +8,9 @@ from typing import Final
 
 from gateway.quantity import Quantity, Trend
 from gateway.quantity_catalogue import CATALOGUE
+from gateway.table_columns import typeset_unit
 from gateway.trends.trend_result import asymmetry_of, by_temperature, rate_of
 from gateway.views.numbers import fixed, split_name
-from gateway.views.tables.campaign_columns import unit_of
 from tools.docs_site.markdown import code, escaped, table
 
 _INTRODUCTION: Final = """\
@@ -56,7 +56,7 @@ def _row(quantity: Quantity) -> tuple[str, ...]:
     limits = f"{fixed(low, 2) if isfinite(low) else '-∞'} to {fixed(high, 2) if isfinite(high) else '∞'}"
     return (
         code(quantity.name),
-        unit_of(quantity.name) or "1",
+        typeset_unit(quantity.name) or "1",
         escaped(quantity.description),
         escaped(quantity.equation),
         quantity.sign,
@@ -78,7 +78,7 @@ def _places(quantity: Quantity) -> tuple[str, ...]:
         "yes" if quantity.is_in_state else "",
         quantity.entity,
         f"{bus.frame.name.capitalize()}, {code(bus.signal)}" if bus is not None else "",
-        f"{bus.resolution:g} {unit_of(quantity.name)}".rstrip() if bus is not None else "",
+        f"{bus.resolution:g} {typeset_unit(quantity.name)}".rstrip() if bus is not None else "",
         ", ".join(_trends(quantity)),
     )
 

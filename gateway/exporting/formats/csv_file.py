@@ -11,7 +11,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.exporting.export_table import WHEEL, Block, Column, ExportWriter, Kind, Target, WheelTable, length, pieces
+from gateway.exporting.export_table import WHEEL, Block, ExportWriter, Target, WheelTable, length, pieces
+from gateway.table_columns import Column
 from gateway.views.tables.table_sinks import harmless
 from gateway.views.text import escaped
 
@@ -59,9 +60,9 @@ class CsvExport(ExportWriter):
 
 
 def _cells(column: Column, values: NDArray[Any]) -> list[str]:
-    if column.kind is Kind.TEXT:
+    if column.kind is str:
         return list(map(_quoted, values))
-    if column.kind is Kind.REAL:
+    if column.kind is float:
         # repr gives the shortest text with the same value
         return ["" if math.isnan(value) else repr(value) for value in values.tolist()]
     return list(map(str, np.asarray(values, np.int64).tolist()))

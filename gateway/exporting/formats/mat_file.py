@@ -13,7 +13,8 @@ from typing import Final
 from gateway import __version__
 from gateway.errors import OutputError
 from gateway.exporting.column_file import ColumnFile, ColumnwiseExport
-from gateway.exporting.export_table import DTYPES, Cell, Column, Kind, WheelTable
+from gateway.exporting.export_table import DTYPES, Cell, WheelTable
+from gateway.table_columns import Column
 
 TIME: Final = "time_s"
 """Column that becomes the row times of a timetable."""
@@ -23,7 +24,7 @@ MOST_BYTES: Final = (1 << 31) - 1
 _INT8, _UINT8, _UINT16, _INT32, _UINT32, _DOUBLE, _INT64, _MATRIX = 1, 2, 4, 5, 6, 9, 12, 14
 _CELL_CLASS, _STRUCT_CLASS, _CHAR_CLASS, _LOGICAL_CLASS = 1, 2, 4, 9 | 0x200
 # class and element type
-_NUMBERS: Final = {Kind.REAL: (6, _DOUBLE), Kind.INTEGER: (14, _INT64), Kind.FLAG: (_LOGICAL_CLASS, _UINT8)}
+_NUMBERS: Final = {float: (6, _DOUBLE), int: (14, _INT64), bool: (_LOGICAL_CLASS, _UINT8)}
 # MATLAB shortens longer names.
 _NAME_BYTES: Final = 64
 
@@ -117,9 +118,9 @@ def _scalar(value: Cell) -> _Element:
     if isinstance(value, str):
         return _text(value)
     if isinstance(value, int):
-        of_class, kind = _NUMBERS[Kind.INTEGER]
+        of_class, kind = _NUMBERS[int]
         return _matrix(of_class, 1, 1, "", [_plain(kind, struct.pack("<q", value))])
-    of_class, kind = _NUMBERS[Kind.REAL]
+    of_class, kind = _NUMBERS[float]
     return _matrix(of_class, 1, 1, "", [_plain(kind, struct.pack("<d", value))])
 
 
@@ -132,7 +133,7 @@ def _structure(fields: Mapping[str, _Element], name: str = "") -> _Element:
 
 
 def _column(column: Column, file: ColumnFile) -> _Element:
-    if column.kind is Kind.TEXT:
+    if column.kind is str:
         # Two passes, since the size stands before the cells.
         size = sum(_text(text.decode()).size for text in file.texts(column))
         cells = _Element(size, (part for text in file.texts(column) for part in _text(text.decode()).parts))

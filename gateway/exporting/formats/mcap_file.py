@@ -12,15 +12,16 @@ from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
 from gateway import __version__
-from gateway.exporting.export_table import Block, Column, ExportWriter, Kind, Target, WheelTable, described, length
+from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, described, length
+from gateway.table_columns import Column
 from gateway.views.recording_topics import wheel_topic
 
 HOST_NS: Final = "host_ns"
 """Column with the time of a row, ns since the epoch."""
 CONDITIONS_METADATA: Final = "treadlink.conditions"
 
-_JSON_TYPES: Final = {Kind.REAL: "number", Kind.INTEGER: "integer", Kind.FLAG: "boolean", Kind.TEXT: "string"}
-_PATTERNS: Final = {Kind.REAL: "%.9g", Kind.INTEGER: "%d", Kind.FLAG: "%s", Kind.TEXT: "%s"}
+_JSON_TYPES: Final = {float: "number", int: "integer", bool: "boolean", str: "string"}
+_PATTERNS: Final = {float: "%.9g", int: "%d", bool: "%s", str: "%s"}
 # Of no use in a plot against the log time; a message for every sample is large enough.
 _LEFT_OUT: Final = frozenset({HOST_NS, "time_s", "device_s", "number", "segment"})
 _TOPICS: Final = {"estimates": "revolution"}
@@ -119,8 +120,8 @@ class McapExport(ExportWriter):
 
 def _messages(columns: Sequence[Column], block: Block) -> Iterator[bytes]:
     """Yield the rows of a block as JSON objects."""
-    complete = [c for c in columns if c.kind is not Kind.REAL or bool(np.isfinite(block[c.name]).all())]
-    empty = [c for c in columns if c.kind is Kind.REAL and not bool(np.isfinite(block[c.name]).any())]
+    complete = [c for c in columns if c.kind is not float or bool(np.isfinite(block[c.name]).all())]
+    empty = [c for c in columns if c.kind is float and not bool(np.isfinite(block[c.name]).any())]
     partial = [column for column in columns if column not in complete and column not in empty]
     pattern = ",".join(f"{json.dumps(column.name)}:{_PATTERNS[column.kind]}" for column in complete)
     cells = [_cells(column, block[column.name]) for column in complete]
@@ -133,8 +134,8 @@ def _messages(columns: Sequence[Column], block: Block) -> Iterator[bytes]:
 
 
 def _cells(column: Column, values: NDArray[Any]) -> list[object]:
-    if column.kind is Kind.TEXT:
+    if column.kind is str:
         return [json.dumps(str(text)) for text in values]
-    if column.kind is Kind.FLAG:
+    if column.kind is bool:
         return ["true" if value else "false" for value in values.tolist()]
     return list(values.tolist())

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.errors import OutputError
-from gateway.exporting.export_table import Block, Column, Condition, ExportWriter, Kind, Target, WheelTable
+from gateway.exporting.export_table import Block, Condition, ExportWriter, Target, WheelTable
+from gateway.table_columns import Column
 from gateway.views.text import escaped
 
 START_NS: Final = "start_ns"
@@ -80,7 +81,7 @@ class MdfExport(ExportWriter):
                 unit=column.unit,
                 comment=column.description,
                 master_metadata=(f"{table.wheel}.{axis.name}", sync),
-                encoding="utf-8" if column.kind is Kind.TEXT else None,
+                encoding="utf-8" if column.kind is str else None,
             )
             for column in others
         ]
@@ -91,11 +92,11 @@ class MdfExport(ExportWriter):
 
 def _stored(column: Column, values: NDArray[Any]) -> NDArray[Any]:
     """Return a column as MDF stores it; it has no type for flags, and texts are bytes."""
-    if column.kind is Kind.TEXT:
+    if column.kind is str:
         return np.array([str(text).encode() for text in values], "S" if len(values) else "S1")
-    if column.kind is Kind.FLAG:
+    if column.kind is bool:
         return values.astype(np.uint8)
-    return np.asarray(values, np.float64 if column.kind is Kind.REAL else np.int64)
+    return np.asarray(values, np.float64 if column.kind is float else np.int64)
 
 
 def _comment(tag: str, text: str, conditions: Sequence[Condition]) -> str:

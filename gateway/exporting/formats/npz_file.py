@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 
 from gateway.exporting.column_file import ColumnwiseExport
-from gateway.exporting.export_table import DTYPES, Column, Kind, WheelTable, described
+from gateway.exporting.export_table import DTYPES, WheelTable, described
+from gateway.table_columns import Column
 
 ABOUT: Final = "about"
 """Name of the array with units, descriptions and conditions: one JSON text."""
@@ -33,7 +34,7 @@ class NpzExport(ColumnwiseExport):
     def _put_column(self, archive: zipfile.ZipFile, wheel: str, column: Column) -> None:
         file = self.files[wheel]
         name = f"{wheel.replace('/', '_')}/{column.name.replace('/', '_over_')}"
-        if column.kind is not Kind.TEXT:
+        if column.kind is not str:
             dtype = DTYPES[column.kind].newbyteorder("<")
             _put(archive, name, dtype, (file.rows,), file.stored(column))
             return

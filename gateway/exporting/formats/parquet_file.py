@@ -8,18 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from gateway.exporting.export_table import (
-    WHEEL,
-    Block,
-    Column,
-    ExportWriter,
-    Kind,
-    Target,
-    WheelTable,
-    described,
-    length,
-)
-from gateway.views.tables.table_sinks import require_pyarrow
+from gateway.exporting.export_table import WHEEL, Block, ExportWriter, Target, WheelTable, described, length
+from gateway.table_columns import Column
+from gateway.views.tables.table_sinks import arrow_schema, require_pyarrow
 
 # Smaller row groups compress badly.
 _GROUP_ROWS: Final = 1 << 16
@@ -43,20 +34,10 @@ class ParquetExport(ExportWriter):
 
     def begin(self, tables: Sequence[WheelTable]) -> None:
         """Write the header."""
-        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        types = {Kind.REAL: pa.float64(), Kind.INTEGER: pa.int64(), Kind.FLAG: pa.bool_(), Kind.TEXT: pa.string()}
         self._columns = (WHEEL, *tables[0].columns)
-        fields = [
-            pa.field(
-                column.name,
-                types[column.kind],
-                metadata={"unit": column.unit, "description": column.description},
-            )
-            for column in self._columns
-        ]
-        self._schema = pa.schema(fields, metadata={"treadlink.conditions": json.dumps(described(tables))})
+        self._schema = arrow_schema(self._columns, {"treadlink.conditions": json.dumps(described(tables))})
         self._writer = pq.ParquetWriter(self._file, self._schema, compression="zstd")
 
     def write(self, table: WheelTable, block: Block) -> None:
@@ -88,5 +69,5 @@ class ParquetExport(ExportWriter):
         arrays = [pa.array([wheel] * rows, pa.string())]
         for column, field in zip(self._columns[1:], list(self._schema)[1:], strict=True):
             values = np.concatenate([block[column.name] for block in pending])
-            arrays.append(pa.array(values, field.type, from_pandas=column.kind is Kind.REAL))
+            arrays.append(pa.array(values, field.type, from_pandas=column.kind is float))
         self._writer.write_table(pa.table(arrays, schema=self._schema), row_group_size=rows)

@@ -17,7 +17,8 @@ import numpy as np
 from gateway import __version__
 from gateway.errors import OutputError
 from gateway.exporting.column_file import ColumnFile
-from gateway.exporting.export_table import DTYPES, Block, Cell, Column, ExportWriter, Kind, Target, WheelTable
+from gateway.exporting.export_table import DTYPES, Block, Cell, ExportWriter, Target, WheelTable
+from gateway.table_columns import Column
 
 NOT_AVAILABLE: Final = "NOTAVAIL"
 """Cell of an unknown number."""
@@ -55,7 +56,7 @@ class TydexExport(ExportWriter):
             wheels = ", ".join(table.wheel for table in tables)
             raise OutputError(f"a TYDEX file holds one wheel, not {len(tables)} ({wheels})", "Choose one with --wheel.")
         (self._table,) = tables
-        columns = [column for column in self._table.columns if column.kind is not Kind.TEXT]
+        columns = [column for column in self._table.columns if column.kind is not str]
         self._file = ColumnFile(columns, self._target.scratch)
 
     def write(self, table: WheelTable, block: Block) -> None:  # noqa: ARG002 - there is one table
@@ -109,7 +110,7 @@ def channel_keys(names: Iterator[str] | Sequence[str]) -> dict[str, str]:
 
 
 def _is_known(column: Column, file: ColumnFile) -> bool:
-    if column.kind is not Kind.REAL:
+    if column.kind is not float:
         return True
     dtype = DTYPES[column.kind].newbyteorder("<")
     return any(bool(np.isfinite(np.frombuffer(data, dtype)).any()) for data in file.stored(column))
@@ -151,6 +152,6 @@ def _line(key: str, comment: str, unit: str, value: Cell) -> str:
 
 def _cells(column: Column, block: Block) -> list[str]:
     values = block[column.name].tolist()
-    if column.kind is Kind.REAL:
+    if column.kind is float:
         return [repr(value) if math.isfinite(value) else NOT_AVAILABLE for value in values]
     return [str(int(value)) for value in values]

@@ -24,16 +24,11 @@ from gateway.views.wording import text
 # Share of the power of white noise on integer orders, for blocks of full length.
 _NOISE_SHARE: Final = 1.0 / BLOCK_REVOLUTIONS
 
-_COLUMNS: Final[dict[str, type]] = {
-    "recording": str,
-    "wheel": str,
-    "speed_low_kmh": float,
-    "speed_high_kmh": float,
-    "revolutions": int,
-    "order": int,
-    **{f"{name}_mps2": float for name in AXIS_NAMES},
-    **{f"{name}_repeated_mps2": float for name in AXIS_NAMES},
-}
+_COLUMNS: Final = (
+    *("recording", "wheel", "speed_low_kmh", "speed_high_kmh", "revolutions", "order"),
+    *(f"{name}_mps2" for name in AXIS_NAMES),
+    *(f"{name}_repeated_mps2" for name in AXIS_NAMES),
+)
 
 
 def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
@@ -95,7 +90,7 @@ def write_csv(path: Path, wheels: Sequence[WheelOrders], recording: str, *, forc
     """
     with OutputFile(path, force=force) as output, output.explained():
         sink = CsvSink(output.file)
-        sink.begin(_COLUMNS)
+        sink.header(_COLUMNS)
         for found in wheels:
             for row in _rows(found):
                 sink.row([recording, found.wheel, *row])

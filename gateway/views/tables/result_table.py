@@ -15,45 +15,15 @@ from typing import Final, Protocol, Self
 import numpy as np
 
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
+from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Reason
-from gateway.views.numbers import distinct_name
+from gateway.table_columns import ESTIMATE_PARTS, OTHER, RESULT_HEAD, RESULT_TAIL, estimate_columns
+from gateway.views.numbers import RENAMED, distinct_name
 from gateway.views.output_file import OutputFile
 from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
 from gateway.views.wording import as_json, joined
 
-HEAD: Final[dict[str, type]] = {
-    "recording": str,
-    "position": str,
-    "revolution": int,
-    "device_start_s": float,
-    "device_end_s": float,
-    "host_utc": str,
-    "host_ns": int,
-}
-TAIL: Final[dict[str, type]] = {
-    "acceleration_mps2": float,
-    "radius_m": float,
-    "radius_std_m": float,
-    "mounting_offset_m": float,
-    "mounting_offset_std_m": float,
-    "load_n": float,
-    "load_std_n": float,
-    "pressure_pa": float,
-    "pressure_std_pa": float,
-    "temperature_degc": float,
-    "missing_fraction": float,
-    "saturated": bool,
-    "ac_coupled": bool,
-    "faults": str,
-    "silent_before_s": float,
-    "alarms": str,
-}
-_TAKEN: Final = frozenset((*HEAD, *TAIL))
-PARTS: Final[dict[str, type]] = {"": float, "_std": float, "_status": str, "_reason": str}
-"""Columns of each estimate: suffix to its name, and type."""
-
-OTHER: Final = "other_estimates"
-"""Last column of CSV and Parquet: estimates that appeared after the columns were fixed, as JSON."""
+_TAKEN: Final = frozenset((*RESULT_HEAD, *RESULT_TAIL))
 
 COLUMNS_FIXED_AFTER_ROWS: Final = 256
 
@@ -165,7 +135,7 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
     named = {
         distinct_name(estimate.name, _TAKEN): dict(
             zip(
-                PARTS,
+                ESTIMATE_PARTS,
                 (_known(estimate.value), _known(estimate.std), str(estimate.status), joined(estimate.reasons)),
                 strict=True,
             )
@@ -216,13 +186,13 @@ class JsonRows(ABC):
 
     def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
         """Make the row of a wheel without a revolution."""
-        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
+        row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
         row |= {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]}
         self.put(_json_line(row))
 
     def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
         """Make the row of an alarm."""
-        row: dict[str, object] = dict.fromkeys((*HEAD, *TAIL))
+        row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
         row |= {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)}
         self.put(_json_line(row))
 
@@ -286,11 +256,11 @@ def _json_line(row: dict[str, object]) -> bytes:
 def _in_order(
     fixed: dict[str, Cell], named: dict[str, dict[str, Cell]], names: Iterable[str]
 ) -> Iterator[tuple[str, Cell]]:
-    yield from ((key, fixed[key]) for key in HEAD)
+    yield from ((key, fixed[key]) for key in RESULT_HEAD)
     for name in names:
         parts = named.get(name, {})
-        yield from ((name + part, parts.get(part)) for part in PARTS)
-    yield from ((key, fixed[key]) for key in TAIL)
+        yield from ((name + part, parts.get(part)) for part in ESTIMATE_PARTS)
+    yield from ((key, fixed[key]) for key in RESULT_TAIL)
 
 
 class _Columns(ColumnRows, _Table):
@@ -337,8 +307,12 @@ class _Columns(ColumnRows, _Table):
         held, self._held = self._held, None
         if held is None:
             return
-        estimates = {name + part: kind for name in self._names for part, kind in PARTS.items()}
-        self._sink.begin({**HEAD, **estimates, **TAIL, OTHER: str})
+        parts = (
+            column
+            for name in self._names
+            for column in estimate_columns(name, quantity_of(name.removeprefix(RENAMED)).description)
+        )
+        self._sink.begin([*RESULT_HEAD.values(), *parts, *RESULT_TAIL.values(), OTHER])
         for fixed, named in held:
             self._put(fixed, named)
 

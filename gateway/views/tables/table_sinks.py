@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterable, Mapping, Sequence
+from datetime import datetime
 from typing import IO, Any, Final, Protocol
 
 from gateway.errors import OutputError
+from gateway.table_columns import Column
 from gateway.views.text import escaped
 
 Cell = str | int | float | bool | None
@@ -18,8 +21,8 @@ _FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 class RowSink(Protocol):
     """A format with columns, which are given once before the rows."""
 
-    def begin(self, columns: dict[str, type]) -> None:
-        """Set names and types of the columns, before the first row."""
+    def begin(self, columns: Sequence[Column]) -> None:
+        """Set the columns, before the first row."""
         ...
 
     def row(self, cells: list[Cell]) -> None:
@@ -41,9 +44,13 @@ class CsvSink:
         """Take the open file."""
         self._rows = csv.writer(_Utf8(file))
 
-    def begin(self, columns: dict[str, type]) -> None:
+    def begin(self, columns: Sequence[Column]) -> None:
         """Write the header."""
-        self._rows.writerow([harmless(name) for name in columns])
+        self.header(column.name for column in columns)
+
+    def header(self, names: Iterable[str]) -> None:
+        """Write the header."""
+        self._rows.writerow([harmless(name) for name in names])
 
     def row(self, cells: list[Cell]) -> None:
         """Add a row."""
@@ -72,6 +79,33 @@ def harmless(cell: Cell) -> Cell:
     return f"'{escaped(cell)}" if cell.startswith(_FORMULA_STARTS) else escaped(cell)
 
 
+def arrow_schema(
+    columns: Iterable[Column], metadata: Mapping[str, str] | None = None, *, is_brief: bool = False
+) -> Any:
+    """Return the Arrow schema of columns.
+
+    Args:
+        columns: in order.
+        metadata: of the whole table.
+        is_brief: whether the fields have no metadata; otherwise they have `unit` and `description`.
+    """
+    import pyarrow as pa
+
+    types = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
+    types[datetime] = pa.timestamp("ns", tz="UTC")
+    return pa.schema(
+        [
+            pa.field(
+                column.name,
+                pa.float32() if column.is_short else types[column.kind],
+                metadata=None if is_brief else {"unit": column.unit, "description": column.description},
+            )
+            for column in columns
+        ],
+        metadata=metadata,
+    )
+
+
 def require_pyarrow() -> None:
     """Raise OutputError, naming the extra to install, when Parquet's package is missing."""
     try:
@@ -83,7 +117,7 @@ def require_pyarrow() -> None:
 
 
 class ParquetSink:
-    """Columns of plain types, in row groups; `host_utc` is a timestamp."""
+    """Columns with unit and description, in row groups; `host_utc` is that of `host_ns`."""
 
     def __init__(self, file: IO[bytes]) -> None:
         """Take the open file."""
@@ -92,17 +126,11 @@ class ParquetSink:
         self._schema: Any = None
         self._cells: list[list[Cell]] = []
 
-    def begin(self, columns: dict[str, type]) -> None:
+    def begin(self, columns: Sequence[Column]) -> None:
         """Write the header."""
-        import pyarrow as pa
         import pyarrow.parquet as pq
 
-        types = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
-        fields = [
-            (name, pa.timestamp("ns", tz="UTC") if name == "host_utc" else types[kind])
-            for name, kind in columns.items()
-        ]
-        self._schema = pa.schema(fields)
+        self._schema = arrow_schema(columns)
         self._writer = pq.ParquetWriter(self._file, self._schema)
 
     def row(self, cells: list[Cell]) -> None:

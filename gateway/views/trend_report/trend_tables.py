@@ -29,7 +29,7 @@ from gateway.trends.trend_result import (
 from gateway.trends.watched_series import followed_by, label_of
 from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error, split_name
 from gateway.views.tables.table_sinks import CsvSink
-from gateway.views.text import clean, counted, pad, width
+from gateway.views.text import clean, counted, pad, storable, width
 from gateway.views.wording import as_json, joined, text
 
 FORMAT: Final = "treadlink trends"
@@ -56,12 +56,11 @@ LABELS: Final[dict[str, str]] = {
 _SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, "Bs_rate", "noise_rate")
 _LISTED: Final = 40
 _NAMED_TIRES: Final = 3
-_COLUMNS: Final[dict[str, type]] = {
-    "vehicle": str, "position": str, "other_position": str, "sensor_id": str, "part": int, "first_utc": str,
-    "last_utc": str, "recordings": int, "distance_km": float, "has_odometer": bool, "quantity": str, "value": float,
-    "std": float, "unit": str, "low_95": float, "high_95": float, "status": str, "count": int, "freedom": int,
-    "codes": str, "reason": str, "findings": str,
-}  # fmt: skip
+_COLUMNS: Final = (
+    "vehicle", "position", "other_position", "sensor_id", "part", "first_utc", "last_utc", "recordings", "distance_km",
+    "has_odometer", "quantity", "value", "std", "unit", "low_95", "high_95", "status", "count", "freedom", "codes",
+    "reason", "findings",
+)  # fmt: skip
 
 
 def tire_name(trend: TireTrend | TrendOutlier) -> str:
@@ -109,7 +108,7 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
         "notes": [as_json(note) for note in trends.notes],
         "tires": [
             {
-                "vehicle": _storable(trend.vehicle),
+                "vehicle": storable(trend.vehicle),
                 "position": trend.position,
                 "sensor_id": trend.sensor_id,
                 "part": trend.part,
@@ -126,7 +125,7 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
         ],
         "pairs": [
             {
-                "vehicle": _storable(pair.vehicle),
+                "vehicle": storable(pair.vehicle),
                 "left": pair.left,
                 "right": pair.right,
                 "numbers": [_number_json(number) for number in pair.numbers],
@@ -135,11 +134,11 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
         ],
         "outliers": [
             {
-                "vehicle": _storable(one.vehicle),
+                "vehicle": storable(one.vehicle),
                 "position": one.position,
                 "sensor_id": one.sensor_id,
-                "recording": _storable(one.recording),
-                "path": _storable(one.path),
+                "recording": storable(one.recording),
+                "path": storable(one.path),
                 "start_utc": _utc(one.time_ns),
                 "name": one.name,
                 "value": _known(one.value),
@@ -156,16 +155,16 @@ def trends_csv(trends: FleetTrends) -> bytes:
     """Return one row for each number of each tire, and of each pair, as CSV."""
     file = io.BytesIO()
     sink = CsvSink(file)
-    sink.begin(_COLUMNS)
+    sink.header(_COLUMNS)
     for trend in trends.tires:
         head: list[Any] = [
-            _storable(trend.vehicle), trend.position, "", trend.sensor_id, trend.part, _utc(trend.first_ns),
+            storable(trend.vehicle), trend.position, "", trend.sensor_id, trend.part, _utc(trend.first_ns),
             _utc(trend.last_ns), trend.recordings, _known(trend.distance_km), trend.has_odometer,
         ]  # fmt: skip
         for number in trend.numbers:
             sink.row([*head, *_cells(number), findings_text(trend.findings)])
     for pair in trends.pairs:
-        start: list[Any] = [_storable(pair.vehicle), pair.left, pair.right, "", None, "", "", None, None, None]
+        start: list[Any] = [storable(pair.vehicle), pair.left, pair.right, "", None, "", "", None, None, None]
         for number in pair.numbers:
             sink.row([*start, *_cells(number), ""])
     sink.end()
@@ -300,7 +299,3 @@ def _utc(time_ns: int) -> str:
 
 def _known(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _storable(value: str) -> str:
-    return value.encode("utf-8", "backslashreplace").decode()
