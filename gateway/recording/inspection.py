@@ -21,7 +21,7 @@ from gateway.io.bus_frames import has_frames, unpack
 from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import DecodedLinks
-from gateway.recording.mcap_layout import BUS_ENCODING, MAX_TIME_NS, RAW_ENCODING, link_items
+from gateway.recording.mcap_layout import BUS_ENCODING, MAX_TIME_NS, RAW_ENCODING
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000
@@ -221,7 +221,7 @@ def inspect_recording(
             topics[message.channel.topic] += 1
         # Topics and events go on while nothing arrives.
         end_ns = max(end_ns, min(message.log_time_ns, MAX_TIME_NS))
-        for item in link_items(message):
+        for item in reader.link_items(message):
             if isinstance(item, LinkEvent):
                 if item.kind is LinkEventKind.ENDED:
                     ended.add(item.link)

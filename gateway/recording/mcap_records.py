@@ -35,8 +35,13 @@ MESSAGE_HEAD_BYTES: Final = RECORD_HEAD.size + MESSAGE_HEAD.size
 CHUNK_HEAD: Final = struct.Struct("<QQQII")
 CHUNK_DATA_LENGTH: Final = struct.Struct("<Q")
 
+NO_RECORD: Final = 0
+"""Opcode that no record has: what `walk` yields for bytes that are none."""
 # Its Python objects take some twenty times as much.
 _MAX_SMALL_BYTES: Final = 1 << 20
+_LENGTH: Final = struct.Struct("<I")
+# Records without content, which a later version of MCAP might have, in one chunk.
+_MAX_EMPTY_RECORDS: Final = 1024
 _SMALL_RECORDS: Final[dict[int, Any]] = {
     Opcode.HEADER: Header,
     Opcode.FOOTER: Footer,
@@ -164,13 +169,18 @@ def _unlz4(data: memoryview, size: int) -> memoryview:
 
 
 def walk(data: memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Yield (opcode, body) of the complete records in `data`, in order."""
+    """Yield (opcode, body) of the records in `data`, in order, and NO_RECORD with the rest where that is none."""
     position = 0
     end = len(data)
-    while position + RECORD_HEAD.size <= end:
-        opcode, length = RECORD_HEAD.unpack_from(data, position)
-        position += RECORD_HEAD.size
-        if length > end - position:
+    empty = 0
+    while position < end:
+        begin, opcode = position, NO_RECORD
+        if position + RECORD_HEAD.size <= end:
+            opcode, length = RECORD_HEAD.unpack_from(data, position)
+            position += RECORD_HEAD.size
+            empty += not length
+        if opcode == NO_RECORD or length > end - position or empty > _MAX_EMPTY_RECORDS:
+            yield NO_RECORD, data[begin:]
             return
         yield opcode, data[position : position + length]
         position += length
@@ -222,6 +232,29 @@ def parse_small(opcode: int, body: memoryview, *, exact: bool = False) -> Any:
     if exact and stream.count != len(body):
         raise ValueError("record does not fill its length")
     return record
+
+
+def metadata_name(body: memoryview) -> str:
+    """Return the name of a metadata record, whose entries are only counted: quicker by far than parsing them.
+
+    Raises:
+        ValueError: the body is that of no metadata record.
+    """
+    try:
+        (size,) = _LENGTH.unpack_from(body)
+        name = str(body[_LENGTH.size : _LENGTH.size + size], "utf-8")
+        at = _LENGTH.size + size
+        end = at + _LENGTH.size + _LENGTH.unpack_from(body, at)[0]
+        at += _LENGTH.size
+        texts = 0
+        while at < end:
+            at += _LENGTH.size + _LENGTH.unpack_from(body, at)[0]
+            texts += 1
+    except struct.error as error:
+        raise ValueError("metadata are cut off") from error
+    if at != end or texts % 2 or end > len(body) or len(body) > _MAX_SMALL_BYTES:
+        raise ValueError("metadata do not fill their length")
+    return name
 
 
 def channel_info(channel: Channel) -> ChannelInfo:

@@ -33,6 +33,7 @@ from gateway.recording.mcap_layout import (
 )
 from gateway.recording.mcap_records import (
     MAGIC,
+    NO_RECORD,
     RECORD_HEAD,
     ChunkTooLargeError,
     channel_info,
@@ -154,7 +155,16 @@ class RecordingReader:
     def items(self) -> Generator[LinkItem, None, None]:
         """Yield chunks, frames of buses, link events and marks in file order; `damage` is set afterwards."""
         for message in self.messages():
-            yield from link_items(message)
+            yield from self.link_items(message)
+
+    def link_items(self, message: RecordedMessage) -> Iterator[LinkItem]:
+        """Yield the link items of a message; those of more links than a session can have are damage."""
+        for item in link_items(message):
+            if self._is_of_session(item.link):
+                yield item
+            else:
+                self._note(Code.RECORDING_RECORD_DAMAGED, at_byte=self.position)
+                self._unread_bytes += len(message.data) * self._stored_share
 
     def messages(self) -> Generator[RecordedMessage, None, None]:
         """Yield all messages in file order, including decoded topics; `damage` is set afterwards."""
@@ -201,7 +211,8 @@ class RecordingReader:
             self._unread_bytes += len(body)
         self._stored_share = len(chunk.data) / max(len(records), 1)
         for inner, inner_body in walk(records):
-            yield from self._inner(inner, inner_body)
+            if inner != NO_RECORD or not cut:
+                yield from self._inner(inner, inner_body)
 
     def _inner(self, opcode: int, body: memoryview) -> Iterator[RecordedMessage]:
         try:
@@ -218,6 +229,8 @@ class RecordingReader:
                 self._declare(record.id, channel_info(record))
             elif opcode == Opcode.METADATA:
                 self._learn(parse_small(opcode, body))
+            elif opcode == NO_RECORD:
+                raise ValueError("what follows is no record")
         except ValueError as error:
             _logger.info("%s: %s near byte %d", self._path, error, self.position)
             self._note(Code.RECORDING_RECORD_DAMAGED, at_byte=self.position)
@@ -244,11 +257,16 @@ class RecordingReader:
             raise ValueError("too many channels")
         if sum(map(len, channel)) > MAX_CHANNEL_CHARS:
             raise ValueError("the name of a channel is too long")
-        if channel.encoding == RAW_ENCODING:
-            if channel.link not in self._links and len(self._links) >= _MAX_LINKS:
-                raise ValueError("too many links")
-            self._links.add(channel.link)
+        if channel.encoding == RAW_ENCODING and not self._is_of_session(channel.link):
+            raise ValueError("too many links")
         self._channels[number] = channel
+
+    def _is_of_session(self, link: str) -> bool:
+        """Return whether a link is one of at most _MAX_LINKS of the recording."""
+        if link not in self._links and len(self._links) >= _MAX_LINKS:
+            return False
+        self._links.add(link)
+        return True
 
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, int, bytes]]:
         """Yield (opcode, stated length, body); the last body may be shorter than stated."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.io.source import LinkItem
-from gateway.recording.mcap_layout import RecordedMessage, link_items
+from gateway.recording.mcap_layout import RecordedMessage
 from gateway.recording.reader import RecordingReader
 
 _TOPIC: Final = re.compile(r"/wheel/([^/]+)/reference/([^/]+)")
@@ -60,7 +60,7 @@ class ReferenceReader(RecordingReader):
         for message in self.messages():
             found = _TOPIC.fullmatch(message.channel.topic)
             if found is None:
-                yield from link_items(message)
+                yield from self._reader.link_items(message)
             elif self._count < _MOST_VALUES:
                 self._take(message, found[1], found[2])
 

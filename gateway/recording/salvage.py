@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, MessageIndex, Metadata
@@ -38,6 +38,7 @@ from gateway.recording.mcap_records import (
     MessageParts,
     channel_info,
     chunk_records,
+    metadata_name,
     parse_chunk,
     parse_message,
     parse_small,
@@ -267,6 +268,8 @@ class Salvage:
             if opcode == Opcode.DATA_END:
                 follows = self._data.part(end, end + 1)[0] if end < self.size else 0
                 return end - body == 4 and follows in (0, *range(Opcode.FOOTER, Opcode.SUMMARY_OFFSET + 1))
+            if opcode == Opcode.METADATA:
+                return bool(metadata_name(self._data.part(body, end)))
             # Nothing that follows is read after a footer.
             record = parse_small(opcode, self._data.part(body, end), exact=opcode == Opcode.FOOTER)
         except ValueError:
@@ -323,10 +326,7 @@ class Salvage:
             at = start_at
             opcode, length = self._data.unpack(RECORD_HEAD, at)
             end = at + RECORD_HEAD.size + length
-            try:
-                record = parse_small(opcode, self._data.part(at + RECORD_HEAD.size, end)) if end <= self.size else None
-            except ValueError:
-                record = None
+            record = self._declaration(opcode, at + RECORD_HEAD.size, end)
             at += 1
             if isinstance(record, Channel) and record.message_encoding in (RAW_ENCODING, JSON_ENCODING):
                 unsealed.setdefault(record.id, channel_info(record))
@@ -338,6 +338,18 @@ class Salvage:
                 self.session = self.session or record.metadata
         for number, info in unsealed.items():
             self._declare(number, info)
+
+    def _declaration(self, opcode: int, begin: int, end: int) -> Any:
+        """Return the record of a channel, or metadata that describe a channel or the session; None for any other."""
+        if end > self.size:
+            return None
+        body = self._data.part(begin, end)
+        try:
+            if opcode == Opcode.METADATA and metadata_name(body) not in (CHANNEL_METADATA, SESSION_METADATA):
+                return None
+            return parse_small(opcode, body)
+        except ValueError:
+            return None
 
     def _find_usual_times(self) -> None:
         """Use the median time of each channel, since a damaged first message may state 0."""
