@@ -33,12 +33,14 @@ from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import (
     HUB_SIZE,
     MOUNTING_SIZE,
+    MOUNTING_STD_RAD,
     BeltKinematics,
     MountingRows,
     RollCalibration,
     belt_kinematics,
     hub_motion_mps2,
     mounting_rows,
+    offset_by_yaw_m,
 )
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS
 from gateway.types import BoolArray, ComplexArray, FloatArray
@@ -251,6 +253,7 @@ class SelfCalibrationEstimator:
         self._axes: FloatArray = np.zeros((0, 0))
         self._axes_with: FloatArray = np.zeros(3)
         self._relations = AxisRelations()
+        self._by_yaw_m = 0.0
         self._roll_by_mean = math.nan
         self._last = _START
         self._steps: list[_Step] = []
@@ -376,6 +379,7 @@ class SelfCalibrationEstimator:
             reaction / weight,
             block.revolutions[index].order_max,
         )
+        self._by_yaw_m = offset_by_yaw_m(axes, self._belt, square / weight, block.revolutions[index].order_max)
         means = axes.mean(axis=1)
         self._roll_by_mean = math.atan2(float(means[_LATERAL]), float(means[_RADIAL]))
 
@@ -416,6 +420,7 @@ class SelfCalibrationEstimator:
             self._is_calibrated = self._has_along = False
             self._hub, self._axes, self._axes_with = np.zeros(HUB_SIZE), np.zeros((0, 0)), np.zeros(3)
             self._relations = AxisRelations()
+            self._by_yaw_m = 0.0
             self._ratio = self._offset_ratio(block.conditions[index])
             average = block.averages.at(index)
             self._belt = belt_kinematics(average.radial_mps2, self._ratio, self._centre_rad)
@@ -573,6 +578,9 @@ class SelfCalibrationEstimator:
             offset = pitch = None
             if solutions is not None and stds is not None:
                 pitch, offset = _mounting(solutions[place], stds[place], axes_std)
+                if pitch is not None and offset is not None:
+                    by_yaw_m = self._by_yaw_m * _yaw_std(pitch.value, self._relations.roll_rad)
+                    offset = _Found(offset.value, math.hypot(offset.std, by_yaw_m))
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
                     pitch = _Found(-pitch.value, pitch.std)
@@ -635,6 +643,15 @@ def _mounting(solution: Sequence[float], stds: Sequence[float], axes_std: float)
         return None, None
     pitch = _Found(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, _PITCH_MODEL_RAD))
     return pitch, _Found(offset, offset_std)
+
+
+def _yaw_std(pitch_rad: float, roll_rad: float) -> float:
+    """Return the standard error of the yaw, which nothing measures: that of the tilts that are, where it is more.
+
+    The model error of the offset covers a sensor that is mounted by hand.
+    """
+    tilts = [pitch_rad**2, *([] if math.isnan(roll_rad) else [roll_rad**2])]
+    return math.sqrt(max(sum(tilts) / len(tilts) - MOUNTING_STD_RAD**2, 0.0))
 
 
 def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) -> tuple[Estimate, Estimate]:

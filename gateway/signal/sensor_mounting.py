@@ -258,6 +258,33 @@ def mounting_rows(
     return MountingRows(sums, hub)
 
 
+def offset_by_yaw_m(axes_mps2: FloatArray, belt: BeltKinematics, square_radps2: float, order_max: int) -> float:
+    """Return how much a yaw of the sensor, as a sine, changes the mounting offset that the equations give.
+
+    A yaw mixes the lateral axis into the circumferential one: its part with the shape of an offset.
+
+    Args:
+        axes_mps2: (3, n) average over revolutions on the angle grid, circumferential, lateral and radial.
+        belt: kinematics of the belt.
+        square_radps2: mean square of the angular speed of these revolutions.
+        order_max: highest order that the sampling carries.
+
+    Returns:
+        The change in m; 0 without a lateral axis.
+    """
+    if not np.isfinite(axes_mps2[1:]).all():
+        return 0.0
+    orders = np.delete(np.arange(1, min(HIGHEST_ORDER, order_max) + 1), HUB_ORDER - 1)
+    lateral, radial = np.fft.rfft(axes_mps2[1:], axis=1)[:, orders] * (2.0 / axes_mps2.shape[1])
+    factors = np.array([square_radps2 * belt.along[orders], radial])
+    normal = (factors @ factors.conj().T).real
+    right = (factors @ lateral.conj()).real
+    determinant = normal[0, 0] * normal[1, 1] - normal[0, 1] ** 2
+    if not determinant > 1e-9 * normal[0, 0] * normal[1, 1]:
+        return 0.0
+    return float(normal[1, 1] * right[0] - normal[0, 1] * right[1]) / float(determinant)
+
+
 def hub_motion_mps2(hub: FloatArray, offset_m: FloatArray, tilt: FloatArray) -> FloatArray:
     """Return the order 2 of the circumferential axis that neither the belt nor the mounting explains, (k,) m/s^2.
 

@@ -100,3 +100,14 @@ def test_zero_of_the_lateral_axis_is_in_the_error_of_the_roll(zero_g: float) -> 
     roll = last(results)["sensor_roll_rad"]
     assert abs(roll.value) > 0.009
     assert abs(roll.value) < 2.0 * roll.std
+
+
+@pytest.mark.parametrize(("roll", "pitch", "yaw"), [(0.0, 10.0, 10.0), (10.0, 10.0, -10.0), (6.0, -6.0, 6.0)])
+def test_yaw_of_a_tilted_sensor_is_in_the_error_of_its_depth(roll: float, pitch: float, yaw: float) -> None:
+    askew = tables(65.0, f"roll_deg = {roll}\npitch_deg = {pitch}\nyaw_deg = {yaw}")
+    depth = last(restated(askew, SECONDS, SETUP, ESTIMATORS)[0])["sensor_offset_m"]
+    sure = last(rolled(65.0)[0])["sensor_offset_m"]
+    assert depth.status is Status.VALID
+    assert abs(sure.value - 2e-3) < 3.0 * sure.std < 2e-4
+    assert abs(depth.value - 2e-3) > 3.0 * sure.std
+    assert abs(depth.value - 2e-3) < 3.0 * depth.std

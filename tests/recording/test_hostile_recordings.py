@@ -17,10 +17,11 @@ from gateway.config.vehicle import choose_vehicle
 from gateway.errors import ConfigError, RecordingError
 from gateway.io.source import Chunk
 from gateway.reasons import Code
-from gateway.recording import inspection
+from gateway.recording import inspection, salvage
+from gateway.recording import reader as reading
 from gateway.recording.inspection import inspect_recording
 from gateway.recording.mcap_layout import MAX_RECORD_BYTES, RAW_ENCODING, SESSION_METADATA, seal
-from gateway.recording.mcap_records import MAGIC
+from gateway.recording.mcap_records import MAGIC, parse_small, walk
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import repair_recording
 from gateway.recording.writer import RecordingWriter
@@ -129,6 +130,51 @@ def test_channels_and_notes_without_end_take_bounded_memory(tmp_path: Path) -> N
         assert list(reader.items()) == []
         assert reader.damage is not None
         assert len(reader.notes) < 8
+
+
+@pytest.mark.parametrize("filler", [bytes(1 << 20), record(0x70, b"") * 100_000], ids=["zeros", "empty records"])
+def test_what_is_no_record_ends_its_chunk_as_damage(
+    tmp_path: Path, filler: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write(tmp_path / "r.mcap", chunk(RAW + message(1, b"before") + filler), chunk(message(1, b"after")))
+    looked_at = 0
+
+    def counted(data: memoryview) -> Iterator[tuple[int, memoryview]]:
+        nonlocal looked_at
+        for entry in walk(data):
+            looked_at += 1
+            yield entry
+
+    monkeypatch.setattr(reading, "walk", counted)
+    reader = RecordingReader(path)
+    assert [item.data for item in reader.items() if isinstance(item, Chunk)] == [b"before", b"after"]
+    assert reader.damage is not None
+    assert reader.damage.code is Code.RECORDING_RECORD_DAMAGED
+    assert looked_at < 2000
+
+
+def test_events_of_links_without_end_are_damage(tmp_path: Path) -> None:
+    events = [message(3, f'{{"link": "l{number}", "kind": "lost", "text": ""}}'.encode()) for number in range(1000)]
+    path = write(tmp_path / "r.mcap", chunk(channel(3, "/link/a/event", "json") + b"".join(events)))
+    reader = RecordingReader(path)
+    assert len({item.link for item in reader.items()}) == len(inspect_recording(path).events) == 256
+    assert reader.damage is not None
+
+
+def test_repair_does_not_parse_metadata_of_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    notes = record(0x0C, text("x") + table({f"{number}": "" for number in range(1000)}))
+    path = write(tmp_path / "r.mcap", notes * 20, chunk(RAW + message(1, b"after")))
+    parsed: list[int] = []
+
+    def noted(opcode: int, body: memoryview, *, exact: bool = False) -> object:
+        parsed.append(opcode)
+        return parse_small(opcode, body, exact=exact)
+
+    monkeypatch.setattr(salvage, "parse_small", noted)
+    repair_recording(path, tmp_path / "fixed.mcap")
+    assert 0x0C not in parsed
+    items = list(RecordingReader(tmp_path / "fixed.mcap").items())
+    assert [item.data for item in items if isinstance(item, Chunk)] == [b"after"]
 
 
 def test_inspection_keeps_a_limited_number_of_events(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
