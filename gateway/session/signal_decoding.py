@@ -20,6 +20,8 @@ from gateway.pipeline.vehicle_signals import SUFFIXES, UNITS, SignalHistory, Sig
 
 _logger = logging.getLogger(__name__)
 
+# Above it only the mapped messages are parsed: cantools takes nearly a millisecond for each.
+_MANY_MESSAGES: Final = 2000
 _LISTED: Final = 12
 # SAE J1939-21: bits 8 to 25 are the parameter group, below is the source address, above the priority.
 _J1939_GROUP: Final = 0x03FFFF00
@@ -232,6 +234,8 @@ def _database(text: str, origin: str, mapped: Collection[str]) -> Any:
             "vehicle signals need the package 'cantools', which is not installed",
             "Install it with: pip install 'treadlink[can]'",
         ) from error
+    if len(message_names(text)) > _MANY_MESSAGES:
+        text = only_messages(text, mapped)
     try:
         return cantools.database.load_string(text, database_format="dbc", strict=False)
     except Exception as error:  # parsers raise errors of many kinds

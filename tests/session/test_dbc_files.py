@@ -6,6 +6,7 @@ import math
 import threading
 from pathlib import Path
 
+import cantools.database
 import pytest
 
 from gateway.clock import ManualClock
@@ -141,3 +142,13 @@ BA_ "SystemMessageLongSymbol" BO_ 516 "Vehicle_speed_of_the_brake_control_unit";
     setup = SignalSetup(Quantity.VEHICLE_SPEED, "Vehicle_speed_of_the_brake_control_unit", "V")
     assert decoded(dbc, setup, b"\x10\x27" + bytes(6), 516) == pytest.approx(100.0 / 3.6)
     assert "Wide" not in only_messages(HEAD + dbc, [setup.message])
+
+
+def test_of_a_file_with_very_many_messages_the_mapped_ones_are_parsed(monkeypatch: pytest.MonkeyPatch) -> None:
+    others = "".join(f'BO_ {k} M{k}: 8 ECU\n SG_ A : 0|8@1+ (1,0) [0|0] "" ECU\n\n' for k in range(600, 10_600))
+    parsed: list[str] = []
+    parse = cantools.database.load_string
+    monkeypatch.setattr(cantools.database, "load_string", lambda text, **kw: parsed.append(text) or parse(text, **kw))
+    mapped = 'BO_ 516 S: 8 ECU\n SG_ V : 0|16@1+ (0.01,0) [0|300] "km/h" ECU\n'
+    assert decoded(others + mapped, SPEED, b"\x10\x27" + bytes(6), 516) == pytest.approx(100.0 / 3.6)
+    assert max(map(len, parsed)) < 300
