@@ -60,7 +60,7 @@ class ReferenceReader(RecordingReader):
         for message in self.messages():
             found = _TOPIC.fullmatch(message.channel.topic)
             if found is None:
-                yield from self._reader.link_items(message)
+                yield from self.link_items(message)
             elif self._count < _MOST_VALUES:
                 self._take(message, found[1], found[2])
 
