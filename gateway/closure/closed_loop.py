@@ -21,6 +21,7 @@ from gateway.closure.inference.findings import apart_from, confirmed, findings_o
 from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
+from gateway.closure.inference.misspecification import PARTS
 from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
 from gateway.closure.inference.number_estimates import (
@@ -49,6 +50,7 @@ from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
 from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained, Verdict
+from gateway.constants import AXIS_NAMES
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
 from gateway.worker_pool import Workers
@@ -141,7 +143,7 @@ def _diagnose(
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
     unlike = _unlike_contacts(campaign)
     # Only where much is left: it costs a fit of each recording.
-    differing = recordings_apart(campaign, core) if posterior.temperature >= criteria.TEMPERED else []
+    differing = recordings_apart(campaign, core) if max(posterior.temperatures) >= criteria.TEMPERED else []
     doubted_states = {group.state for group in campaign.groups if group.sensor_doubted}
     doubted_states |= {campaign.groups[first].state for first, _ in unlike} | {one.state for one in differing}
     if _is_cut_short(search, posterior):
@@ -373,13 +375,13 @@ def _apart(widths: tuple[Fitted, Fitted] | None) -> tuple[Reason, ...]:
 
 def _is_cut_short(search: SetSearch, posterior: Posterior) -> bool:
     """Return whether the search ended with so much unexplained that effects that move the numbers may be missing."""
-    return not search.complete and posterior.temperature >= criteria.TEMPERED
+    return not search.complete and max(posterior.temperatures) >= criteria.TEMPERED
 
 
 def _cut_short(search: SetSearch, posterior: Posterior) -> tuple[Reason, ...]:
     if not _is_cut_short(search, posterior):
         return ()
-    return (Reason(Code.LEFT_WHEN_ENDED, residual_ratio=posterior.temperature),)
+    return (Reason(Code.LEFT_WHEN_ENDED, residual_ratio=max(posterior.temperatures)),)
 
 
 def _differing(campaign: Campaign, pairs: Sequence[Apart]) -> Iterator[Reason]:
@@ -433,8 +435,11 @@ def _ended(search: SetSearch) -> tuple[Reason, ...]:
 
 
 def _tempered(posterior: Posterior) -> tuple[Reason, ...]:
-    ratio = posterior.temperature
-    return () if ratio < criteria.TEMPERED else (Reason(Code.EVIDENCE_TEMPERED, residual_ratio=ratio),)
+    return tuple(
+        Reason(Code.EVIDENCE_TEMPERED, axes=tuple(AXIS_NAMES[axis] for axis in axes), residual_ratio=ratio)
+        for axes, ratio in zip(PARTS, posterior.temperatures, strict=True)
+        if ratio >= criteria.TEMPERED
+    )
 
 
 _RANK: Final = {Verdict.NAMED: 0, Verdict.INDISTINGUISHABLE: 1, Verdict.REFUSED: 2}

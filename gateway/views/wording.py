@@ -1119,8 +1119,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "determined"
     ),
     Code.EVIDENCE_TEMPERED: (
-        "what is left unexplained has {residual_ratio:.3g} times the rms of the noise of the means; evidence counts "
-        "less by that factor"
+        "what is left unexplained ({axes}) has {residual_ratio:.3g} times the rms of the noise of the means; evidence "
+        "from there counts less by that factor"
     ),
     Code.ERROR_BY_POSSIBLE_EFFECT: (
         "most of the error of {numbers} comes from {effect}, which the data neither show nor exclude (probability "

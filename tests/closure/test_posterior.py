@@ -16,6 +16,7 @@ from gateway.closure.inference import criteria
 from gateway.closure.inference.findings import findings_of
 from gateway.closure.inference.posterior import Posterior, over
 from gateway.closure.inference.set_evidence import Evaluated
+from gateway.closure.inference.set_search import SetSearch
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Verdict
@@ -132,7 +133,7 @@ def test_no_name_rests_on_impossible_sets() -> None:
     """An impossible filter, and waves that mend what it leaves."""
     objection = (("filter", Reason(Code.IMPLAUSIBLE_PARAMETER)),)
     sets = [
-        SimpleNamespace(names=frozenset(names), log_evidence=log_evidence, log_prior_odds=0.0, objections=objections)
+        SimpleNamespace(names=frozenset(names), log_evidence=log_evidence, objections=objections)
         for names, log_evidence, objections in (
             ((), 0.0, ()),
             (("waves",), -2.0, ()),
@@ -162,15 +163,22 @@ def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
 
     alone, search = searched(campaign_of(ONE_SPEED, sideways(1.3), axes=ALL_AXES), effects)
     assert alone.identified() == ("small",)
-    assert alone.temperature < 1.1
+    assert max(alone.temperatures) < 1.1
     beside, _ = searched(campaign_of(ONE_SPEED, strange, axes=ALL_AXES), effects)
-    # 18 (m/s^2)^2 on 333 coefficients of 0.01 each.
-    assert beside.temperature == pytest.approx(math.sqrt(1.0 + 18.0 / 3.33), rel=0.05)
-    doubted = over(search.found, beside.temperature)
+    # 18 (m/s^2)^2 on 111 orders of 0.01 each.
+    assert beside.temperatures == pytest.approx((1.0, math.sqrt(1.0 + 18.0 / 1.11)), rel=0.05)
+    doubted = at_temperatures(search, *beside.temperatures)
     assert doubted.identified() == ()
     assert doubted.log_odds("small") < 0.5 * alone.log_odds("small")
+    # What is left of the wheel's plane does not count.
+    assert at_temperatures(search, 1e9, 1.0).identified() == ("small",)
     # The prior odds stay.
-    assert over(search.found, 1e9).probability(["small"]) == pytest.approx(0.05, abs=0.002)
+    assert at_temperatures(search, 1e9, 1e9).probability(["small"]) == pytest.approx(0.05, abs=0.002)
+
+
+def at_temperatures(search: SetSearch, plane: float, lateral: float) -> Posterior:
+    """Return the posterior with the evidence of plane and lateral axis divided by these."""
+    return over({names: one.tempered(plane, lateral) for names, one in search.found.items()})
 
 
 def test_weak_effect_is_refused_with_its_probability() -> None:

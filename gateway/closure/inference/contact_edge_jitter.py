@@ -33,7 +33,6 @@ class _Cause:
 
     names: frozenset[str]
     log_evidence: float
-    log_prior_odds: float = 0.0
     objections: tuple[tuple[str, Reason], ...] = ()
 
 
@@ -56,7 +55,7 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
     odds = math.log(criteria.PRIOR_ODDS)
     causes = (
         _Cause(frozenset(), nothing),
-        _Cause(frozenset({name}), alike + odds, odds, () if reason is None else ((name, reason),)),
+        _Cause(frozenset({name}), alike + odds, () if reason is None else ((name, reason),)),
     )
     posterior = over({cause.names: cause for cause in causes})
     probability = posterior.probability([name])

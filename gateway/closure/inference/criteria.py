@@ -32,6 +32,10 @@ FAR_LESS: Final = 0.5
 """Share of the power that a set leaves beyond noise: a set of no more effects that leaves less explains the data
 better, whatever the evidence of their discrepancies."""
 
+LEAVES_THE_SAME: Final = 0.1
+"""Share of what a set leaves of the wheel's plane or of the lateral axis, and of the noise there, by which another may
+leave more and still not count as worse: fits move by that much for the sake of the other part."""
+
 TEMPERED: Final = 2.0
 """Power of what a set leaves over that of the noise from which an effect must reduce it to count, and ratio of their
 rms from which a note says that the evidence was divided by it."""

@@ -100,7 +100,7 @@ class Discrepancy:
         """
         applied = Applied(self, amplitudes)
         # What has no inverse fails here.
-        _ = applied.log_determinant
+        _ = applied.log_determinants
         return applied
 
     def thinned(self, share: float) -> Discrepancy:
@@ -156,9 +156,17 @@ class Applied:
         self.__dict__.pop("inverses", None)
 
     @cached_property
+    def log_determinants(self) -> FloatArray:
+        """Logarithm of the determinant of each axis' covariance over that of the scatter, (3,)."""
+        result = np.zeros(_AXES)
+        for (_, (_, axis, _)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            result[axis] += inverse.log_determinant
+        return result
+
+    @property
     def log_determinant(self) -> float:
-        """Logarithm of the determinant of the data's covariance over that of the scatter."""
-        return sum(inverse.log_determinant for inverse in self.inverses)
+        """Their sum over the axes."""
+        return float(self.log_determinants.sum())
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
         """Return C^-1 rows' for the data's covariance C, (k, 3, REAL) of each group.

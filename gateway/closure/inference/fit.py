@@ -119,6 +119,14 @@ class Fit:
     def _gram(self) -> FloatArray:
         return product(self.weighted, self._stacked) / self.scale
 
+    def gram_of(self, axes: Sequence[int]) -> FloatArray:
+        """Return the products of derivatives and residual with them of some axes alone, (P + 1, P + 1)."""
+        chosen = list(axes)
+        return (
+            product([rows[:, chosen] for rows in self.weighted], [rows[:, chosen] for rows in self._stacked])
+            / self.scale
+        )
+
     def cross(self, others: Rows) -> FloatArray:
         """Return derivatives and residual C^-1 others' for others (q, 3, REAL) of each group, (P + 1, q)."""
         return product(self.weighted, others) / self.scale

@@ -10,7 +10,7 @@ from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 import numpy as np
 
 from gateway.closure.inference import criteria
-from gateway.closure.inference.misspecification import doubted_sets
+from gateway.closure.inference.misspecification import ByPart, doubted_sets
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names, SetSearch
 from gateway.reasons import Reason
@@ -30,11 +30,6 @@ class Weighed(Protocol):
     @property
     def log_evidence(self) -> float:
         """Log evidence of the data, prior odds included, up to a constant of the data."""
-        ...
-
-    @property
-    def log_prior_odds(self) -> float:
-        """Logarithm of the odds of its effects before the data."""
         ...
 
     @property
@@ -60,7 +55,8 @@ class PosteriorOver(Generic[SetT]):
         possible: probability of each without impossible values among these sets; they add up to 1.
         sets: possible sets whose effects are all supported (`criteria.SUPPORTED`), most probable first.
         weights: probability of each among these; they add up to 1.
-        temperature: by which the evidence of the data was divided, since the best set leaves more than noise.
+        temperatures: by which the evidence of plane and lateral axis was divided, since the best set leaves more than
+            noise.
         optima: other optima of the best set, by the effect whose shape is another.
     """
 
@@ -69,7 +65,7 @@ class PosteriorOver(Generic[SetT]):
     possible: Mapping[Names, float]
     sets: tuple[SetT, ...]
     weights: tuple[float, ...]
-    temperature: float = 1.0
+    temperatures: ByPart = field(default_factory=ByPart)
     optima: Mapping[str, tuple[SetT, ...]] = field(default_factory=dict)
 
     @property
@@ -94,8 +90,8 @@ class PosteriorOver(Generic[SetT]):
 
     def log_odds(self, name: str) -> float:
         """Return the logarithm of the odds that an effect is present, from the best sets with and without it."""
-        with_it = [_tempered(one, self.temperature) for one in self.every.values() if name in counted(one)]
-        without = [_tempered(one, self.temperature) for one in self.every.values() if name not in counted(one)]
+        with_it = [one.log_evidence for one in self.every.values() if name in counted(one)]
+        without = [one.log_evidence for one in self.every.values() if name not in counted(one)]
         return max(with_it) - max(without) if with_it and without else math.nan
 
     @property
@@ -112,9 +108,7 @@ class PosteriorOver(Generic[SetT]):
         """
         kept = list(zip(self.sets, self.weights, strict=True))
         for name, others in self.optima.items():
-            odds = [
-                math.exp(_tempered(one, self.temperature) - _tempered(self.best, self.temperature)) for one in others
-            ]
+            odds = [math.exp(one.log_evidence - self.best.log_evidence) for one in others]
             total = sum(weight for one, weight in kept if name in one.names)
             share = 1.0 / (1.0 + sum(odds))
             kept = [(one, weight * share if name in one.names else weight) for one, weight in kept]
@@ -175,46 +169,35 @@ def counted(one: Weighed) -> Names:
 
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
-    found, temperature = doubted_sets(search.found, search.data)
-    posterior = over(found, temperature)
-    if posterior.best.names != search.best.names:
-        return posterior
-    possible = {name: tuple(one for one in each if not one.objections) for name, each in search.optima.items()}
-    return replace(posterior, optima=possible)
+    found, temperatures = doubted_sets(search.found, search.data)
+    posterior = over({names: one.tempered(*temperatures) for names, one in found.items()})
+    possible = {
+        name: tuple(one.tempered(*temperatures) for one in each if not one.objections)
+        for name, each in (search.optima.items() if posterior.best.names == search.best.names else ())
+    }
+    return replace(posterior, temperatures=temperatures, optima=possible)
 
 
-def over(every: Mapping[Names, SetT], temperature: float = 1.0) -> PosteriorOver[SetT]:
-    """Return the posterior over sets of effects, the set without any among them.
-
-    Args:
-        every: sets with their evidence.
-        temperature: by which the evidence of the data is divided, prior odds excepted.
-    """
+def over(every: Mapping[Names, SetT]) -> PosteriorOver[SetT]:
+    """Return the posterior over sets of effects, the set without any among them."""
     ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
     stand_in = math.log(criteria.STAND_IN_ODDS)
-    of_set = {one.names: _tempered(one, temperature) for one in ordered}
-    scores = np.array([of_set[one.names] + (stand_in if one.objections else 0.0) for one in ordered])
-    mass_of = _shares(dict(zip((one.names for one in ordered), scores.tolist(), strict=True)))
-    possible = _shares({one.names: of_set[one.names] for one in ordered if not one.objections})
+    mass_of = _shares({one.names: one.log_evidence + (stand_in if one.objections else 0.0) for one in ordered})
+    possible = _shares({one.names: one.log_evidence for one in ordered if not one.objections})
     supported = [
         one
         for one in ordered
         if not one.objections
         and all(_probability(every, mass_of, possible, frozenset([name])) >= criteria.SUPPORTED for name in one.names)
     ]
-    weights = _shares({one.names: of_set[one.names] for one in supported})
-    return PosteriorOver(dict(every), mass_of, possible, tuple(supported), tuple(weights.values()), temperature)
+    weights = _shares({one.names: one.log_evidence for one in supported})
+    return PosteriorOver(dict(every), mass_of, possible, tuple(supported), tuple(weights.values()))
 
 
 def _shares(logs: Mapping[Names, float]) -> dict[Names, float]:
     """Return the shares of sets in their sum, from logarithms."""
     shares = np.exp(np.array(list(logs.values())) - max(logs.values()))
     return dict(zip(logs, (shares / shares.sum()).tolist(), strict=True))
-
-
-def _tempered(one: Weighed, temperature: float) -> float:
-    """Return the log evidence of a set, that of the data divided by the temperature."""
-    return one.log_prior_odds + (one.log_evidence - one.log_prior_odds) / temperature
 
 
 def _probability(

@@ -78,12 +78,13 @@ def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
     return tuple(residuals)
 
 
-def residual_ratio(fit: Fit, data: Whitened) -> float:
-    """Return the mean square of what a fit leaves over that of the noise of the groups' means, at least 1."""
+def residual_ratio(fit: Fit, data: Whitened, axes: Sequence[int] = range(3)) -> float:
+    """Return the mean square of what a fit leaves of some axes over that of the groups' means' noise, at least 1."""
     excess = noise = 0.0
+    chosen = list(axes)
     for residual in group_residuals(fit, data):
-        excess += float(np.square(residual.rms_mps2()).sum())
-        noise += float(residual.variance.sum())
+        excess += float(np.square(residual.rms_mps2()[chosen]).sum())
+        noise += float(residual.variance[chosen].sum())
     return 1.0 + excess / noise if noise > 0.0 else 1.0
 
 

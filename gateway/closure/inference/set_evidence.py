@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.effect import GroupConditions
+from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import bounds
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
@@ -39,6 +39,7 @@ class Evaluated:
         log_evidence: of the data, up to a constant of the data; prior odds of the set included.
         objections: effects whose values are impossible, with the reason, in the order of the model.
         log_prior_odds: logarithm of the prior odds of the set.
+        lateral: part of the log evidence that the lateral axis adds to that of the wheel's plane.
     """
 
     names: frozenset[str]
@@ -46,6 +47,14 @@ class Evaluated:
     log_evidence: float
     objections: tuple[tuple[str, Reason], ...] = ()
     log_prior_odds: float = 0.0
+    lateral: float = 0.0
+
+    def tempered(self, plane: float, lateral: float) -> Evaluated:
+        """Return the set with the evidence of plane and lateral axis divided by these, prior odds excepted."""
+        odds, own = self.log_prior_odds, self.lateral
+        return replace(
+            self, log_evidence=odds + (self.log_evidence - odds - own) / plane + own / lateral, lateral=own / lateral
+        )
 
 
 def evaluate(
@@ -89,7 +98,9 @@ def evaluated_at(fit: Fit) -> Evaluated:
                 fit.model.shape(fit.vector, index)
         except NoShapeError:
             found = fit.moved(inside - fit.vector)
-    return Evaluated(_names(fit), found, log_evidence(fit), impossible(fit), log_prior_odds(fit.model))
+    return Evaluated(
+        _names(fit), found, log_evidence(fit), impossible(fit), log_prior_odds(fit.model), _by_lateral_axis(fit)
+    )
 
 
 def _names(fit: Fit) -> frozenset[str]:
@@ -104,6 +115,24 @@ def log_evidence(fit: Fit) -> float:
     odds = log_prior_odds(fit.model) - fit.model.log_choices()
     odds += _by_prior_widths(fit)
     return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + fit.log_occam)
+
+
+def _by_lateral_axis(fit: Fit) -> float:
+    """Return the part of the log evidence that the lateral axis adds to that of the wheel's plane.
+
+    The covariance has no terms between axes. A parameter's prior counts for the lateral axis by the share of its
+    information that comes from there.
+    """
+    if fit.applied is None:
+        raise ValueError("the evidence of a set needs its discrepancy")
+    added = fit.gram_of([LATERAL])
+    rest = fit.precision - added[:-1, :-1]
+    occam = fit.log_occam + float(np.linalg.slogdet(fit.prior_precision)[1] - np.linalg.slogdet(rest)[1])
+    away = fit.vector - fit.prior_mean
+    total = np.diagonal(fit.information)
+    share = np.where(total > 0.0, np.diagonal(added)[:-1] / np.where(total > 0.0, total, 1.0), 0.0)
+    prior = float(share @ (away * (fit.prior_precision @ away)))
+    return -0.5 * (float(added[-1, -1]) + prior + float(fit.applied.log_determinants[LATERAL]) + occam)
 
 
 def log_prior_odds(model: ClosureModel) -> float:

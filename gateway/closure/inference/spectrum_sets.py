@@ -55,14 +55,12 @@ class SpectrumSet:
         names: of the components and the low-pass.
         fit: at its optimum.
         log_evidence: prior odds of the set included.
-        log_prior_odds: logarithm of these.
         objections: effects whose values are impossible, with the reason.
     """
 
     names: Names
     fit: SpectrumFit
     log_evidence: float
-    log_prior_odds: float
     objections: tuple[tuple[str, Reason], ...] = ()
 
 
@@ -216,7 +214,7 @@ class SpectrumSearch:
             strange = name in self._components and self._components[name].strange
             odds += math.log(criteria.STAND_IN_ODDS if strange else criteria.PRIOR_ODDS)
         witnesses = sum(self._witnesses(fit))
-        return SpectrumSet(fit.parts.names, fit, fit.log_evidence + odds + witnesses, odds, _impossible(fit))
+        return SpectrumSet(fit.parts.names, fit, fit.log_evidence + odds + witnesses, _impossible(fit))
 
     def _witnesses(self, fit: SpectrumFit) -> Iterator[float]:
         """Yield the log likelihood ratios of what spectra by axis do not contain, effect against unknown cause."""
