@@ -176,7 +176,7 @@ def _diagnose(
         *beside_changes(time_locked.unexplained, changes),
         *unexplained_revolutions(campaign.groups),
     )
-    start = posterior.baseline.fit
+    shown = errors.fit_of[frozenset()], errors.fit_of[best.names]
     on_progress(1.0, "done")
     return Diagnosis(
         model=str(model),
@@ -198,9 +198,9 @@ def _diagnose(
         estimates_after=after,
         determined=determined,
         determined_before=determined_before,
-        curves=curves_of(start, best.fit, data),
+        curves=curves_of(*shown, data),
         spectra=time_locked.spectra,
-        trends=trends_of(start, best.fit, data),
+        trends=trends_of(*shown, data),
         empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
         notes=(
             *_ended(search),

@@ -11,8 +11,11 @@ import pytest
 
 from gateway.closure.data.campaign_data import ORDERS, Campaign
 from gateway.closure.data.revolution_orders import waveform_orders
-from gateway.closure.effects.effect import LATERAL, RADIAL, GroupConditions
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, GroupConditions
+from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.hold_out import HeldOutErrors, hold_out
+from gateway.closure.inference.residual import group_residuals
+from gateway.closure.inference.set_search import baseline_fit
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -20,10 +23,12 @@ from tests.closure.planted_campaign import (
     ONE_SPEED,
     REVOLUTIONS,
     TWO_SPEEDS,
+    Sideways,
     among,
     campaign_of,
     nothing,
     searched,
+    sideways,
     signal_of,
     turned,
     with_blocks,
@@ -126,6 +131,41 @@ def test_effect_in_one_fold_does_not_predict_it() -> None:
     if NAMES in errors.rms_of:
         assert errors.rms_of[NAMES] ** 2 - plain.rms_of[frozenset()] ** 2 > 1.1 * square
     assert errors.with_discrepancy_mps2**2 - plain.with_discrepancy_mps2**2 > 0.9 * square
+
+
+def tread_void(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    """A wave of the lateral axis, and a kink beside the contact that no effect describes."""
+    read = sideways(3.0)(signal, theta, here)
+    square = np.square((theta - 0.3) / 0.09)
+    kink = 300.0 * (1.0 - square) * np.exp(-0.5 * square)
+    read[RADIAL] += kink
+    read[CIRCUMFERENTIAL] += 0.7 * kink
+    return read
+
+
+def test_ring_is_taken_at_its_best_before_and_after() -> None:
+    """The lateral effect is not credited with what a better fit of the ring's own parameters does."""
+    campaign = campaign_of(ONE_SPEED, tread_void, axes=ALL_AXES)
+    found, search = searched(campaign, {"one": Sideways("one")})
+    assert found.best.names == {"one"}
+    errors = hold_out(found, search.data)
+
+    def left(fit: Fit) -> float:
+        return math.sqrt(
+            sum(float((POWER * np.abs(one.orders_mps2) ** 2).sum()) for one in group_residuals(fit, search.data)) / 3.0
+        )
+
+    least = left(baseline_fit(campaign, search.core, search.data))
+    assert left(found.baseline.fit) > 1.02 * least
+    noise = errors.noise_mps2
+    assert errors.summary.rms_before_mps2 == pytest.approx(math.hypot(least, noise), rel=0.01)
+    assert errors.fit_of[frozenset()].applied is None
+    for axis in errors.summary.axes:
+        if axis.axis != "lateral":
+            assert axis.after_mps2 == pytest.approx(axis.before_mps2, rel=0.01)
+    lateral = errors.summary.axes[LATERAL]
+    assert lateral.after_mps2 == pytest.approx(lateral.noise_mps2, rel=0.05)
+    assert lateral.before_mps2 > 1.5 * lateral.after_mps2
 
 
 @pytest.mark.parametrize(("folds", "count"), [(2, REVOLUTIONS), (2, 1), (3, 1)])

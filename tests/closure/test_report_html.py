@@ -165,6 +165,27 @@ def test_undecided_effects_are_in_summary_and_omissions():
     assert len(rows[0].cells) == 3
 
 
+def test_answer_says_on_which_axes_the_error_falls() -> None:
+    """Ply steer takes nothing off the axes of the wheel's plane."""
+    axes = tuple(
+        AxisError(
+            axis=name,
+            before_mps2=before,
+            after_mps2=after,
+            with_discrepancy_mps2=1.0,
+            noise_mps2=1.0,
+            before_weighted=1.0,
+            after_weighted=1.0,
+        )
+        for name, before, after in (("circumferential", 8.0, 8.0), ("lateral", 6.0, 1.0), ("radial", 16.0, 15.9))
+    )
+    diagnosis = ordinary()
+    lateral = replace(diagnosis, held_out=replace(diagnosis.held_out, axes=axes))
+    assert "the held-out error falls, on the lateral axis only, from 12.3" in Page(diagnosis_html(lateral)).text
+    every = replace(lateral.held_out, axes=tuple(replace(one, after_mps2=1.0) for one in axes))
+    assert "the held-out error falls from 12.3" in Page(diagnosis_html(replace(lateral, held_out=every))).text
+
+
 def test_errors_are_reported_by_axis():
     axis = AxisError("radial", 14.3, 3.05, 1.25, 0.47, 9.5, 2.4)
     far = replace(undrawn(), held_out=HeldOut(14.3, 3.05, 40, 4, (axis,)), noise_floor_mps2=0.47)

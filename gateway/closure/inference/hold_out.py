@@ -9,13 +9,16 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
+from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Applied
-from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.likelihood import Whitened, as_complex, as_real
 from gateway.closure.inference.posterior import Posterior
-from gateway.closure.inference.residual import POWER_SHARE
+from gateway.closure.inference.residual import POWER_SHARE, residual_ratio
 from gateway.closure.inference.set_evidence import Evaluated, log_evidence
 from gateway.closure.model.baseline import NoShapeError
+from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.result import AxisError, HeldOut
 from gateway.constants import AXIS_NAMES
 from gateway.types import ComplexArray, FloatArray
@@ -33,11 +36,13 @@ class _Fold:
         log_evidence: of the other folds.
         predicted: (3, ORDERS) of each group that has the fold, None elsewhere.
         with_discrepancy: likewise, its mean added.
+        at_best: likewise, with the tire's own parameters of the least error; None where those are no others.
     """
 
     log_evidence: float
     predicted: list[ComplexArray | None]
     with_discrepancy: list[ComplexArray | None]
+    at_best: list[ComplexArray | None] | None = None
 
 
 @dataclass
@@ -80,6 +85,7 @@ class HeldOutErrors:
         with_discrepancy_mps2: rms with the mean of the discrepancy added.
         chosen: effects of the set that was chosen without each fold.
         rms_of: rms of each set that was followed through all folds.
+        fit_of: fit to all folds of each of these, with the tire's own parameters whose error is given.
     """
 
     summary: HeldOut
@@ -87,6 +93,7 @@ class HeldOutErrors:
     with_discrepancy_mps2: float
     chosen: tuple[frozenset[str], ...]
     rms_of: dict[frozenset[str], float]
+    fit_of: dict[frozenset[str], Fit]
 
 
 def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = ()) -> HeldOutErrors:
@@ -95,13 +102,18 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
     Every fold of every group is held out once. The linearised fits are solved again without it, the discrepancy is
     predicted from the others, and the set is chosen by the evidence of the others.
 
+    Every set is taken at its best: where it leaves much, the tire's own parameters of the highest evidence give room to
+    the discrepancy, and those of least squares beside the same effects have the smaller error. Otherwise an effect
+    would be credited with what a better fit of the ring alone does.
+
     Args:
         posterior: over the sets.
         data: whitened.
         also: further sets whose error is wanted.
     """
     sets = {one.names: one for one in (*posterior.sets[:_MOST_SETS], posterior.baseline, *also)}
-    folds = {names: _folds(one, data) for names, one in sets.items()}
+    least = {names: _least_squares(one.fit, data) for names, one in sets.items()}
+    folds = {names: _at_its_best(_folds(one, data, least[names]), data) for names, one in sets.items()}
     errors = {names: _Sums.empty() for names in sets}
     after, corrected = _Sums.empty(), _Sums.empty()
     chosen = []
@@ -130,7 +142,35 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
         corrected.rms_mps2(),
         tuple(chosen),
         {names: sums.rms_mps2() for names, sums in errors.items()},
+        {names: (folds[names][0].at_best and least[names]) or one.fit for names, one in sets.items()},
     )
+
+
+def _least_squares(fit: Fit, data: Whitened) -> Fit | None:
+    """Return the fit of the tire's own parameters beside the same effects by the scatter alone, where much is left."""
+    if residual_ratio(fit, data, (CIRCUMFERENTIAL, RADIAL)) < criteria.TEMPERED:
+        return None
+    model = fit.model
+    held = {effect.name: fit.vector[model.layout.effect(effect.name)] for effect in model.effects}
+    try:
+        return fit_model(ClosureModel(model.campaign, model.core, model.effects, held=held), data, fit.vector)
+    except FitFailedError:
+        return None
+
+
+def _at_its_best(folds: list[_Fold], data: Whitened) -> list[_Fold]:
+    """Return the folds with the predictions of the smaller error: by the evidence, or by least squares."""
+    if any(one.at_best is None for one in folds):
+        return [replace(one, at_best=None) for one in folds]
+    usual, other = _Sums.empty(), _Sums.empty()
+    for fold, one in enumerate(folds):
+        for index, orders in enumerate(data.orders):
+            for sums, every in ((usual, one.predicted), (other, one.at_best or [])):
+                if (predicted := every[index]) is not None:
+                    sums.add(orders[fold] - predicted, data.weights[index][fold])
+    if usual.rms_mps2() <= other.rms_mps2():
+        return [replace(one, at_best=None) for one in folds]
+    return [replace(one, predicted=one.at_best or one.predicted) for one in folds]
 
 
 def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, ...]:
@@ -160,14 +200,14 @@ def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, 
     return tuple(found)
 
 
-def _folds(one: Evaluated, data: Whitened) -> list[_Fold]:
+def _folds(one: Evaluated, data: Whitened, least: Fit | None) -> list[_Fold]:
     """Return the prediction of every fold by one set."""
     fit = one.fit
     if fit.applied is None:
         raise ValueError("a set is held out with its discrepancy")
     deviations = [_of_blocks(fit, data, index) for index in range(len(data.orders))]
     applied: dict[float, Applied] = {}
-    return [_without(fit, data, deviations, fold, applied) for fold in range(data.folds)]
+    return [_without(fit, least, data, deviations, fold, applied) for fold in range(data.folds)]
 
 
 def _of_blocks(fit: Fit, data: Whitened, index: int) -> ComplexArray:
@@ -181,56 +221,91 @@ def _of_blocks(fit: Fit, data: Whitened, index: int) -> ComplexArray:
 
 
 def _without(
-    fit: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold: int, applied: dict[float, Applied]
+    fit: Fit,
+    least: Fit | None,
+    data: Whitened,
+    deviations: Sequence[ComplexArray],
+    fold: int,
+    applied: dict[float, Applied],
 ) -> _Fold:
     """Return the prediction of one fold by the linear fit to the others."""
     if fit.applied is None:
         raise ValueError("a set is held out with its discrepancy")
-    residuals, shares = [], []
-    kept = total = 0.0
-    for index, counts in enumerate(data.counts):
-        others = counts.copy()
-        if fold < len(counts) and len(counts) > 1:
-            others[fold] = 0.0
-        shares.append(float(others.sum() / counts.sum()))
-        kept, total = kept + float(others.sum()), total + float(counts.sum())
-        blocks = data.orders[index] - deviations[index]
-        mean = np.tensordot(others / others.sum(), blocks, axes=1)
-        residuals.append(fit.residual[index] + as_real(mean - data.mean(index, blocks)))
+    thin, share = _thinned(fit, data, deviations, fold)
     # Folds of nearly the same size share one discrepancy: its information is that of the mean share.
-    key = round(kept / total, 2)
-    if key not in applied:
-        applied[key] = fit.applied.discrepancy.thinned(key).applied(fit.applied.amplitudes)
-    weights = [math.sqrt(share / key) for share in shares]
-    thin = replace(
-        fit,
-        rows=tuple(weight * rows for weight, rows in zip(weights, fit.rows, strict=True)),
-        residual=tuple(weight * residual for weight, residual in zip(weights, residuals, strict=True)),
-        applied=applied[key],
-    )
-    step = thin.step
-    there = thin.moved(step)
-    predicted: list[ComplexArray | None] = []
+    if share not in applied:
+        applied[share] = fit.applied.discrepancy.thinned(share).applied(fit.applied.amplitudes)
+    thin = replace(thin, applied=applied[share])
+    there = thin.moved(thin.step)
+    base = _predicted(fit, there, data, deviations, fold, share)
+    left = applied[share].mean([rows[-1] for rows in there.weighted])
     whole: list[ComplexArray | None] = []
-    left = applied[key].mean([rows[-1] for rows in there.weighted])
-    for index, counts in enumerate(data.counts):
-        if fold >= len(counts) or len(counts) < 2:
-            predicted.append(None)
+    for index, predicted in enumerate(base):
+        if predicted is None:
             whole.append(None)
             continue
-        by_edges = data.by_edges(index, there.weighted[index][-1], key)
-        base = _predicted(fit, data, index, step) + deviations[index][fold] + by_edges
-        predicted.append(base)
-        own = base.copy()
+        own = predicted.copy()
         for state, axis, coefficients in left:
             if state == fit.model.campaign.groups[index].state:
                 scales = fit.applied.discrepancy.scales(state, axis, index)
                 own[axis] += as_complex(scales @ coefficients)
         whole.append(own)
-    return _Fold(log_evidence(there), predicted, whole)
+    if least is None:
+        return _Fold(log_evidence(there), base, whole)
+    # Its effects are those that the other folds determine, the tire's own parameters those of the least error beside.
+    change = np.zeros(len(least.vector))
+    for effect in least.model.effects:
+        where = least.model.layout.effect(effect.name)
+        change[where] = (there.vector - least.vector)[where]
+    beside = _thinned(least, data, deviations, fold)[0].moved(change)
+    beside = replace(beside, prior_mean=beside.prior_mean + change)
+    at_best = _predicted(least, beside.moved(beside.step), data, deviations, fold, share)
+    return _Fold(log_evidence(there), base, whole, at_best)
 
 
-def _predicted(fit: Fit, data: Whitened, index: int, step: FloatArray) -> ComplexArray:
-    """Return the group's prediction after a step, (3, ORDERS), by the linearised model."""
-    left = fit.residual[index] - np.tensordot(step, fit.rows[index], axes=1)
-    return data.mean(index, data.orders[index]) - as_complex(left)
+def _thinned(fit: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold: int) -> tuple[Fit, float]:
+    """Return a linearised fit with the data of the other folds, each group weighted by its share, and their share."""
+    residuals, shares = [], []
+    used = total = 0.0
+    for index, counts in enumerate(data.counts):
+        others = counts.copy()
+        if fold < len(counts) and len(counts) > 1:
+            others[fold] = 0.0
+        shares.append(float(others.sum() / counts.sum()))
+        used, total = used + float(others.sum()), total + float(counts.sum())
+        blocks = data.orders[index] - deviations[index]
+        mean = np.tensordot(others / others.sum(), blocks, axes=1)
+        residuals.append(fit.residual[index] + as_real(mean - data.mean(index, blocks)))
+    share = round(used / total, 2)
+    weights = [math.sqrt(one / share) for one in shares]
+    thin = replace(
+        fit,
+        rows=tuple(weight * rows for weight, rows in zip(weights, fit.rows, strict=True)),
+        residual=tuple(weight * residual for weight, residual in zip(weights, residuals, strict=True)),
+    )
+    return thin, share
+
+
+def _predicted(
+    fit: Fit, there: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold: int, share: float
+) -> list[ComplexArray | None]:
+    """Return the prediction of a fold in every group that has it, (3, ORDERS), by the linearised model.
+
+    Args:
+        fit: where the model is linearised.
+        there: at the parameters that the other folds determine.
+        data: whitened.
+        deviations: of each block from its group's mean.
+        fold: to predict.
+        share: of the other folds.
+    """
+    step = there.vector - fit.vector
+    predicted: list[ComplexArray | None] = []
+    for index, counts in enumerate(data.counts):
+        if fold >= len(counts) or len(counts) < 2:
+            predicted.append(None)
+            continue
+        left = fit.residual[index] - np.tensordot(step, fit.rows[index], axes=1)
+        base = data.mean(index, data.orders[index]) - as_complex(left)
+        predicted.append(base + deviations[index][fold] + data.by_edges(index, there.weighted[index][-1], share))
+    return predicted

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.closure.result import Curves, Diagnosis, Spectra, Trend
+from gateway.closure.result import Curves, Diagnosis, HeldOut, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.views.html_template import html_template
@@ -244,7 +244,7 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     shaped = [finding.name for finding in (*diagnosis.named, *undecided) if finding.lock == "angle"]
     if shaped or uncertain:
         grown = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2) > GROWN
-        verb = "increases" if grown else "changes" if before == after else "falls"
+        verb = "increases" if grown else "changes" if before == after else f"falls{_where(held_out)}"
         added = ["this effect" if len(shaped) == 1 else "these effects"] if shaped else []
         unsure = f", which {'is' if len(uncertain) == 1 else 'are'} not certain," if uncertain else ""
         sets = f"With {listed([*added, *uncertain])}{unsure}"
@@ -262,6 +262,14 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
     else:
         yield f"{no_residual(diagnosis, 'Nothing else')}."
+
+
+def _where(held_out: HeldOut) -> str:
+    """Return the axes on which the error falls, where it does not on all."""
+    fallen = [clean(axis.axis) for axis in held_out.axes if axis.before_mps2 > GROWN * axis.after_mps2]
+    if not 0 < len(fallen) < len(held_out.axes):
+        return ""
+    return f", on the {listed(fallen)} {'axis' if len(fallen) == 1 else 'axes'} only,"
 
 
 def chapters(diagnosis: Diagnosis) -> list[Chapter]:
