@@ -41,7 +41,7 @@ from gateway.closure.inference.outvoted_recordings import (
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.recordings_apart import Apart, recordings_apart
 from gateway.closure.inference.reference_model import on_exact_ring
-from gateway.closure.inference.residual import left_shares, unexplained
+from gateway.closure.inference.residual import PLANE, left_shares, residual_ratio, unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
@@ -151,13 +151,18 @@ def _diagnose(
     contradicted = frozenset(doubted_states)
     strange, strange_before = (_not_a_ring(one.fit, data) for one in (best, posterior.baseline))
     considered = [(one.fit, weight) for one, weight in posterior.considered]
-    after, determined = estimates_of(considered, better, contradicted | _states_of(campaign, strange))
+    after, determined = estimates_of(
+        considered, better, contradicted | _states_of(campaign, strange), posterior.temperatures.plane
+    )
     if exact is None and core.model is not BaselineModel.EXACT:
         # The error of the equations is unknown.
         determined = dict.fromkeys(determined, False)
     to_before = better if exact is not None else [*better, after]
     before, determined_before = estimates_of(
-        [(posterior.baseline.fit, 1.0)], to_before, contradicted | _states_of(campaign, strange_before)
+        [(posterior.baseline.fit, 1.0)],
+        to_before,
+        contradicted | _states_of(campaign, strange_before),
+        math.sqrt(residual_ratio(posterior.baseline.fit, data, PLANE)),
     )
     # The series take the load for a part of Cw.
     apart = belt_widths_apart(after) if core.model is BaselineModel.EXACT else None

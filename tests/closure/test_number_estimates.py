@@ -280,6 +280,19 @@ def test_number_worse_than_a_third_is_not_determined() -> None:
     assert not any(determined[name] for name in NUMBERS)
 
 
+def test_what_is_left_of_the_plane_bears_on_what_is_determined() -> None:
+    fit, _ = fitted(campaign_of(ONE_SPEED))
+    cw = estimates_of([(fit, 1.0)])[0]["Cw"]
+    vars(fit)["covariance"] = np.square(0.15 * cw.value / cw.std) * fit.covariance
+    sets = [(fit, 1.0)]
+    # An error of 15 % counts as one of 29 % and of 31 %.
+    assert [estimates_of(sets, left_ratio=ratio)[1]["Cw"] for ratio in (1.0, 1.93**2, 2.07**2)] == [True, True, False]
+    # So little left is not noted either.
+    vars(fit)["covariance"] = np.square(1.9) * fit.covariance
+    assert estimates_of(sets, left_ratio=1.9)[1]["Cw"]
+    assert not estimates_of(sets, left_ratio=2.1)[1]["Cw"]
+
+
 def of_states(second_cw: float) -> dict[str, Fitted]:
     """Two states: the load of the second may be stated wrongly."""
     return {

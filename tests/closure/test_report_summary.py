@@ -75,6 +75,17 @@ def test_undetermined_estimates_have_reason_and_remedy(changes, reason):
     assert f"not determined: Ts ({reason})" in text
 
 
+def test_undetermined_beside_much_that_is_unexplained():
+    sure = replace(ordinary(), load_known=True, determined={"Bs": False})
+    noted = Reason(Code.EVIDENCE_TEMPERED, axes=("circumferential", "radial"), residual_ratio=12.0)
+    text = " ".join(line.strip() for line in closure_summary_lines(replace(sure, notes=(noted,))))
+    assert "not determined: Bs (too uncertain beside what is left unexplained: see the notes)" in text
+    assert "what is left unexplained (circumferential, radial) has 12 times the rms of the noise" in text
+    noted = Reason(Code.EVIDENCE_TEMPERED, axes=("lateral",), residual_ratio=12.0)
+    text = " ".join(line.strip() for line in closure_summary_lines(replace(sure, notes=(noted,))))
+    assert "too uncertain" not in text
+
+
 def test_undetermined_despite_small_error():
     sure = replace(ordinary(), load_known=True)
     sure = replace(sure, estimates_after={**sure.estimates_after, "Ts": Fitted(2.41, 0.09)})

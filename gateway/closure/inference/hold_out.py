@@ -9,13 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
 from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Applied
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.likelihood import Whitened, as_complex, as_real
 from gateway.closure.inference.posterior import Posterior
-from gateway.closure.inference.residual import POWER_SHARE, residual_ratio
+from gateway.closure.inference.residual import PLANE, POWER_SHARE, residual_ratio
 from gateway.closure.inference.set_evidence import Evaluated, log_evidence
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
@@ -148,7 +147,7 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
 
 def _least_squares(fit: Fit, data: Whitened) -> Fit | None:
     """Return the fit of the tire's own parameters beside the same effects by the scatter alone, where much is left."""
-    if residual_ratio(fit, data, (CIRCUMFERENTIAL, RADIAL)) < criteria.TEMPERED:
+    if residual_ratio(fit, data, PLANE) < criteria.TEMPERED:
         return None
     model = fit.model
     held = {effect.name: fit.vector[model.layout.effect(effect.name)] for effect in model.effects}

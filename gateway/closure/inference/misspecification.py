@@ -7,15 +7,15 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
+from gateway.closure.effects.effect import LATERAL
 from gateway.closure.inference import criteria
 from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.residual import residual_ratio
+from gateway.closure.inference.residual import PLANE, residual_ratio
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names
 from gateway.reasons import Code, Reason
 
-PARTS: Final = ((CIRCUMFERENTIAL, RADIAL), (LATERAL,))
+PARTS: Final = (PLANE, [LATERAL])
 """Axes whose evidence counts alike: one ring moves both of the wheel's plane, the lateral one has its own model."""
 
 

@@ -83,6 +83,7 @@ def estimates_of(
     sets: Sequence[tuple[Fit, float]],
     better: Sequence[Mapping[str, Fitted]] = (),
     contradicted: frozenset[int] = frozenset(),
+    left_ratio: float = 1.0,
 ) -> tuple[dict[str, Fitted], dict[str, bool]]:
     """Return every estimate, and whether the data determine it.
 
@@ -93,12 +94,15 @@ def estimates_of(
         sets: fit and probability of each set of effects; probabilities add up to 1.
         better: estimates by models that explain more of the same data. The distance to the farthest is an error too.
         contradicted: states whose recordings contradict each other or are in doubt: nothing of them is determined.
+        left_ratio: rms of what the sets leave of the wheel's plane over that of the noise. Evidence counts less by it
+            from `criteria.TEMPERED` on, and an error is then judged as if it were larger by its root.
     """
     found: dict[str, Fitted] = {}
     determined: dict[str, bool] = {}
     campaign = sets[0][0].model.campaign
     groups = campaign.groups
     reference = _reference_state(campaign)
+    doubt = math.sqrt(left_ratio) if left_ratio >= criteria.TEMPERED else 1.0
     states = sorted({group.state for group in groups}, key=lambda state: (state != reference, state))
     for state in states:
         index = _first_group(campaign, state)
@@ -111,7 +115,7 @@ def estimates_of(
             distances = [abs(value - other[name + suffix].value) for other in better if name + suffix in other]
             errors[name] = math.hypot(errors[name], max(distances, default=0.0))
             found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state)
-            determined[name + suffix] = state not in contradicted and _is_determined(name, values, errors, known)
+            determined[name + suffix] = state not in contradicted and _is_determined(name, values, errors, doubt, known)
     return found, determined
 
 
@@ -203,15 +207,17 @@ def state_name(conditions: GroupConditions) -> str:
     return f"{conditions.load_n:.0f} N, {conditions.pressure_pa / 1e3:.0f} kPa"
 
 
-def _is_determined(name: str, values: Mapping[str, float], errors: Mapping[str, float], known: bool) -> bool:
-    enough = errors[name] < _WORST_SHARE * abs(values[name])
+def _is_determined(
+    name: str, values: Mapping[str, float], errors: Mapping[str, float], doubt: float, known: bool
+) -> bool:
+    enough = doubt * errors[name] < _WORST_SHARE * abs(values[name])
     if name == _HALF_ANGLE:
         return enough
     number, _, ratio = name.partition("/")
     if ratio and not known:
         return enough
     if ratio:
-        return _is_determined(number, values, errors, known)
+        return _is_determined(number, values, errors, doubt, known)
     if name == "Bs":
         enough = enough and values[name] > _LEAST_BENDING * values["Cw"]
     return enough and known

@@ -22,7 +22,8 @@ from gateway.types import ComplexArray, FloatArray, IntArray
 
 POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
-_PLANE: Final = [CIRCUMFERENTIAL, RADIAL]
+PLANE: Final = [CIRCUMFERENTIAL, RADIAL]
+"""Axes of the wheel's plane, on which the ring's numbers rest."""
 # Probability that noise alone in one band of one axis is reported as a residual.
 _RARE: Final = 1e-6
 BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
@@ -96,8 +97,8 @@ def left_shares(fit: Fit, data: Whitened) -> tuple[float, ...]:
     shares = []
     for index, residual in enumerate(group_residuals(fit, data)):
         mean = np.nan_to_num(data.mean(index, data.orders[index]))
-        signal = (POWER_SHARE * np.abs(mean) ** 2)[_PLANE, 1:].sum()
-        left = np.square(residual.rms_mps2(1))[_PLANE].sum()
+        signal = (POWER_SHARE * np.abs(mean) ** 2)[PLANE, 1:].sum()
+        left = np.square(residual.rms_mps2(1))[PLANE].sum()
         shares.append(math.sqrt(float(left / signal)) if signal > 0.0 else 0.0)
     return tuple(shares)
 

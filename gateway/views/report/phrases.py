@@ -272,11 +272,19 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     if assumed:
         return f"{listed(assumed)} assumed; state {'it' if len(assumed) == 1 else 'them'}"
     estimates = {name: one for name, one in diagnosis.estimates_after.items() if name in names}
+    if any(isinstance(note, Reason) and _is_of_plane(note) for note in diagnosis.notes):
+        return "too uncertain beside what is left unexplained: see the notes"
     small = [name for name, one in estimates.items() if one.std < _LARGEST_RELATIVE_STD * abs(one.value)]
     if len(small) == len(estimates):
         return "too small to be measured; record at more loads"
     beside = f"; {', '.join(small)}: too small to be measured" if small else ""
     return f"standard error above 30 %; record longer, or at more loads{beside}"
+
+
+def _is_of_plane(note: Reason) -> bool:
+    """Return whether a note says that much is left of the axes on which the numbers rest."""
+    axes = note["axes"] if note.code is Code.EVIDENCE_TEMPERED else ()
+    return isinstance(axes, tuple) and "radial" in axes
 
 
 class NoCorrection(NamedTuple):
