@@ -21,7 +21,6 @@ from gateway.closure.inference.findings import apart_from, confirmed, findings_o
 from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
-from gateway.closure.inference.misspecification import PARTS
 from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
 from gateway.closure.inference.number_estimates import (
@@ -41,7 +40,7 @@ from gateway.closure.inference.outvoted_recordings import (
 from gateway.closure.inference.posterior import Posterior, posterior_of
 from gateway.closure.inference.recordings_apart import Apart, recordings_apart
 from gateway.closure.inference.reference_model import on_exact_ring
-from gateway.closure.inference.residual import PLANE, left_shares, residual_ratio, unexplained
+from gateway.closure.inference.residual import PARTS, PLANE, left_shares, residual_ratio, unexplained
 from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed

@@ -7,9 +7,9 @@ from typing import Any, cast
 
 import pytest
 
-from gateway.closure.effects.effect import LATERAL
 from gateway.closure.inference import misspecification
-from gateway.closure.inference.misspecification import ByPart, doubted_sets
+from gateway.closure.inference.misspecification import doubted_sets
+from gateway.closure.inference.residual import ByPart
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.reasons import Code
 
@@ -26,10 +26,7 @@ def judged(
     """
     sets = {frozenset(names): Evaluated(frozenset(names), cast(Any, names), ratios[names][0]) for names in ratios}
 
-    def residual_ratio(fit: str, data: object, axes: tuple[int, ...]) -> float:
-        return (*ratios[fit], 1.0)[2 if LATERAL in axes else 1]
-
-    monkeypatch.setattr(misspecification, "residual_ratio", residual_ratio)
+    monkeypatch.setattr(misspecification, "ratios_by_part", lambda fit, data: ByPart(*ratios[fit][1:]))
     found, temperatures = doubted_sets(sets, cast(Any, None))
     assert all(reason.code is Code.LEAVES_MORE_THAN_WITHOUT for one in found.values() for _, reason in one.objections)
     return {names: [name for name, _ in found[frozenset(names)].objections] for names in ratios}, temperatures

@@ -11,14 +11,15 @@ import pytest
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import LATERAL, GroupConditions
-from gateway.closure.inference import candidate_scan, set_search
+from gateway.closure.inference import candidate_scan, criteria, set_search
 from gateway.closure.inference.candidate_scan import Scan
 from gateway.closure.inference.candidate_trial import Trial, refit, shapes_of, try_effect
-from gateway.closure.inference.fit import Fit, FitFailedError
+from gateway.closure.inference.fit import Fit, FitFailedError, linearised
+from gateway.closure.inference.residual import ByPart
 from gateway.closure.inference.set_search import SetSearch, baseline_fit, is_taken, rivals_of
 from gateway.closure.model.baseline import Shape
 from gateway.closure.model.baseline_registry import angle_effects
-from gateway.closure.model.closure_model import AngleEffect
+from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -90,9 +91,31 @@ def test_two_effects_are_found_together() -> None:
     found, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
     assert found.best.names == {"roll tilt", "gain"}
     assert set(found.identified()) == {"roll tilt", "gain"}
-    assert found.best.log_evidence == max(one.log_evidence for one in search.found.values())
+    assert found.best.names == search.best.names
     assert frozenset() in search.found
     assert search.complete
+
+
+def test_a_chain_ends_where_three_sets_in_a_row_bring_no_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Five waves around the lateral axis are no effect of these; a fit takes one more all the same."""
+
+    def five_waves(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[LATERAL] += 10.0 * np.cos(5.0 * theta)
+        return read
+
+    effects: dict[str, AngleEffect] = {name: Sideways(name) for name in "abcdefgh"}
+
+    def one_more(search: SetSearch, fit: Fit) -> list[Fit]:
+        taken = len(fit.model.effects)
+        model = ClosureModel(search.campaign, search.core, (*fit.model.effects, effects["abcdefgh"[taken]]))
+        return [linearised(model, search.data, fit.model.layout.moved(fit.vector, model.layout))]
+
+    monkeypatch.setattr(SetSearch, "_fitted", one_more)
+    found, search = searched(campaign_of(ONE_SPEED, five_waves, noise_mps2=0.3, axes=ALL_AXES), effects)
+    assert search.complete
+    assert found.best.names == frozenset()
+    assert max(map(len, search.found)) == 1 + criteria.STALLED
 
 
 def test_few_sets_hold_the_inverse_of_their_covariance() -> None:
@@ -228,3 +251,17 @@ def test_an_expired_search_tries_no_further_effect(monkeypatch: pytest.MonkeyPat
     _, search = searched(campaign, effects, expired=lambda: len(tried) >= 1)
     assert len(tried) == 1
     assert not search.complete
+
+
+def test_sets_that_count_as_alike_beside_much_that_is_left_are_not_climbed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left of the plane has 20 times the rms of the noise: 10 of log evidence count as half of one."""
+    _, search = searched(campaign_of(ONE_SPEED, axes=ALL_AXES), {})
+    (start,) = search.found.values()
+    higher, highest = (replace(start, log_evidence=start.log_evidence + gain) for gain in (10.0, 30.0))
+    lateral = replace(higher, lateral=start.lateral + 10.0)
+    monkeypatch.setattr(set_search, "ratios_by_part", lambda *_: ByPart(400.0, 1.0))
+    assert not search._is_worth_climbing(higher, [start])
+    assert search._is_worth_climbing(highest, [start])
+    assert search._is_worth_climbing(lateral, [start])
+    monkeypatch.setattr(set_search, "ratios_by_part", lambda *_: ByPart(3.9, 1.0))
+    assert search._is_worth_climbing(higher, [start])

@@ -115,6 +115,10 @@ RIVALS: Final = 6
 PROMISE_SHARE: Final = 0.3
 """Share of the best promise below which a candidate of a chain is not fitted: linear promises are right to a third."""
 
+STALLED: Final = 3
+"""Sets of a chain in a row without more evidence than those before, after which it ends: where much is left and no
+candidate fits, each addition takes longer and explains less. Two effects that need each other are two sets."""
+
 MOST_EFFECTS: Final = 8
 """Effects of one set: more were never needed by a recording."""
 
@@ -131,6 +135,10 @@ up to some ten."""
 WORTH_GROWTH: Final = 100.0
 """Difference of log evidence from the best set up to which a set without one of its effects is tried with another one:
 a second effect gained up to 30 where two together were the better explanation."""
+
+WORTH_CLIMBING: Final = 1.0
+"""Log evidence, as it counts where much is left, by which a set must exceed those whose neighbours are known for its
+own to be sought: less changes no verdict."""
 
 SCANNED_GROUPS: Final = 4
 """Groups of revolutions in which candidates are tried; evidence is always that of all groups."""

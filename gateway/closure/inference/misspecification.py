@@ -5,25 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final, NamedTuple
 
-from gateway.closure.effects.effect import LATERAL
 from gateway.closure.inference import criteria
 from gateway.closure.inference.likelihood import Whitened
-from gateway.closure.inference.residual import PLANE, residual_ratio
+from gateway.closure.inference.residual import ByPart, ratios_by_part
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names
 from gateway.reasons import Code, Reason
-
-PARTS: Final = (PLANE, [LATERAL])
-"""Axes whose evidence counts alike: one ring moves both of the wheel's plane, the lateral one has its own model."""
-
-
-class ByPart(NamedTuple):
-    """A figure of the wheel's plane and of the lateral axis."""
-
-    plane: float = 1.0
-    lateral: float = 1.0
 
 
 def doubted_sets(found: Mapping[Names, Evaluated], data: Whitened) -> tuple[dict[Names, Evaluated], ByPart]:
@@ -38,7 +26,7 @@ def doubted_sets(found: Mapping[Names, Evaluated], data: Whitened) -> tuple[dict
         found: sets with their evidence, the set without effects among them.
         data: whitened.
     """
-    ratios = {names: ByPart(*(residual_ratio(one.fit, data, axes) for axes in PARTS)) for names, one in found.items()}
+    ratios = {names: ratios_by_part(one.fit, data) for names, one in found.items()}
     result = {names: _explaining(one, ratios) for names, one in found.items()}
     possible = [one for one in result.values() if not one.objections]
     best = min(possible, key=lambda one: (-one.log_evidence, sorted(one.names)))

@@ -10,7 +10,8 @@ from typing import Final, Generic, Protocol, TypeAlias, TypeVar
 import numpy as np
 
 from gateway.closure.inference import criteria
-from gateway.closure.inference.misspecification import ByPart, doubted_sets
+from gateway.closure.inference.misspecification import doubted_sets
+from gateway.closure.inference.residual import ByPart
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import Names, SetSearch
 from gateway.reasons import Reason

@@ -6,13 +6,13 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
 
 from gateway.closure.data.campaign_data import ORDERS, Campaign
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.model.sensor_signal import THETA, orders_field
@@ -24,6 +24,8 @@ POWER_SHARE: Final = np.where(np.arange(ORDERS) == 0, 1.0, 0.5)
 """Mean square of a waveform by the squares of its orders' coefficients, (ORDERS,)."""
 PLANE: Final = [CIRCUMFERENTIAL, RADIAL]
 """Axes of the wheel's plane, on which the ring's numbers rest."""
+PARTS: Final = (PLANE, [LATERAL])
+"""Axes whose evidence counts alike: one ring moves both of the wheel's plane, the lateral one has its own model."""
 # Probability that noise alone in one band of one axis is reported as a residual.
 _RARE: Final = 1e-6
 BANDS: Final = (0, 1, 2, 3, 5, 8, 12, 18, 27, 40, 60, 85, ORDERS)
@@ -40,6 +42,13 @@ _UNCERTAIN: Final = 0.5
 _NEGLIGIBLE: Final = 0.02
 # Standard errors above which a residual is listed.
 _SIGMAS: Final = 3.0
+
+
+class ByPart(NamedTuple):
+    """A figure of the wheel's plane and of the lateral axis."""
+
+    plane: float = 1.0
+    lateral: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +96,11 @@ def residual_ratio(fit: Fit, data: Whitened, axes: Sequence[int] = range(3)) -> 
         excess += float(np.square(residual.rms_mps2()[chosen]).sum())
         noise += float(residual.variance[chosen].sum())
     return 1.0 + excess / noise if noise > 0.0 else 1.0
+
+
+def ratios_by_part(fit: Fit, data: Whitened) -> ByPart:
+    """Return the same ratio of the wheel's plane and of the lateral axis."""
+    return ByPart(*(residual_ratio(fit, data, axes) for axes in PARTS))
 
 
 def left_shares(fit: Fit, data: Whitened) -> tuple[float, ...]:

@@ -25,6 +25,7 @@ from gateway.closure.inference.discrepancy_concentration import Evident, most_ev
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.other_optima import other_optima
+from gateway.closure.inference.residual import ratios_by_part
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
@@ -107,8 +108,9 @@ class SetSearch:
         while not self._stop():
             leader = next((one for one in self._leaders() if not any(one is other for other in done)), None)
             if leader is not None:
+                worth = self._is_worth_climbing(leader, done)
                 done.append(leader)
-                if not self._restarted(leader):
+                if worth and not self._restarted(leader):
                     self._neighbours(leader)
                 continue
             rival = next((one for one in self._rivals() if not any(one is other for other in grown)), None)
@@ -118,6 +120,19 @@ class SetSearch:
             if len(rival.names) < criteria.MOST_EFFECTS:
                 near = self.best.log_evidence - criteria.WITHIN
                 self._add(rival.fit, rival, self._additions(rival.fit, near), near)
+
+    def _is_worth_climbing(self, leader: Evaluated, done: Sequence[Evaluated]) -> bool:
+        """Return whether the neighbours of a set are worth the work after those of others.
+
+        Where much is left, evidence counts little, and sets that differ by `criteria.WORTH_CLIMBING` are as probable.
+        """
+        ratios = ratios_by_part(self.best.fit, self.data)
+        expected = frozenset(effect.name for effect in self._expected)
+        if max(ratios) < criteria.TEMPERED**2 or leader.names & expected not in {one.names & expected for one in done}:
+            return True
+        plane, lateral = map(math.sqrt, ratios)
+        highest = max(one.tempered(plane, lateral).log_evidence for one in done)
+        return leader.tempered(plane, lateral).log_evidence > highest + criteria.WORTH_CLIMBING
 
     def _rivals(self) -> Iterator[Evaluated]:
         """Yield the best set without each effect of the best one.
@@ -308,27 +323,39 @@ class SetSearch:
         begun: set[Names] = set()
         firsts = self._fitted(start)
         for first in firsts[: criteria.BRANCHES]:
-            fit = first
             if self._at_noise(self.best.fit):
                 break
-            while not self._stop() and _names(fit) not in begun:
-                begun.add(_names(fit))
-                last = len(fit.model.effects) >= criteria.MOST_EFFECTS
-                if not last:
-                    self._begin(fit, self.effects)
-                better = self._of_chain(fit)
-                if last or (self._at_noise(fit) and not better):
-                    break
-                nexts = self._fitted(fit)
-                for other in nexts[1:]:
-                    self._of_chain(other)
-                if not nexts:
-                    break
-                fit = nexts[0]
+            self._chain(first, begun)
         for other in firsts:
             if self._stop():
                 return
             self._of_chain(other)
+
+    def _chain(self, fit: Fit, begun: set[Names]) -> None:
+        """Add the best effects to a set one after the other until none is left, or no more evidence comes of it.
+
+        Args:
+            fit: of the first set.
+            begun: sets from which a chain went on; those of this one are added.
+        """
+        highest, stalled = -math.inf, 0
+        while not self._stop() and _names(fit) not in begun:
+            begun.add(_names(fit))
+            last = len(fit.model.effects) >= criteria.MOST_EFFECTS
+            if not last:
+                self._begin(fit, self.effects)
+            better = self._of_chain(fit)
+            found = self.found.get(_names(fit))
+            stalled = 0 if found is not None and found.log_evidence > highest else stalled + 1
+            highest = highest if found is None else max(highest, found.log_evidence)
+            if last or stalled >= criteria.STALLED or (self._at_noise(fit) and not better):
+                return
+            nexts = self._fitted(fit)
+            for other in nexts[1:]:
+                self._of_chain(other)
+            if not nexts:
+                return
+            fit = nexts[0]
 
     def _of_chain(self, fit: Fit) -> bool:
         """Evaluate a set of a chain; return whether it is better than the one that it extends."""

@@ -24,6 +24,8 @@ _SIDEBAND_TURNS: Final = 3.0
 _BESIDE_TURNS: Final = 10.0
 _MOST_PARTS: Final = 16
 _LINE_HZ: Final = 8.0
+# Share of a band's power that a line in it must hold for the band to be that line.
+_MOST: Final = 0.5
 _SAME_HZ: Final = 1.0
 _SAME_ORDER: Final = 0.06
 # A multiple of the wheel's frequency, so near; a band is of multiples where it is this many times as high near them.
@@ -158,16 +160,28 @@ def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowe
             total = float(excess.sum()) * step
             error = math.sqrt(float(np.square(power[part]).sum()) / freedom) * step
             if total > 0.5 * criteria.SIGMAS_LISTED * error:
-                weight = np.maximum(excess, 0.0)
-                centre = float(weight @ frequency[part]) / float(weight.sum())
                 rms = math.sqrt(total)
-                low_hz, high_hz = frequency[part][[0, -1]].tolist()
-                multiple = _at_multiples(frequency[part], excess, centre, spectra.wheel_hz)
+                shown = _main_line(frequency[part], excess)
+                weight = np.maximum(excess[shown], 0.0)
+                centre = float(weight @ frequency[part][shown]) / float(weight.sum())
+                low_hz, high_hz = frequency[part][shown][[0, -1]].tolist()
+                multiple = _at_multiples(frequency[part][shown], excess[shown], centre, spectra.wheel_hz)
                 found.append(Part(site.index, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
                 first, last = min(first, part.start), max(last, part.stop - 1)
                 break
         free[max(0, first - 2 - half) : last + 3 + half] = False
     return found
+
+
+def _main_line(frequency: FloatArray, excess: FloatArray) -> slice:
+    """Return the bins of the line that holds most of a part, all of them where none does.
+
+    A strong line has skirts and sidebands, since each revolution is resampled to time by itself.
+    """
+    half = max(1, round(0.5 * _LINE_HZ / float(frequency[1] - frequency[0])) - 1)
+    peak = int(np.argmax(excess))
+    line = slice(max(0, peak - half), peak + half + 1)
+    return line if float(excess[line].sum()) > _MOST * float(excess.sum()) else slice(None)
 
 
 def _within(free: BoolArray, peak: int, half: int) -> slice:
