@@ -16,7 +16,7 @@ from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.nonsynchronous_density import Site
 from gateway.closure.inference.nonsynchronous_diagnosis import UNKNOWN, TimeLocked, beside_larger, diagnose_time_locked
 from gateway.closure.inference.nonsynchronous_spectra import group_spectra
-from gateway.closure.inference.unexplained_spectrum import parts_left
+from gateway.closure.inference.unexplained_spectrum import Part, parts_left
 from gateway.closure.result import Finding, Scaling, ScalingStatus, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason
@@ -288,29 +288,48 @@ class TestLock:
         assert not any(entry.lock_known for entry in found)
 
 
-def test_wide_band_keeps_its_width() -> None:
-    """The middle of the band alone holds hardly any power."""
+def lateral_parts(power: np.ndarray) -> list[Part]:
+    """Return the parts above even noise of a spectrum of the lateral axis from 3 Hz on, (1000,)."""
     (one,) = simulated_groups(speeds_kmh=(80.0,))
     spectra = group_spectra(one, 5)
     assert spectra is not None
     frequency, folds = np.arange(3.0, 1003.0), 5
-    power = np.ones((folds, 3, 1000))
-    power[:, 1, 500:505] = power[:, 1, 510:515] = 1.6
-    power[:, 1, 505:510] = 1.02
+    every = np.ones((folds, 3, 1000))
+    every[:, 1] = power
     first = np.arange(1000)
     spectra = dataclasses.replace(
         spectra,
         frequency_hz=frequency,
-        power=power,
+        power=every,
         freedom=np.full(folds, 6.0),
         first=first,
         count=np.ones_like(first),
     )
     density = np.ones((3, 1000))
-    (part,) = parts_left(Site.of(0, spectra), density, density, np.ones(3))
+    return parts_left(Site.of(0, spectra), density, density, np.ones(3))
+
+
+def test_wide_band_keeps_its_width() -> None:
+    """The middle of the band alone holds hardly any power."""
+    power = np.ones(1000)
+    power[500:505] = power[510:515] = 1.6
+    power[505:510] = 1.02
+    (part,) = lateral_parts(power)
     assert part.rms_mps2 > 3.0 * part.std_mps2
     assert part.low_hz <= 505.0
     assert part.high_hz >= 515.0
+
+
+def test_line_with_skirts_is_that_line() -> None:
+    """A quarter of the power is in sidebands 9 Hz apart, left by resampling each revolution."""
+    power = 1.0 + 300.0 * np.exp(-np.abs(np.arange(1000) - 47.0) / 12.0)
+    power[46:49] += 6000.0
+    power[[38, 56]] += 1000.0
+    (part,) = lateral_parts(power)
+    assert part.line
+    assert part.centre_hz == pytest.approx(50.0, abs=0.1)
+    # Its size is that of the whole.
+    assert part.rms_mps2 == pytest.approx(math.sqrt(float((power - 1.0).sum())), rel=0.02)
 
 
 def rung(group: Group, frequency_hz: float, size_mps2: float, every_m: float, decay_s: float = 0.015) -> Group:

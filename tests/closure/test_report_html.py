@@ -119,7 +119,7 @@ def test_unexplained_residuals_are_listed_once():
     assert columns == [("at the same frequency at every speed; also 0.3 m/s² radial", "constant"), ("", "ω²")]
     moving = replace(ordinary().unexplained[0], orders=(12, 13), speeds=None)
     text = diagnosis_html(replace(empty(), unexplained=(moving,)))
-    assert Page(text).text.count("rises with speed, but not in proportion to the wheel") == 1
+    assert Page(text).text.count("rises with the wheel's, but it does not repeat every turn") == 1
     left = (replace(moving, lock_known=False), replace(ordinary().unexplained[1], changes=True))
     rows = unexplained_rows(replace(empty(), unexplained=left))
     assert [row.lock for row in rows] == ["not known", "wheel angle"]

@@ -45,7 +45,8 @@ SCALINGS: Final = {
 NON_STATIONARY: Final = "changes during the recording"
 
 SINGLE_TURNS: Final = {
-    "place": "at one angle with another waveform each turn: for example a part that rubs, rattles or slips there",
+    "place": "at one angle with another waveform each turn: for example a part that rubs, rattles or slips there, or "
+    "timing noise where the waveform is steep",
     "turns": "differs between odd and even turns",
     "samples": "error by samples that repeat the one before on every axis: a data fault of sensor, hub or link",
 }
@@ -153,7 +154,10 @@ def residual_remarks(left: Unexplained) -> list[str]:
     if not left.lock_known:
         parts.append("at multiples of the wheel frequency: time-locked, or angle-locked but not the same every turn")
     elif left.orders is not None:
-        parts.append("its frequency rises with speed, but not in proportion to the wheel's")
+        parts.append(
+            "its frequency rises with the wheel's, but it does not repeat every turn: for example a bearing, a gear, a "
+            "drum or another wheel"
+        )
     elif left.speeds is not None:
         seen, there = left.speeds
         parts.append(f"at the same frequency at {'every speed' if seen == there else f'{seen} of {there} speeds'}")
