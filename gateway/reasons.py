@@ -639,6 +639,11 @@ class Code(StrEnum):
     NOTHING_REMAINS = "nothing_remains"
     ORDER_OR_FREQUENCY = "order_or_frequency"
     BESIDE_SOMETHING_LARGER = "beside_something_larger"
+    LAW_LEAVES_MUCH = "law_leaves_much"
+    LAW_FAILS_UNSEEN = "law_fails_unseen"
+    LAW_SIZES_DIFFER = "law_sizes_differ"
+    LAW_HAS_RIVALS = "law_has_rivals"
+    LAW_UNTESTED = "law_untested"
 
     # Diagnosis: deciding recordings
     RECORD_AT_SPEED = "record_at_speed"

@@ -173,6 +173,94 @@ class Unexplained:
     largest_in: str = ""
 
 
+class LawSize(NamedTuple):
+    """Size of a law in one recording alone, SI, and its standard error."""
+
+    recording: int
+    value: float
+    std: float
+
+
+class UnseenError(NamedTuple):
+    """Error of one axis of a recording, rms in m/s^2, that a law has not seen.
+
+    Attributes:
+        recording: index.
+        axis: "circumferential", "lateral" or "radial".
+        before_mps2: without the law.
+        after_mps2: with the law as the other recordings determine it.
+        noise_mps2: that a perfect model would leave.
+    """
+
+    recording: int
+    axis: str
+    before_mps2: float
+    after_mps2: float
+    noise_mps2: float
+
+
+@dataclass(frozen=True, slots=True)
+class LawCurves:
+    """What is left of one group of revolutions, and a law, for the figure.
+
+    Attributes:
+        label: recording, speed, load, pressure.
+        theta_rad: (n,).
+        left_mps2: (3, n) mean of all revolutions less the model without the law.
+        law_mps2: (3, n) what the law adds to that model's best fit.
+    """
+
+    label: str
+    theta_rad: FloatArray
+    left_mps2: FloatArray
+    law_mps2: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """A law, or a clue to one, for what no effect of the catalogue explains; never an identified effect.
+
+    Attributes:
+        name: in the library.
+        title: for display.
+        certain: True for a law that passed every condition, False for a clue.
+        reasons: why it is no more than a clue.
+        summary: physical reading.
+        equation: in quantities of the model.
+        scaling: with speed, load and pressure.
+        source: of the equation.
+        axes: that it acts on.
+        parameters: by name.
+        log_odds: tempered ln evidence less the price of the library and of a stand-in.
+        share: of the power left beyond noise that it explains.
+        rms_mps2: size of its contribution, rms over the signal of its axes.
+        sizes: of single recordings, in the unit of the first parameter.
+        unseen: errors of recordings that it has not seen, by axis.
+        rivals: names of laws that explain the same as well.
+        held_out: error without and with it on held-out revolutions; None for a clue.
+        curves: for the figure.
+    """
+
+    name: str
+    title: str
+    certain: bool
+    reasons: tuple[Reason, ...]
+    summary: str
+    equation: str
+    scaling: str
+    source: str
+    axes: tuple[str, ...]
+    parameters: Mapping[str, Fitted]
+    log_odds: float
+    share: float
+    rms_mps2: float
+    sizes: tuple[LawSize, ...] = ()
+    unseen: tuple[UnseenError, ...] = ()
+    rivals: tuple[str, ...] = ()
+    held_out: HeldOut | None = None
+    curves: tuple[LawCurves, ...] = ()
+
+
 @dataclass(frozen=True, slots=True)
 class Curves:
     """Waveforms of one group of revolutions (one recording at one speed) for the figures.
@@ -311,6 +399,7 @@ class Diagnosis:
         complete: False where the search for effects ended because its time was over.
         outvoted: recordings that most others contradict, by index, and why.
         left_out: recordings that were given but not used, each with its reason.
+        laws: for the angle-locked part of `unexplained`, or clues to them; empty where nothing is credible.
     """
 
     model: str
@@ -340,6 +429,7 @@ class Diagnosis:
     complete: bool = True
     outvoted: Mapping[int, Reason] = field(default_factory=dict)
     left_out: tuple[Reason, ...] = ()
+    laws: tuple[Law, ...] = ()
 
     @property
     def named(self) -> tuple[Finding, ...]:

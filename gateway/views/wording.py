@@ -1114,6 +1114,14 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LEAVES_MORE_THAN_WITHOUT: (
         "with it the fit leaves {with_it:.3g} times the noise of the means, without it {without:.3g} times"
     ),
+    Code.LAW_LEAVES_MUCH: "it explains {share:.0%} of what is left beyond noise",
+    Code.LAW_FAILS_UNSEEN: (
+        "with the size of the other recordings, the {axis} error of {recording} goes from {before_mps2:.3g} to "
+        "{after_mps2:.3g m/s²}"
+    ),
+    Code.LAW_SIZES_DIFFER: "its size in {recording} alone is {ratio:.2f} times that of all",
+    Code.LAW_HAS_RIVALS: "{laws} explain the same as well",
+    Code.LAW_UNTESTED: "no recording of another speed, load or pressure can test it",
     Code.LEFT_WHEN_ENDED: (
         "the search ended with {residual_ratio:.3g} times the rms of the noise of the means unexplained: no number is "
         "determined"

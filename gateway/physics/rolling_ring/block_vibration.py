@@ -142,12 +142,7 @@ def block_response(
     inertia, count = blocks.mass_kgpm * omega_radps**2, blocks.count
     moving, by_count = _moving(belt.law.radius_m, grid, count)
     times_s = np.array([1.0, blocks.bending_time_s, blocks.tread_time_s])
-    lost = (omega_radps * times_s) @ parts.losses.reshape(3, -1)
-    steady = parts.rest + (omega_radps * times_s @ parts.passing.reshape(3, -1)).reshape(parts.rest.shape)
-    steady += inertia * parts.inertia
-    dynamic: ComplexArray = steady - 1j * count * lost.reshape(steady.shape)
-    for axis in (0, 1):
-        dynamic[:, :, axis, axis] += (inertia * moving)[:, None]
+    dynamic = _dynamic(parts, moving, times_s, inertia, omega_radps, count)
     pushed = np.zeros(belt.state.shape, dtype=np.complex128)
     pushed[:, :2] = -parts.push_n * np.exp(1j * count * grid.theta_rad)[:, None]
     solve = _Solver(dynamic)
@@ -163,6 +158,50 @@ def block_response(
     read, explicit = _reading(belt, sensor_offset_m)(np.concatenate([vibration[None], changes]), count)
     read[1] += explicit
     return BlockResponse(read[0], read[1:])
+
+
+def pushed_response(
+    belt: LoadedBelt,
+    blocks: TreadBlocks,
+    omega_radps: float,
+    forces_n: ComplexArray,
+    lifted_m: FloatArray,
+    offset_m: float = 0.0,
+) -> ComplexArray:
+    """Return what a sensor reads of forces that change N times a turn, over omega^2, (k, 2, N), m.
+
+    A force Re(a f exp(-i N Omega t)) on the nodes reads Re(a signal exp(-i N theta)) omega^2, radial and along.
+
+    Args:
+        belt: rolling steadily.
+        blocks: N, which may be 0, and what the vibration depends on.
+        omega_radps: angular speed.
+        forces_n: (k, N, d) on each node.
+        lifted_m: (k,) amplitude by which the axle, and all that it carries, moves up at the same time.
+        offset_m: sensor below (inside) the belt's neutral layer.
+
+    Raises:
+        LinAlgError: the belt rings without loss at this frequency.
+    """
+    inertia, count = blocks.mass_kgpm * omega_radps**2, blocks.count
+    moving, _ = _moving(belt.law.radius_m, ring_grid(len(belt.state)), count)
+    times_s = np.array([1.0, blocks.bending_time_s, blocks.tread_time_s])
+    moved = _Solver(_dynamic(_parts(belt), moving, times_s, inertia, omega_radps, count))(-forces_n)
+    moved[:, :, 1] += lifted_m[:, None]
+    return _reading(belt, offset_m)(moved, count)[0]
+
+
+def _dynamic(
+    parts: _Parts, moving: ComplexArray, times_s: FloatArray, inertia_npm: float, omega_radps: float, count: float
+) -> ComplexArray:
+    """Return the tangent stiffness of a vibration, a cyclic block band of seven."""
+    lost = (omega_radps * times_s) @ parts.losses.reshape(3, -1)
+    steady = parts.rest + (omega_radps * times_s @ parts.passing.reshape(3, -1)).reshape(parts.rest.shape)
+    steady += inertia_npm * parts.inertia
+    dynamic: ComplexArray = steady - 1j * count * lost.reshape(steady.shape)
+    for axis in (0, 1):
+        dynamic[:, :, axis, axis] += (inertia_npm * moving)[:, None]
+    return dynamic
 
 
 # Four megabytes each.

@@ -1,0 +1,1 @@
+"""Laws: short equations for what is left where no effect of the catalogue explains it."""

@@ -1,0 +1,176 @@
+"""Scan of the library: what each law would add to the evidence of what is left, at every place, to first order.
+
+The discrepancy of the best set competes. Were its amplitudes fitted anew, a law that only reshapes what is left would
+gain much; so one factor of all of them is profiled over instead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.inference import criteria
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import as_real
+from gateway.closure.inference.set_evidence import log_evidence
+from gateway.closure.laws.law import Law
+from gateway.closure.laws.local_law import LocalLaw
+from gateway.closure.model.closure_model import ClosureModel
+from gateway.closure.model.sensor_signal import base_signal, field_orders, mounting_matrix
+from gateway.types import FloatArray
+
+# Factors of the discrepancy's amplitudes.
+_FACTORS: Final = (1.0, 0.1, 0.01)
+# Places of the first look and the share of the usual width that they resolve; then nearer ones around the best.
+_FIRST_PLACES: Final = 240
+_PEAKS: Final = 2
+_NEAR_RAD: Final = np.radians([-1.5, -1.2, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.2, 1.5])
+_WIDTHS: Final = (0.2, 0.5, 1.0, 2.0, 4.0)
+_ROWS: Final = 240
+_ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class Promise:
+    """What a law promises.
+
+    Attributes:
+        law: the law.
+        parameters: where it promises most, (p,).
+        gain: of log evidence.
+    """
+
+    law: Law
+    parameters: FloatArray
+    gain: float
+
+
+class ProfileScan:
+    """The best set's fit under several factors of its discrepancy."""
+
+    def __init__(self, fit: Fit) -> None:
+        """Take the fit, with its discrepancy."""
+        if fit.applied is None:
+            raise ValueError("a scan needs the discrepancy of its fit")
+        self.fit = fit
+        discrepancy, amplitudes = fit.applied.discrepancy, fit.applied.amplitudes
+        least = (criteria.LEAST_SHARE * discrepancy.reference_mps2) ** 2
+        self._fits = [
+            fit if factor == 1.0 else fit.under(discrepancy.applied(np.maximum(factor * amplitudes, least)))
+            for factor in _FACTORS
+        ]
+        self._levels = np.array([log_evidence(one.moved(one.step)) for one in self._fits])
+        self._shapes = [fit.model.shape(fit.vector, index) for index in range(len(fit.model.campaign.groups))]
+
+    def promises(self, laws: Sequence[Law]) -> list[Promise]:
+        """Return what each law promises, most first; laws of axes without data promise nothing."""
+        found = [promise for law in laws for promise in self._of(law)]
+        return sorted(found, key=lambda one: -one.gain)
+
+    def _of(self, law: Law) -> Iterator[Promise]:
+        if not isinstance(law, LocalLaw):
+            start = np.array(law.start_values[0])
+            yield from self._other(law, start)
+            return
+        width = law.shape.width_rad
+        first = np.linspace(-math.pi, math.pi, _FIRST_PLACES, endpoint=False)
+        tried = [(place, width) for place in first.tolist()]
+        gains, sizes = self._gains(law, tried)
+        best = list(zip(gains.tolist(), sizes.tolist(), tried, strict=True))
+        for at in _peaks(gains):
+            near = [(first[at] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
+            gains, sizes = self._gains(law, near)
+            best += zip(gains.tolist(), sizes.tolist(), near, strict=True)
+        gain, size, (place, width) = max(best, key=lambda one: one[0])
+        place = (place + math.pi) % (2.0 * math.pi) - math.pi
+        yield Promise(law, np.array([size, place, width]), gain)
+
+    def _other(self, law: Law, start: FloatArray) -> Iterator[Promise]:
+        """Yield the promise of a law without a place: each parameter of a linear one has its own size."""
+        model = ClosureModel(self.fit.model.campaign, self.fit.model.core, (*self.fit.model.effects, law))
+        vector = self.fit.model.layout.moved(self.fit.vector, model.layout)
+        where = model.layout.effect(law.name)
+        starts = np.diag(start) if law.linear else start[None]
+        rows = []
+        for index, predicted in enumerate(self.fit.predicted):
+            own = []
+            for one in starts:
+                vector[where] = one
+                changed = model.predict_mean(vector, index)
+                vector[where] = 0.0
+                own.append(as_real(changed - model.predict_mean(vector, index)))
+            rows.append(np.stack(own))
+            _ = predicted
+        if not any(row.any() for row in rows):
+            return
+        stds = np.array([law.parameters[at].prior_std / max(abs(start[at]), 1e-300) for at in range(len(starts))])
+        gain, sizes = self._gain_of_all(rows, stds)
+        yield Promise(law, sizes * start if law.linear else sizes[0] * start, gain)
+
+    def _gains(self, law: LocalLaw, tried: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+        """Return the gain of each place and width, and the size there."""
+        gains, sizes = np.empty(len(tried)), np.empty(len(tried))
+        std = law.parameters[0].prior_std
+        for begin in range(0, len(tried), _ROWS):
+            rows = self._rows(law, tried[begin : begin + _ROWS])
+            over = []
+            for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
+                score, known = self._projected(fit, rows)
+                gain = 0.5 * score**2 / (known + std**-2) - 0.5 * np.log1p(std**2 * known)
+                over.append((level + gain, score / (known + std**-2)))
+            totals = np.stack([one for one, _ in over])
+            which = np.argmax(totals, axis=0)
+            at = np.arange(totals.shape[1])
+            gains[begin : begin + _ROWS] = totals[which, at] - self._levels.max()
+            sizes[begin : begin + _ROWS] = np.stack([one for _, one in over])[which, at]
+        return gains, sizes
+
+    def _projected(self, fit: Fit, rows: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+        """Return the score and the information of each row, what the parameters of the fit take left out."""
+        cross = fit.cross(rows)
+        own = fit.own(rows, len(rows[0]))[:, 0, 0]
+        taken = np.linalg.solve(fit.precision, cross[:-1])
+        return cross[-1] - fit.step @ cross[:-1], np.maximum(own - (cross[:-1] * taken).sum(axis=0), 1e-300)
+
+    def _gain_of_all(self, rows: Sequence[FloatArray], stds: FloatArray) -> tuple[float, FloatArray]:
+        """Return the gain of rows that go together, and their sizes."""
+        best = (-math.inf, np.zeros(len(stds)))
+        for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
+            cross = fit.cross(rows)
+            known = fit.own(rows, 1)[0] - cross[:-1].T @ np.linalg.solve(fit.precision, cross[:-1])
+            precision = known + np.diag(stds**-2.0)
+            score = cross[-1] - fit.step @ cross[:-1]
+            sizes = np.linalg.solve(precision, score)
+            gain = 0.5 * float(score @ sizes) - 0.5 * float(np.linalg.slogdet(precision * np.square(stds))[1])
+            if level + gain > best[0]:
+                best = level + gain, sizes
+        return best[0] - float(self._levels.max()), best[1]
+
+    def _rows(self, law: LocalLaw, tried: Sequence[tuple[float, float]]) -> list[FloatArray]:
+        """Return the readings of a unit size, (k, 3, REAL) of each group; effects of later stages are left out."""
+        places = np.array([place for place, _ in tried])
+        widths = np.array([width for _, width in tried])
+        rows = []
+        model = self.fit.model
+        for index, (group, shape) in enumerate(zip(model.campaign.groups, self._shapes, strict=True)):
+            block = base_signal(model.core, shape, group.conditions)
+            curves = np.empty((len(tried), *block.signal_mps2.shape))
+            for width in np.unique(widths):
+                own = widths == width
+                curves[own] = law.curves(block, places[own], float(width))
+            if group.declared_roll_rad or group.declared_pitch_rad:
+                curves = mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad) @ curves
+            turn = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
+            rows.append(as_real(field_orders(curves) * turn))
+        return rows
+
+
+def _peaks(gains: FloatArray) -> list[int]:
+    """Return the highest peaks of a periodic curve."""
+    peaks = np.flatnonzero((gains >= np.roll(gains, 1)) & (gains > np.roll(gains, -1)))
+    return sorted(peaks.tolist(), key=lambda at: -gains[at])[:_PEAKS]

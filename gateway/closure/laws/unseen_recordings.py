@@ -1,0 +1,159 @@
+"""Laws judged on recordings that they have not seen, and by the sizes that single recordings give.
+
+Both rest on the linearised fits of the model without and with the law: the tire's own parameters and the contact's
+centre of a recording are always fitted to it anew, the law's are those of the other recordings.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from typing import Final
+
+import numpy as np
+
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import Whitened, as_complex
+from gateway.closure.inference.residual import POWER_SHARE
+from gateway.closure.laws.law import Law
+from gateway.closure.result import LawSize, UnseenError
+from gateway.constants import AXIS_NAMES
+from gateway.types import FloatArray, IntArray
+
+# Speeds or loads that differ by less are one.
+_APART: Final = 1.05
+
+
+def recordings_of(fit: Fit) -> dict[int, list[int]]:
+    """Return the groups of each recording."""
+    found: dict[int, list[int]] = {}
+    for index, group in enumerate(fit.model.campaign.groups):
+        found.setdefault(group.recording, []).append(index)
+    return found
+
+
+def has_other_conditions(fit: Fit, recording: int) -> bool:
+    """Return whether a recording has a speed, load or pressure that no other one has."""
+    groups = fit.model.campaign.groups
+
+    def apart(one: float, other: float) -> bool:
+        return max(one, other) > _APART * min(one, other)
+
+    own = [group.conditions for group in groups if group.recording == recording]
+    others = [group.conditions for group in groups if group.recording != recording]
+    return any(
+        all(
+            apart(here.omega_radps, there.omega_radps)
+            or apart(here.load_n, there.load_n)
+            or apart(here.pressure_pa, there.pressure_pa)
+            for there in others
+        )
+        for here in own
+    )
+
+
+def single_sizes(fit: Fit, data: Whitened, law: Law) -> tuple[LawSize, ...]:
+    """Return the size of a law in each recording alone: its first parameters if it is linear, else the first one."""
+    where = fit.model.layout.effect(law.name)
+    own = np.arange(where.start, where.stop if law.linear else where.start + 1)
+    start = fit.vector[own]
+    # Along the direction of the law's own vector, so that a cosine and a sine count as one size.
+    unit = start / max(float(np.linalg.norm(start)), 1e-300)
+    found = []
+    for recording, groups in recordings_of(fit).items():
+        free = np.concatenate([_own_parameters(fit, groups), own])
+        change, covariance = _step(fit, data, groups, free)
+        spread = covariance[-len(own) :, -len(own) :]
+        size = float(unit @ (start + change[own]))
+        found.append(LawSize(recording, size, math.sqrt(float(unit @ spread @ unit))))
+    return tuple(found)
+
+
+def unseen_errors(before: Fit, after: Fit, data: Whitened, law: Law) -> tuple[UnseenError, ...]:
+    """Return the error of each recording without the law, and with the law that the others determine.
+
+    Args:
+        before: fit of the model without the law.
+        after: with it.
+        data: whitened.
+        law: the law.
+    """
+    where = after.model.layout.effect(law.name)
+    found = []
+    recordings = recordings_of(after)
+    for recording, groups in recordings.items():
+        others = [index for index in range(len(data.orders)) if index not in groups]
+        if not others or not has_other_conditions(after, recording):
+            continue
+        free = np.concatenate([_own_parameters(after, others), np.arange(where.start, where.stop)])
+        change, _ = _step(after, data, others, free)
+        held = np.zeros_like(change)
+        held[where] = change[where]
+        with_law = after.moved(held)
+        left = [_left(one, data, groups) for one in (before, with_law)]
+        noise = _noise_mps2(data, groups)
+        for axis, name in enumerate(AXIS_NAMES):
+            if noise[axis] > 0.0:
+                found.append(
+                    UnseenError(recording, name, float(left[0][axis]), float(left[1][axis]), float(noise[axis]))
+                )
+    return tuple(found)
+
+
+def _left(fit: Fit, data: Whitened, groups: Sequence[int]) -> FloatArray:
+    """Return the rms of what is left of these groups, (3,), their own parameters fitted to them."""
+    change, _ = _step(fit, data, groups, _own_parameters(fit, groups))
+    there = fit.moved(change)
+    total = np.zeros(3)
+    for index in groups:
+        used = data.used[index]
+        total += (POWER_SHARE * np.abs(as_complex(there.residual[index])) ** 2 * used).sum(axis=1)
+    result: FloatArray = np.sqrt(total / len(groups))
+    return result
+
+
+def _noise_mps2(data: Whitened, groups: Sequence[int]) -> FloatArray:
+    """Return the rms of the noise of these groups' means, (3,)."""
+    total = np.zeros(3)
+    for index in groups:
+        square = np.square(data.weights[index]).sum(axis=0)
+        known = square > 0.0
+        total += np.where(known, 1.0 / np.where(known, square, 1.0), 0.0).sum(axis=1)
+    result: FloatArray = np.sqrt(total / len(groups))
+    return result
+
+
+def _own_parameters(fit: Fit, groups: Collection[int]) -> IntArray:
+    """Return the places of the tire's own parameters and the contact's centres in these groups."""
+    layout = fit.model.layout
+    states = sorted({fit.model.campaign.groups[index].state for index in groups})
+    places = [np.arange(layout.state(state).start, layout.state(state).stop) for state in states]
+    return np.concatenate([*places, np.array([layout.centre(index) for index in groups], dtype=np.intp)])
+
+
+def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the change of all parameters by the data of these groups, (P,), and the covariance of the free ones.
+
+    By the scatter alone, widened by the misfit.
+    """
+    size = len(free)
+    gram, slope, misfit, count = np.zeros((size, size)), np.zeros(size), 0.0, 0
+    for index in groups:
+        rows = fit.rows[index][free]
+        weighted = np.matmul(rows.swapaxes(0, 1), data.precisions[index]).swapaxes(0, 1).reshape(size, -1)
+        left = fit.residual[index]
+        gram += weighted @ rows.reshape(size, -1).T
+        slope += weighted @ left.reshape(-1)
+        misfit += float(np.einsum("an,anm,am->", left, data.precisions[index], left))
+        count += sum(len(factor) for factor in data.factors[index])
+    prior = fit.prior_precision[np.ix_(free, free)]
+    away = (fit.vector - fit.prior_mean)[free]
+    scale = 1.0
+    for _ in range(2):
+        covariance = np.linalg.inv(gram / scale + prior)
+        change = covariance @ (slope / scale - prior @ away)
+        left_over = misfit - 2.0 * float(change @ slope) + float(change @ gram @ change)
+        scale = max(1.0, left_over / max(1, count - size))
+    whole = np.zeros(len(fit.vector))
+    whole[free] = change
+    return whole, covariance

@@ -1,0 +1,146 @@
+"""What a sensor on the rolling ring reads of a change at one place of the belt, the tread or the rim, to first order.
+
+A property that changes at the material angle phi0 from the sensor by W(phi - phi0) is a sum of patterns
+
+    W(phi) = Re sum_N c_N W_N exp(i N phi),  c_0 = 1 / (2 pi),  c_N = 1 / pi,  W_N the transform of W,
+
+each of which passes a point of the road N times a turn. It pushes the nodes of the steadily rolling ring by f exp(i N
+theta), f what the change does to the balance of the steady shape, and the ring answers as in `block_vibration`, inertia
+and losses included. A rim that is bent moves the axle instead, by z(theta) = H W(theta + phi0): the ring is pressed to
+the road by as much, and carries its mass along.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from enum import StrEnum
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from gateway.physics.rolling_ring.block_vibration import LoadedBelt, TreadBlocks, pushed_response
+from gateway.physics.rolling_ring.force_balance import belt_balance, following, preceding, ring_grid, segment_turn
+from gateway.types import ComplexArray, FloatArray
+
+PATTERNS: Final = 129
+"""Patterns 0 to 128 of a turn: the highest order that is compared is 109."""
+
+# Loss factors of rubber at some hundred hertz, and 5 % of the critical damping of the belt on its sidewall.
+_LOSS_TIME_S: Final = 3e-5
+_SIDEWALL_RATIO: Final = 0.05
+
+
+class Change(StrEnum):
+    """Kind of a change; the response is that to a unit of the quantity times its width in radians.
+
+    BENDING: share of EI. KINK: belt's own angle, rad. MASS: share of rho A. SIDEWALL: share of kw and kv. TREAD: height
+    of the tread, m. RIM: height of the axle, m.
+    """
+
+    BENDING = "bending"
+    KINK = "kink"
+    MASS = "mass"
+    SIDEWALL = "sidewall"
+    TREAD = "tread"
+    RIM = "rim"
+
+
+def local_response(belt: LoadedBelt, omega_radps: float, offset_m: float = 0.0) -> ComplexArray:
+    """Return the reading of every kind of change and every pattern, (kinds, PATTERNS, 2, N), m; radial and along.
+
+    Pattern N of amplitude a reads Re(a response exp(-i N theta)) omega^2.
+
+    Args:
+        belt: rolling steadily.
+        omega_radps: angular speed.
+        offset_m: sensor below (inside) the belt's neutral layer.
+
+    Raises:
+        LinAlgError: the belt rings without loss.
+    """
+    law = belt.law
+    damping = 2.0 * _SIDEWALL_RATIO * math.sqrt(law.radial_npm2 * law.mass_kgpm)
+    lossy = LoadedBelt(
+        replace(
+            law,
+            radial_damping_nspm2=max(law.radial_damping_nspm2, damping),
+            tangential_damping_nspm2=max(law.tangential_damping_nspm2, damping),
+        ),
+        belt.state,
+        belt.height_m,
+        belt.traction,
+    )
+    result = np.empty((len(Change), PATTERNS, 2, len(belt.state)), dtype=np.complex128)
+    lifted = np.array([float(change is Change.RIM) for change in Change])
+    for count in range(PATTERNS):
+        blocks = TreadBlocks(count, law.mass_kgpm, _LOSS_TIME_S, _LOSS_TIME_S)
+        forces = _forces_n(lossy, omega_radps, count)
+        result[:, count] = pushed_response(lossy, blocks, omega_radps, forces, lifted, offset_m)
+    return result
+
+
+def _forces_n(belt: LoadedBelt, omega_radps: float, count: int) -> ComplexArray:
+    """Return what a unit of each kind of change adds to the force on each node, (kinds, N, d)."""
+    moments, loads = _steady(belt)
+    grid = ring_grid(len(belt.state))
+    wave = np.exp(1j * count * grid.theta_rad)
+    length = belt.law.radius_m * grid.step_rad
+    forces = np.zeros((len(Change), *belt.state.shape), dtype=np.complex128)
+    for row, moment in zip((0, 1), moments, strict=True):
+        forces[row] = _by_moment(belt, moment, count)
+    mass, sidewall, tread, height = loads
+    forces[2, :, :2] = omega_radps**2 * mass * wave[:, None]
+    forces[3, :, :2] = sidewall * wave[:, None]
+    forces[4, :, :2] = tread * wave[:, None]
+    forces[5, :, :2] = height
+    forces[5, :, 1] += belt.law.mass_kgpm * length * (count * omega_radps) ** 2
+    return forces
+
+
+@lru_cache(maxsize=4)
+def _steady(belt: LoadedBelt) -> tuple[FloatArray, FloatArray]:
+    """Return the moments of the belt and of a kink of 1 rad / rad, (2, N), and the loads on the nodes, (4, N, 2).
+
+    Loads: inertia over omega^2, sidewall, road by the tread's height, road by the axle's height.
+    """
+    law, grid = belt.law, ring_grid(len(belt.state))
+    position, step = belt.state[:, :2], grid.step_rad
+    length = law.radius_m * step
+    stiffness = law.bending_nm2 / length
+    if law.dof == 2:
+        turn = segment_turn(grid, following(position) - position)
+        moment = stiffness * (turn - preceding(turn))
+    else:
+        moment = stiffness * (following(belt.state[:, 2]) - belt.state[:, 2])
+    kink = np.full(len(position), -law.bending_nm2 / law.radius_m)
+    inertia = -(law.mass_kgpm * law.radius_m / step) * (following(position) - 2.0 * position + preceding(position))
+    out = position - law.radius_m * grid.radial
+    pull = np.zeros_like(position)
+    for stiff, axis in ((law.radial_npm2, grid.radial), (law.tangential_npm2, grid.along)):
+        deflection = np.einsum("ia,ia->i", out, axis)
+        pull -= (length * stiff * deflection * (1.0 + law.stiffening_pm * np.abs(deflection)))[:, None] * axis
+    road = belt_balance(law, grid, belt.state, belt.height_m, belt.traction).road
+    push = road.pressure_npm[:, None]
+    touching = push > 0.0
+    towards = np.where(touching, road.force_npm / np.where(touching, push, 1.0), 0.0)
+    loads = np.stack([inertia, pull, length * law.tread_npm2 * towards, length * road.d_height])
+    return np.stack([moment, kink]), loads
+
+
+def _by_moment(belt: LoadedBelt, moment: FloatArray, count: int) -> ComplexArray:
+    """Return the force on each node by a pattern of the belt's moment, (N, d)."""
+    grid = ring_grid(len(belt.state))
+    result = np.zeros(belt.state.shape, dtype=np.complex128)
+    if belt.law.dof == 2:
+        varied = moment * np.exp(1j * count * grid.theta_rad)
+        span = following(belt.state) - belt.state
+        square = np.square(span).sum(axis=1)
+        normal = np.stack([-span[:, 1], span[:, 0]], axis=1)
+        shear = ((varied - following(varied)) / square)[:, None] * normal
+        result[:] = shear - preceding(shear)
+    else:
+        varied = moment * np.exp(1j * count * (grid.theta_rad + 0.5 * grid.step_rad))
+        result[:, 2] = varied - preceding(varied)
+    return result
