@@ -6,13 +6,18 @@ from gateway.closure.effects.effect import Confounder, SignalEffect
 
 
 class Law(SignalEffect):
-    """A law that runs through the model as an effect does; its first parameter is its size.
+    """A law that runs through the model as an effect does.
 
     Attributes:
         scaling: growth with speed, load and pressure, in words.
+        sizes: number of its first parameters that make its size; the others shape it.
     """
 
     rank = 0
     scaling: str
+    sizes = 1
     observed_in = "what no effect of the catalogue explains"
     confounders: tuple[Confounder, ...] = ()
+
+    def renew(self) -> None:
+        """Work out anew what is kept of the belt; nothing by default."""

@@ -2,7 +2,7 @@
 
 A law is certain only if
 
-1. its evidence, divided by what it leaves of power over that of the noise, exceeds the price of the library and of a
+1. its evidence, divided by the rms that it leaves over that of the noise, exceeds the price of the library and of a
    stand-in by ln 99;
 2. it explains half of the power beyond noise that was left;
 3. on recordings of another speed, load or pressure the error falls with the law that the others determine, and rises on
@@ -33,11 +33,11 @@ from gateway.closure.inference.set_evidence import Evaluated, evaluate
 from gateway.closure.laws.law import Law
 from gateway.closure.laws.library import library
 from gateway.closure.laws.profile_scan import ProfileScan, Promise
-from gateway.closure.laws.unseen_recordings import recordings_of, single_sizes, unseen_errors
+from gateway.closure.laws.unseen_recordings import single_sizes, unseen_errors
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.sensor_signal import THETA, orders_field
-from gateway.closure.result import Fitted, LawCurves, LawSize, UnseenError
+from gateway.closure.result import Fitted, HeldOut, LawCurves, LawSize, UnseenError
 from gateway.closure.result import Law as ProposedLaw
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
@@ -63,10 +63,13 @@ _LEAST_LEFT: Final = 0.05
 _CHOICES: Final = 10.0
 _FITTED: Final = 4
 _WORTH: Final = 0.25
-_STEPS: Final = 12
+# Rounds of a fit, each with the belt's response at the end of the one before, its steps, and the decrease of the misfit
+# that is worth another one.
+_ROUNDS: Final = 6
+_STEPS: Final = 8
+_SETTLED: Final = 0.9
 # A size whose error is a larger share of it says nothing.
 _KNOWN_SIZE: Final = 0.3
-_Price = float
 
 
 @dataclass(frozen=True)
@@ -137,9 +140,16 @@ def _fitted(base: Evaluated, data: Whitened, promise: Promise) -> _Tried | None:
     high = np.array([one.high for one in law.parameters])
     start[model.layout.effect(law.name)] = np.clip(promise.parameters, low, high)
     try:
-        # Most of the discrepancy stood for the law.
+        # Without the discrepancy, which stood for the law and would let the fit end beside it.
+        was = math.inf
+        for _ in range(_ROUNDS):
+            law.renew()
+            first = fit_model(model, data, start, most_steps=_STEPS)
+            start = first.vector
+            if first.misfit > _SETTLED * was:
+                break
+            was = first.misfit
         small = fit.applied.discrepancy.applied(criteria.SMALLER_DISCREPANCY * fit.applied.amplitudes)
-        first = fit_model(model, data, start, applied=small, most_steps=_STEPS)
         found = evaluate(first, data, fit.applied.discrepancy, small)
     except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
         return None
@@ -151,14 +161,16 @@ def _judged(
 ) -> tuple[ProposedLaw, ...]:
     """Return the best law by what it is: certain, a clue, or nothing."""
     share = 1.0 - (best.ratio - 1.0) / (before - 1.0)
-    log_odds = best.gain(base) / max(1.0, best.ratio) - price
+    log_odds = best.gain(base) / math.sqrt(best.ratio) - price
     if log_odds < -math.log(1.0 / criteria.NAMED - 1.0) or share < CLUE_SHARE:
         return ()
     fit = best.set.fit
     sizes = single_sizes(fit, data, best.law)
     unseen = unseen_errors(base.fit, fit, data, best.law)
     rivals = tuple(
-        one.law.name for one in fitted if one is not best and best.gain(base) - one.gain(base) < RIVAL * max(1.0, best.ratio)
+        one.law.name
+        for one in fitted
+        if one is not best and best.gain(base) - one.gain(base) < RIVAL * math.sqrt(best.ratio)
     )
     reasons = [reason for name, reason in best.set.objections if name == best.law.name]
     if share < LEAST_SHARE:
@@ -237,9 +249,7 @@ def _told(
             orders_field(residual.orders_mps2),
             orders_field(np.where(residual.variance > 0.0, predicted - before, 0.0)),
         )
-        for group, residual, predicted, before in zip(
-            groups, left, fit.predicted, base.fit.predicted, strict=True
-        )
+        for group, residual, predicted, before in zip(groups, left, fit.predicted, base.fit.predicted, strict=True)
     )
     return ProposedLaw(
         name=law.name,
@@ -262,7 +272,7 @@ def _told(
 
 def _widening(sizes: Sequence[LawSize], law: Law, values: FloatArray) -> float:
     """Return the ratio by which sizes of single recordings differ more than their errors, at least 1."""
-    size = float(np.linalg.norm(values)) if law.linear else float(values[0])
+    size = float(np.linalg.norm(values[: law.sizes]))
     known = [one for one in sizes if one.std < _KNOWN_SIZE * abs(one.value)]
     if len(known) < 2:
         return 1.0
@@ -270,7 +280,7 @@ def _widening(sizes: Sequence[LawSize], law: Law, values: FloatArray) -> float:
     return math.sqrt(max(1.0, square))
 
 
-def _held_out(base: Evaluated, found: Evaluated, data: Whitened):
+def _held_out(base: Evaluated, found: Evaluated, data: Whitened) -> HeldOut:
     """Return the error on held-out revolutions without the law and with it."""
     without = replace(base, names=frozenset())
     pair = {found.names: found, without.names: without}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Final
 
 from gateway.closure.laws.law import Law
@@ -12,9 +11,8 @@ from gateway.closure.laws.sensor_law import sensor_laws
 _AXLE_ORDERS: Final = (2, 3, 4)
 
 
-@cache
 def library() -> dict[str, Law]:
-    """Return every law by name."""
+    """Return new laws by name; those of one library share what they work out of the belt."""
     responses = Responses()
     laws: tuple[Law, ...] = (
         *(LocalLaw(shape, responses) for shape in SHAPES),

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.effects.belt_geometry import relative_offset
 from gateway.closure.effects.effect import (
     CIRCUMFERENTIAL,
-    FIELD_SIZE,
     RADIAL,
     GroupConditions,
     ModelledBlock,
@@ -19,6 +18,7 @@ from gateway.closure.effects.effect import (
     Stage,
 )
 from gateway.closure.laws.law import Law
+from gateway.closure.model.sensor_signal import orders_field
 from gateway.physics.rolling_ring import PATTERNS, Change, LoadedBelt, local_response
 from gateway.types import ComplexArray, FloatArray
 
@@ -26,9 +26,15 @@ _PLANE: Final = [RADIAL, CIRCUMFERENTIAL]
 _COUNTS: Final[FloatArray] = np.arange(PATTERNS, dtype=np.float64)
 _SHARES: Final = np.where(_COUNTS > 0.0, 1.0, 0.5) / math.pi
 _DEG: Final = 180.0 / math.pi
-# Belts that differ by less, as a share of the radius, answer alike to some percent.
-_SAME: Final = 1e-4
-_KEPT: Final = 24
+# Speeds that differ by less than half a percent share a response.
+_PER_SPEED: Final = 100.0
+# Damping times of belt and tread at which responses are worked out, a factor of 3.2 apart, and how far beyond.
+_USUAL_LOSS_S: Final = 3e-5
+_LOSS_STEP: Final = 0.5 * math.log(10.0)
+_LOSSES_S: Final = tuple(_USUAL_LOSS_S * math.exp(step * _LOSS_STEP) for step in (-1.0, 0.0, 1.0))
+_BEYOND: Final = 1.3
+# Rubber loses a tenth to a half at some hundred hertz; ln of the loss over the usual one.
+_LOSS: Final = Parameter("log_loss", "", -1.5, 1.5, 0.6, 1e-4)
 
 
 class LocalShape(NamedTuple):
@@ -99,64 +105,109 @@ SHAPES: Final = (
 )  # fmt: skip
 
 
+class Response(NamedTuple):
+    """Orders of the readings of all patterns over omega^2, for each loss and kind, m.
+
+    Of an amplitude a, order n is a ahead_n + conj(a) behind_n. Each (losses, kinds, PATTERNS, 2 * ORDERS), radial, then
+    circumferential.
+    """
+
+    ahead: ComplexArray
+    behind: ComplexArray
+
+
 class Responses:
-    """Responses of the last belts, on the model's grid: belts that hardly differ share one."""
+    """Responses of belts, each of the first one that was seen under its conditions.
+
+    A fit that moves the tire's parameters by some percent moves the response by as much of itself; kept, it does not
+    jump as the contact's edges pass nodes. `renew` has it worked out again.
+    """
 
     def __init__(self) -> None:
         """Start empty."""
-        self._kept: OrderedDict[tuple[float, ...], tuple[FloatArray, ComplexArray]] = OrderedDict()
+        self._kept: dict[tuple[float, ...], Response] = {}
 
-    def at(self, belt: LoadedBelt, conditions: GroupConditions, offset_m: float) -> ComplexArray:
-        """Return the readings of all patterns of every kind, exp(-i N theta) included, m/s^2.
+    def renew(self) -> None:
+        """Forget all responses."""
+        self._kept.clear()
+
+    def at(self, belt: LoadedBelt, conditions: GroupConditions, offset_m: float) -> Response:
+        """Return the response of a belt, or of the first one under these conditions.
 
         Args:
             belt: rolling steadily.
             conditions: its speed, load and pressure.
             offset_m: sensor below the neutral layer.
-
-        Returns:
-            (kinds, PATTERNS, 2, FIELD_SIZE), radial and circumferential.
         """
-        key = (
-            round(math.log(conditions.omega_radps), 3),
-            conditions.load_n,
-            conditions.pressure_pa,
-            round(offset_m, 4),
-            float(len(belt.state)),
-        )
-        known = self._kept.get(key)
-        if known is not None and np.abs(known[0] - belt.state).max() < _SAME * belt.law.radius_m:
-            self._kept.move_to_end(key)
-            return known[1]
-        response = _on_field(local_response(belt, conditions.omega_radps, offset_m))
-        response *= conditions.omega_radps**2
-        self._kept[key] = belt.state.copy(), response
-        self._kept.move_to_end(key)
-        while len(self._kept) > _KEPT:
-            self._kept.popitem(last=False)
-        return response
+        # Speeds within a recording differ by some permille.
+        log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
+        key = log_speed, conditions.load_n, conditions.pressure_pa, float(len(belt.state))
+        if key not in self._kept:
+            omega = math.exp(log_speed / _PER_SPEED)
+            each = [_orders(local_response(belt, omega, loss, offset_m)) for loss in _LOSSES_S]
+            self._kept[key] = Response(*(np.stack(part) for part in zip(*each, strict=True)))
+        return self._kept[key]
 
 
-class LocalLaw(Law):
-    """A change of one kind, with the window of a normal distribution."""
+class _OnBelt(Law):
+    """A law whose reading is made of the responses of the belt to patterns; its last parameter is the loss."""
 
     axes = (CIRCUMFERENTIAL, RADIAL)
     stage = Stage.BELT
+    source = "linearised exact ring (gateway.physics.rolling_ring.local_changes)"
     scaling = (
         "grows with omega^2, but for waves that the belt's own speed of bending shapes; load and pressure act through "
         "the contact"
     )
 
+    def __init__(self, change: Change, responses: Responses) -> None:
+        self._row = tuple(Change).index(change)
+        self._responses = responses
+
+    def renew(self) -> None:
+        """Work out the responses again, at the belts that are seen next."""
+        self._responses.renew()
+
+    def orders(self, block: ModelledBlock, amplitudes: ComplexArray, weights: FloatArray) -> ComplexArray:
+        """Return the readings of patterns of some amplitudes, m/s^2.
+
+        Args:
+            block: with the belt; one without reads nothing.
+            amplitudes: (k, PATTERNS).
+            weights: (losses,) of the responses.
+
+        Returns:
+            (k, 3, ORDERS).
+        """
+        result = np.zeros((len(amplitudes), 3, ORDERS), dtype=np.complex128)
+        if block.belt is None:
+            return result
+        conditions = block.conditions
+        response = self._responses.at(block.belt, conditions, relative_offset(block) * conditions.radius_m)
+        ahead, behind = (np.tensordot(weights, part[:, self._row], 1) for part in response)
+        if conditions.reverse:
+            # The pattern is the mirror image.
+            amplitudes = amplitudes.conj()
+        square = conditions.omega_radps**2
+        read = square * (amplitudes @ ahead + amplitudes.conj() @ behind)
+        result[:, _PLANE] = read.reshape(-1, 2, ORDERS)
+        return result
+
+    def _fields(self, block: ModelledBlock, amplitudes: ComplexArray, weights: FloatArray) -> FloatArray:
+        return orders_field(self.orders(block, amplitudes, weights))
+
+
+class LocalLaw(_OnBelt):
+    """A change of one kind, with the window of a normal distribution."""
+
     def __init__(self, shape: LocalShape, responses: Responses) -> None:
         """Take the kind and the responses that the laws of a search share."""
+        super().__init__(shape.change, responses)
         self.shape = shape
-        self._row = tuple(Change).index(shape.change)
-        self._responses = responses
         self.name = f"law: {shape.title}"
         self.title = shape.title
         self.summary = shape.summary
         self.equation = shape.equation
-        self.source = "linearised exact ring (gateway.physics.rolling_ring.local_changes)"
         most, std = shape.most, shape.prior_std
         self.parameters = (
             Parameter(
@@ -169,83 +220,74 @@ class LocalLaw(Law):
                 "width_rad", "rad", -0.02, shape.widest_rad, shape.widest_rad, 1e-6,
                 prior_mean=shape.width_rad, factor=_DEG, display_unit="deg",
             ),
+            _LOSS,
         )  # fmt: skip
-        self.start_values = ((std, 1.0, shape.width_rad),)
+        self.start_values = ((std, 1.0, shape.width_rad, 0.0),)
 
-    def curves(self, block: ModelledBlock, places_rad: FloatArray, width_rad: float) -> FloatArray:
-        """Return the reading of a unit size at every place (k,), (k, 3, FIELD_SIZE)."""
-        result = np.zeros((len(places_rad), 3, FIELD_SIZE))
-        response = self._response(block)
-        if response is not None:
-            sign = -1.0 if block.conditions.reverse else 1.0
-            amplitudes = _window(width_rad) * np.exp(-1j * sign * np.outer(places_rad, _COUNTS))
-            result[:, _PLANE] = (amplitudes @ response.reshape(PATTERNS, -1)).real.reshape(-1, 2, FIELD_SIZE)
-        return result
+    def unit_orders(self, block: ModelledBlock, places_rad: FloatArray, width_rad: float) -> ComplexArray:
+        """Return the reading of a unit size at every place (k,) at the usual loss, (k, 3, ORDERS)."""
+        amplitudes = _window(width_rad) * np.exp(-1j * np.outer(places_rad, _COUNTS))
+        return self.orders(block, amplitudes, _between(0.0)[0])
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the size times the reading of a unit."""
-        size, place, width = (float(value) for value in parameters)
+        size, place, width, loss = (float(value) for value in parameters)
         if not size:
             return block.zeros()
-        result: FloatArray = size * self.curves(block, np.array([place]), width)[0]
-        return result
+        amplitude = size * _window(width) * np.exp(-1j * place * _COUNTS)
+        return self._fields(block, amplitude[None], _between(loss)[0])[0]
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivatives by size, place and width."""
-        rows = np.zeros((3, *block.signal_mps2.shape))
-        response = self._response(block)
-        if response is not None:
-            size, place, width = (float(value) for value in parameters)
-            sign = -1.0 if block.conditions.reverse else 1.0
-            unit = _window(width) * np.exp(-1j * sign * place * _COUNTS)
-            by = np.stack([unit, -1j * sign * size * _COUNTS * unit, -size * width * np.square(_COUNTS) * unit])
-            rows[:, _PLANE] = (by @ response.reshape(PATTERNS, -1)).real.reshape(3, 2, FIELD_SIZE)
-        return rows
-
-    def _response(self, block: ModelledBlock) -> ComplexArray | None:
-        if block.belt is None:
-            return None
-        offset_m = relative_offset(block) * block.conditions.radius_m
-        response: ComplexArray = self._responses.at(block.belt, block.conditions, offset_m)[self._row]
-        return response
+        """Return the derivatives by size, place, width and loss."""
+        size, place, width, loss = (float(value) for value in parameters)
+        unit = _window(width) * np.exp(-1j * place * _COUNTS)
+        by = np.stack([unit, -1j * size * _COUNTS * unit, -size * width * np.square(_COUNTS) * unit])
+        weights, by_loss = _between(loss)
+        return np.concatenate([self._fields(block, by, weights), self._fields(block, size * unit[None], by_loss)])
 
 
-class AxleOrder(Law):
+class AxleOrder(_OnBelt):
     """Height of the axle that goes k times up and down in a turn: run-out of rim or tire of order k."""
 
-    axes = (CIRCUMFERENTIAL, RADIAL)
-    stage = Stage.BELT
-    linear = True
-    scaling = LocalLaw.scaling
+    sizes = 2
 
     def __init__(self, order: int, responses: Responses) -> None:
         """Take the order and the responses that the laws of a search share."""
+        super().__init__(Change.RIM, responses)
         self.order = order
-        self._responses = responses
         self.name = f"law: axle height of order {order}"
         self.title = f"axle height of order {order}"
         self.summary = f"The axle goes up and down {order} times a turn: rim or tire is out of round by that order."
         self.equation = f"axle height + C cos({order} theta) + S sin({order} theta); the exact ring's linear answer"
-        self.source = "linearised exact ring (gateway.physics.rolling_ring.local_changes)"
-        self.parameters = tuple(
-            Parameter(name, "m", -3e-3, 3e-3, 2e-4, 1e-7, factor=1e3, display_unit="mm") for name in ("cosine_m", "sine_m")
+        self.parameters = (
+            *(
+                Parameter(name, "m", -3e-3, 3e-3, 2e-4, 1e-7, factor=1e3, display_unit="mm")
+                for name in ("cosine_m", "sine_m")
+            ),
+            _LOSS,
         )
-        self.start_values = ((2e-4, 2e-4),)
+        self.start_values = ((2e-4, 2e-4, 0.0),)
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the sizes times their readings."""
-        result: FloatArray = np.tensordot(parameters, self.derivative(block, parameters), 1)
-        return result
+        if not parameters[:2].any():
+            return block.zeros()
+        return self._fields(block, self._amplitudes(parameters)[:1], _between(float(parameters[2]))[0])[0]
 
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:  # noqa: ARG002 - linear
-        """Return the readings of a cosine and a sine of 1 m."""
-        rows = np.zeros((2, *block.signal_mps2.shape))
-        if block.belt is not None:
-            offset_m = relative_offset(block) * block.conditions.radius_m
-            response = self._responses.at(block.belt, block.conditions, offset_m)[-1, self.order]
-            side = -1j if block.conditions.reverse else 1j
-            rows[:, _PLANE] = np.stack([response, side * response]).real
-        return rows
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives by cosine, sine and loss."""
+        whole, cosine, sine = self._amplitudes(parameters)
+        weights, by_loss = _between(float(parameters[2]))
+        return np.concatenate(
+            [self._fields(block, np.stack([cosine, sine]), weights), self._fields(block, whole[None], by_loss)]
+        )
+
+    def _amplitudes(self, parameters: FloatArray) -> ComplexArray:
+        """Return the amplitudes of the whole, of a cosine of 1 m and of a sine of 1 m, (3, PATTERNS)."""
+        result = np.zeros((3, PATTERNS), dtype=np.complex128)
+        # A pattern of amplitude a moves the axle by Re(a exp(-i k theta)).
+        result[:, self.order] = complex(parameters[0], parameters[1]), 1.0, 1j
+        return result
 
 
 def _window(width_rad: float) -> FloatArray:
@@ -254,14 +296,27 @@ def _window(width_rad: float) -> FloatArray:
     return result
 
 
-def _on_field(response: ComplexArray) -> ComplexArray:
-    """Return responses (..., PATTERNS, 2, N) on the model's grid, turned by exp(-i N theta)."""
-    spectrum = np.fft.fft(response, axis=-1)
-    nodes, half = response.shape[-1], min(response.shape[-1], FIELD_SIZE) // 2
-    result = np.zeros((*response.shape[:-1], FIELD_SIZE), dtype=np.complex128)
-    result[..., :half] = spectrum[..., :half]
-    result[..., 1 - half :] = spectrum[..., 1 - half :]
-    result = np.fft.ifft(result, axis=-1) * (FIELD_SIZE / nodes)
-    theta = -math.pi + 2.0 * math.pi / FIELD_SIZE * np.arange(FIELD_SIZE)
-    result *= np.exp(-1j * np.outer(_COUNTS, theta))[:, None]
-    return result
+def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
+    """Return the weights of the responses at a loss and their derivatives, (losses,) each: a parabola in its logarithm.
+
+    Args:
+        log_loss: logarithm of the loss over the usual one.
+    """
+    x = min(max(log_loss / _LOSS_STEP, -_BEYOND), _BEYOND)
+    weights = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
+    slopes = np.array([x - 0.5, -2.0 * x, x + 0.5]) / _LOSS_STEP
+    return weights, slopes * (abs(log_loss) < _BEYOND * _LOSS_STEP)
+
+
+def _orders(response: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return a response (kinds, PATTERNS, 2, N), turned by exp(-i N theta), as its orders ahead and behind."""
+    nodes = response.shape[-1]
+    spectrum = np.fft.fft(response, axis=-1) / nodes
+    spectrum[..., 1::2] *= -1.0
+    parts = []
+    for sign in (1, -1):
+        places = (sign * np.arange(ORDERS) + np.arange(PATTERNS)[:, None]) % nodes
+        part = np.take_along_axis(spectrum, places[None, :, None, :], axis=-1)
+        part[..., 0] *= 0.5
+        parts.append(part.reshape(*part.shape[:2], -1).astype(np.complex64))
+    return parts[0], parts[1].conj()

@@ -21,7 +21,7 @@ from gateway.closure.inference.set_evidence import log_evidence
 from gateway.closure.laws.law import Law
 from gateway.closure.laws.local_law import LocalLaw
 from gateway.closure.model.closure_model import ClosureModel
-from gateway.closure.model.sensor_signal import base_signal, field_orders, mounting_matrix
+from gateway.closure.model.sensor_signal import base_signal, mounting_matrix
 from gateway.types import FloatArray
 
 # Factors of the discrepancy's amplitudes.
@@ -88,29 +88,28 @@ class ProfileScan:
             best += zip(gains.tolist(), sizes.tolist(), near, strict=True)
         gain, size, (place, width) = max(best, key=lambda one: one[0])
         place = (place + math.pi) % (2.0 * math.pi) - math.pi
-        yield Promise(law, np.array([size, place, width]), gain)
+        yield Promise(law, np.array([size, place, width, 0.0]), gain)
 
     def _other(self, law: Law, start: FloatArray) -> Iterator[Promise]:
         """Yield the promise of a law without a place: each parameter of a linear one has its own size."""
         model = ClosureModel(self.fit.model.campaign, self.fit.model.core, (*self.fit.model.effects, law))
         vector = self.fit.model.layout.moved(self.fit.vector, model.layout)
         where = model.layout.effect(law.name)
-        starts = np.diag(start) if law.linear else start[None]
+        starts = np.diag(start)[start != 0.0]
+        groups = range(len(model.campaign.groups))
+        without = [model.predict_mean(vector, index) for index in groups]
         rows = []
-        for index, predicted in enumerate(self.fit.predicted):
+        for index in groups:
             own = []
             for one in starts:
                 vector[where] = one
-                changed = model.predict_mean(vector, index)
-                vector[where] = 0.0
-                own.append(as_real(changed - model.predict_mean(vector, index)))
+                own.append(as_real(model.predict_mean(vector, index) - without[index]))
             rows.append(np.stack(own))
-            _ = predicted
         if not any(row.any() for row in rows):
             return
-        stds = np.array([law.parameters[at].prior_std / max(abs(start[at]), 1e-300) for at in range(len(starts))])
+        stds = np.array([one.prior_std / abs(at) for one, at in zip(law.parameters, start, strict=True) if at])
         gain, sizes = self._gain_of_all(rows, stds)
-        yield Promise(law, sizes * start if law.linear else sizes[0] * start, gain)
+        yield Promise(law, sizes @ starts, gain)
 
     def _gains(self, law: LocalLaw, tried: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
         """Return the gain of each place and width, and the size there."""
@@ -159,14 +158,14 @@ class ProfileScan:
         model = self.fit.model
         for index, (group, shape) in enumerate(zip(model.campaign.groups, self._shapes, strict=True)):
             block = base_signal(model.core, shape, group.conditions)
-            curves = np.empty((len(tried), *block.signal_mps2.shape))
+            orders = np.empty((len(tried), 3, ORDERS), dtype=np.complex128)
             for width in np.unique(widths):
                 own = widths == width
-                curves[own] = law.curves(block, places[own], float(width))
+                orders[own] = law.unit_orders(block, places[own], float(width))
             if group.declared_roll_rad or group.declared_pitch_rad:
-                curves = mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad) @ curves
+                orders = mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad) @ orders
             turn = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
-            rows.append(as_real(field_orders(curves) * turn))
+            rows.append(as_real(orders * turn))
         return rows
 
 

@@ -47,9 +47,7 @@ class AxisDelay(_AxisLaw):
         self.name = f"law: {self.title}"
         self.summary = f"The {AXIS_NAMES[axis]} axis is read later (or earlier) than the radial one."
         self.equation = f"{AXIS_NAMES[axis]} a(t - tau)"
-        self.parameters = (
-            Parameter("delay_s", "s", -1e-3, 1e-3, 1e-4, 1e-9, factor=1e6, display_unit="us"),
-        )
+        self.parameters = (Parameter("delay_s", "s", -1e-3, 1e-3, 1e-4, 1e-9, factor=1e6, display_unit="us"),)
         self.start_values = ((5e-5,),)
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:

@@ -53,9 +53,8 @@ def has_other_conditions(fit: Fit, recording: int) -> bool:
 
 
 def single_sizes(fit: Fit, data: Whitened, law: Law) -> tuple[LawSize, ...]:
-    """Return the size of a law in each recording alone: its first parameters if it is linear, else the first one."""
-    where = fit.model.layout.effect(law.name)
-    own = np.arange(where.start, where.stop if law.linear else where.start + 1)
+    """Return the size of a law in each recording alone, its shape kept."""
+    own = fit.model.layout.effect(law.name).start + np.arange(law.sizes)
     start = fit.vector[own]
     # Along the direction of the law's own vector, so that a cosine and a sine count as one size.
     unit = start / max(float(np.linalg.norm(start)), 1e-300)

@@ -16,7 +16,7 @@ from gateway.physics.rolling_ring.equilibrium import RingSolution as RingSolutio
 from gateway.physics.rolling_ring.equilibrium import loaded_belt as loaded_belt
 from gateway.physics.rolling_ring.equilibrium import nearby_solutions as nearby_solutions
 from gateway.physics.rolling_ring.equilibrium import solve_rolling_ring as solve_rolling_ring
-from gateway.physics.rolling_ring.newton_solver import RingNotConvergedError as RingNotConvergedError
 from gateway.physics.rolling_ring.local_changes import PATTERNS as PATTERNS
 from gateway.physics.rolling_ring.local_changes import Change as Change
 from gateway.physics.rolling_ring.local_changes import local_response as local_response
+from gateway.physics.rolling_ring.newton_solver import RingNotConvergedError as RingNotConvergedError

@@ -27,8 +27,7 @@ from gateway.types import ComplexArray, FloatArray
 PATTERNS: Final = 129
 """Patterns 0 to 128 of a turn: the highest order that is compared is 109."""
 
-# Loss factors of rubber at some hundred hertz, and 5 % of the critical damping of the belt on its sidewall.
-_LOSS_TIME_S: Final = 3e-5
+# Share of the critical damping of the belt on its sidewall.
 _SIDEWALL_RATIO: Final = 0.05
 
 
@@ -47,7 +46,7 @@ class Change(StrEnum):
     RIM = "rim"
 
 
-def local_response(belt: LoadedBelt, omega_radps: float, offset_m: float = 0.0) -> ComplexArray:
+def local_response(belt: LoadedBelt, omega_radps: float, loss_s: float, offset_m: float = 0.0) -> ComplexArray:
     """Return the reading of every kind of change and every pattern, (kinds, PATTERNS, 2, N), m; radial and along.
 
     Pattern N of amplitude a reads Re(a response exp(-i N theta)) omega^2.
@@ -55,6 +54,7 @@ def local_response(belt: LoadedBelt, omega_radps: float, offset_m: float = 0.0) 
     Args:
         belt: rolling steadily.
         omega_radps: angular speed.
+        loss_s: damping time of belt and tread.
         offset_m: sensor below (inside) the belt's neutral layer.
 
     Raises:
@@ -75,7 +75,7 @@ def local_response(belt: LoadedBelt, omega_radps: float, offset_m: float = 0.0) 
     result = np.empty((len(Change), PATTERNS, 2, len(belt.state)), dtype=np.complex128)
     lifted = np.array([float(change is Change.RIM) for change in Change])
     for count in range(PATTERNS):
-        blocks = TreadBlocks(count, law.mass_kgpm, _LOSS_TIME_S, _LOSS_TIME_S)
+        blocks = TreadBlocks(count, law.mass_kgpm, loss_s, loss_s)
         forces = _forces_n(lossy, omega_radps, count)
         result[:, count] = pushed_response(lossy, blocks, omega_radps, forces, lifted, offset_m)
     return result
@@ -125,6 +125,10 @@ def _steady(belt: LoadedBelt) -> tuple[FloatArray, FloatArray]:
     push = road.pressure_npm[:, None]
     touching = push > 0.0
     towards = np.where(touching, road.force_npm / np.where(touching, push, 1.0), 0.0)
+    # The contact ends between nodes: the last one touches by a share.
+    unclipped = road.unclipped_npm
+    slope = 0.5 * np.abs(following(unclipped) - preceding(unclipped))
+    towards *= np.clip(0.5 + unclipped / np.maximum(slope, 1e-300), 0.0, 1.0)[:, None]
     loads = np.stack([inertia, pull, length * law.tread_npm2 * towards, length * road.d_height])
     return np.stack([moment, kink]), loads
 
