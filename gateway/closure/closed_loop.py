@@ -45,6 +45,7 @@ from gateway.closure.inference.rolling_direction import turned_round
 from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
 from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
+from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
@@ -137,6 +138,7 @@ def _diagnose(
     time_locked = time_locked_result()
     edges = edges_found()
     on_progress(_TIME_LOCKED, "preparing figures")
+    explained = propose_laws(best, data, expired) if search.complete and unexplained(best.fit, data) else LawsFound()
     better = [exact.numbers] if exact is not None else []
     if exact is None and posterior.impossible is not None:
         better = [estimates_of([(posterior.impossible.fit, 1.0)])[0]]
@@ -225,7 +227,8 @@ def _diagnose(
             *time_locked.notes,
         ),
         folds_of=_folds_of(campaign),
-        correction=contribution_table(best.fit, tuple(findings)),
+        correction=contribution_table(explained.fit or best.fit, tuple(findings), explained.laws),
+        laws=explained.laws,
         load_known=all(group.load_known for group in campaign.groups),
         pressure_known=all(group.pressure_known for group in campaign.groups),
         complete=search.complete,

@@ -10,6 +10,7 @@ import numpy as np
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel, Parameter
 from gateway.closure.inference import criteria
+from gateway.closure.laws.library import library
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.errors import TreadlinkError
@@ -30,10 +31,10 @@ def known_effects(
         model: baseline model that they are to be added to; a file is made with the exact ring.
 
     Raises:
-        TreadlinkError: an effect is not in the catalogue or stands twice, or its parameters are not those of the
-            catalogue, in another unit or outside of their ranges.
+        TreadlinkError: an effect is neither in the catalogue nor a law, or stands twice, or its parameters are not
+            those of the catalogue, in another unit or outside of their ranges.
     """
-    catalogue = angle_effects(candidates(model))
+    catalogue: dict[str, AngleEffect] = {**angle_effects(candidates(model)), **library()}
     effects: list[tuple[AngleEffect, FloatArray]] = []
     for one in table.effects:
         effect = catalogue.get(one.name)

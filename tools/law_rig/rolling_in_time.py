@@ -29,8 +29,7 @@ from gateway.physics.rolling_ring.force_balance import (
     ring_grid,
     segment_turn,
 )
-from gateway.physics.rolling_ring.newton_solver import folded_band
-from gateway.physics.rolling_ring.sensor_waveform import sensor_waveform
+from gateway.physics.rolling_ring.newton_solver import FoldedBand, folded_band
 from gateway.types import FloatArray
 
 NODES: Final = 720
@@ -143,9 +142,7 @@ def last_revolution(conditions: Rolling, change: LocalChange) -> FloatArray:
     diagonal = np.eye(2)
     y = belt.start.copy()
     # Steady shape standing in space: in the rim's frame it moves backwards past the nodes.
-    shape = y
-    slope = _derivative(shape) - np.stack([-shape[:, 1], shape[:, 0]], axis=1)
-    v = -omega * slope * 0.0 + _standing_velocity(shape, omega)
+    v = _standing_velocity(y, omega)
     a = np.zeros_like(y)
     kept = np.empty((STEPS, NODES, 2))
     mass = belt.mass_kg[:, None]
@@ -162,14 +159,14 @@ def last_revolution(conditions: Rolling, change: LocalChange) -> FloatArray:
         guess_v, guess_a = v, a
         new = y + step_s * v + 0.5 * step_s**2 * a
         factors = None
-        for _ in range(_NEWTON):
+        for iteration in range(_NEWTON):
             acc = (new - y - step_s * guess_v) * by_acceleration - (0.5 / _BETA - 1.0) * guess_a
             vel = guess_v + step_s * ((1.0 - _GAMMA) * guess_a + _GAMMA * acc)
             inside, blocks = belt.inside(new)
             road, by_road = belt.road(new, angle)
             left = inside + road + axle - belt.damping * vel
             left -= mass * (acc + 2.0 * omega * vel @ _SPIN.T - omega**2 * new)
-            if factors is None or _ == 3:
+            if factors is None or iteration == 3:
                 tangent = -blocks
                 tangent[2] += inertia - by_road
                 factors = _factorised(tangent, layout)
@@ -202,7 +199,7 @@ def _derivative(shape: FloatArray) -> FloatArray:
     return np.stack([slope.real, slope.imag], axis=1)
 
 
-def _factorised(tangent: FloatArray, layout):
+def _factorised(tangent: FloatArray, layout: FoldedBand) -> tuple[FloatArray, FloatArray]:
     size, half = 2 * NODES, layout.half
     band = np.zeros((3 * half + 1) * size)
     band[layout.flat] = tangent
@@ -210,21 +207,33 @@ def _factorised(tangent: FloatArray, layout):
     return factors, pivots
 
 
-def _solved(factors, right: FloatArray, layout) -> FloatArray:
+def _solved(factors: tuple[FloatArray, FloatArray], right: FloatArray, layout: FoldedBand) -> FloatArray:
     side = np.empty(2 * NODES)
     side[layout.unknown] = right
     found, _ = dgbtrs(factors[0], layout.half, layout.half, side, factors[1])
     return found[layout.unknown]
 
 
-def read_by(positions_m: FloatArray, node: int, radius_m: float) -> FloatArray:
-    """Return what a sensor at a node reads over omega^2, radial and along, (2, STEPS) from theta = -pi on."""
-    # The node is at its material angle plus that of the wheel.
-    path = positions_m[:, node]
-    start = round(
-        ((ring_grid(NODES).theta_rad[node] + 2.0 * math.pi / STEPS) % (2.0 * math.pi)) / (2.0 * math.pi) * STEPS
-    )
-    # Sample k is at the angle start + k; -pi is STEPS / 2.
-    path = np.roll(path, start - STEPS // 2, axis=0)
-    wave = sensor_waveform(path, radius_m)
-    return np.stack([wave.radial_m, wave.circumferential_m])
+def read_by(positions_m: FloatArray, nodes: FloatArray, depth_m: float) -> FloatArray:
+    """Return what sensors below nodes read over omega^2, radial and along, (k, 2, STEPS) from theta = -pi on.
+
+    A sensor's axes follow the belt as it lies at the time, not the node's path.
+
+    Args:
+        positions_m: (STEPS, N, 2) of the nodes.
+        nodes: (k,) numbers of nodes.
+        depth_m: of the sensors below the neutral layer.
+    """
+    belt = positions_m[..., 0] + 1j * positions_m[..., 1]
+    order = np.fft.fftfreq(NODES, 1.0 / NODES)
+    slope = np.fft.ifft(1j * order * np.fft.fft(belt, axis=1), axis=1)[:, nodes]
+    along = slope / np.abs(slope)
+    inward = 1j * along
+    rate = np.fft.fftfreq(STEPS, 1.0 / STEPS)[:, None]
+    path = belt[:, nodes] + depth_m * inward
+    acceleration = np.fft.ifft(-(rate**2) * np.fft.fft(path, axis=0), axis=0)
+    read = np.stack([(acceleration * inward.conj()).real, (acceleration * along.conj()).real])
+    # Sample k of a node is at its material angle plus (k + 1) steps; -pi is to be first.
+    first = ring_grid(NODES).theta_rad[nodes] / (2.0 * math.pi) * STEPS + 1.0
+    shifts = np.rint(first).astype(int) + STEPS // 2
+    return np.stack([np.roll(read[:, :, k], shift, axis=1) for k, shift in enumerate(shifts.tolist())])

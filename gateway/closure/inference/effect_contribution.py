@@ -13,7 +13,7 @@ from gateway.closure.effects.effect import CIRCUMFERENTIAL
 from gateway.closure.inference.fit import Fit
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
-from gateway.closure.result import Finding, Verdict
+from gateway.closure.result import Finding, Law, Verdict
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.types import ComplexArray
 
@@ -26,14 +26,15 @@ _PRESSURE_MARGIN: Final = 0.05
 MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
 
 
-def contribution_table(fit: Fit, findings: tuple[Finding, ...]) -> CorrectionTable | None:
-    """Return the table of the identified effects, for the state with the most revolutions.
+def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law, ...] = ()) -> CorrectionTable | None:
+    """Return the table of the identified effects and certain laws, for the state with the most revolutions.
 
     What other estimators measure (ply steer, conicity, carcass compliance) is left out. The table holds for that
     state's load and pressure: with another contact the same effects add something else; and for the way that a wheel
     rolls on the car, forward, unless all was recorded in reverse.
     """
-    named = {finding.name: finding for finding in findings if finding.verdict is Verdict.NAMED}
+    named: dict[str, Finding | Law] = {one.name: one for one in findings if one.verdict is Verdict.NAMED}
+    named |= {law.name: law for law in laws if law.certain}
     effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - MEASURED)
     if not effects:
         return None
@@ -131,5 +132,5 @@ def _around(value: float, margin: float) -> tuple[float, float]:
     return value * (1.0 - margin), value * (1.0 + margin)
 
 
-def _told(finding: Finding) -> tuple[EffectParameter, ...]:
+def _told(finding: Finding | Law) -> tuple[EffectParameter, ...]:
     return tuple(EffectParameter(name, p.value, p.std, p.unit) for name, p in finding.parameters.items())

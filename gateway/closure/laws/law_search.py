@@ -22,9 +22,10 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference import criteria
 from gateway.closure.inference.effect_contribution import added_by
-from gateway.closure.inference.fit import FitFailedError, fit_model
+from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.posterior import Posterior
@@ -49,8 +50,10 @@ CLUE_SHARE: Final = 0.25
 """Share that a clue must explain."""
 RISE: Final = 1.02
 """Ratio by which the error of an axis may rise on a recording that the law has not seen: what noise alone makes."""
-FALL: Final = 0.9
-"""Ratio to which the error of such a recording must fall on at least one axis."""
+FALL: Final = 0.6
+"""Share of the power beyond noise that may be left of such a recording on one axis at least."""
+TESTABLE: Final = 1.3
+"""Power over that of the noise from which an axis of a recording tests a law: noise alone reaches 1.2."""
 SIZES_APART: Final = 0.1
 """Relative difference of sizes of single recordings, beyond two errors, at which a law is another thing: right ones
 differ by 2 %, wrong ones by 17 % and more."""
@@ -62,12 +65,12 @@ _LEAST_LEFT: Final = 0.05
 # Places that the evidence has not paid for: narrow peaks in the widths.
 _CHOICES: Final = 10.0
 _FITTED: Final = 4
-_WORTH: Final = 0.25
-# Rounds of a fit, each with the belt's response at the end of the one before, its steps, and the decrease of the misfit
-# that is worth another one.
-_ROUNDS: Final = 6
+_WORTH: Final = 0.5
+# Rounds of a fit, each with the belt's response at the end of the one before, its steps, and the change of the tire's
+# logarithms that is not worth another one.
+_ROUNDS: Final = 5
 _STEPS: Final = 8
-_SETTLED: Final = 0.9
+_SETTLED: Final = 0.01
 # A size whose error is a larger share of it says nothing.
 _KNOWN_SIZE: Final = 0.3
 
@@ -92,12 +95,25 @@ class _Tried:
         return mine - (base.log_evidence - base.log_prior_odds)
 
 
+@dataclass(frozen=True)
+class LawsFound:
+    """What a search has found.
+
+    Attributes:
+        laws: a law or a clue; empty for nothing.
+        fit: of the model with the law, None where none is certain.
+    """
+
+    laws: tuple[ProposedLaw, ...] = ()
+    fit: Fit | None = None
+
+
 def propose_laws(
     base: Evaluated,
     data: Whitened,
     expired: Callable[[], bool] = lambda: False,
     laws: Sequence[Law] | None = None,
-) -> tuple[ProposedLaw, ...]:
+) -> LawsFound:
     """Return the law for what a set leaves, or a clue to one, or nothing.
 
     Args:
@@ -107,13 +123,13 @@ def propose_laws(
         laws: to try; None for the library.
     """
     before = residual_ratio(base.fit, data)
-    if before - 1.0 < _LEAST_LEFT or base.fit.model.core.model != "exact":
-        return ()
+    if before - 1.0 < _LEAST_LEFT or base.fit.model.core.model is not BaselineModel.EXACT:
+        return LawsFound()
     tried = list(laws if laws is not None else library().values())
     try:
         promises = ProfileScan(base.fit).promises(tried)
     except (NoShapeError, np.linalg.LinAlgError):
-        return ()
+        return LawsFound()
     price = math.log(len(tried) * _CHOICES) - math.log(criteria.STAND_IN_ODDS)
     worth = max(price, _WORTH * promises[0].gain) if promises else math.inf
     fitted: list[_Tried] = []
@@ -124,7 +140,7 @@ def propose_laws(
         if one is not None:
             fitted.append(one)
     if not fitted:
-        return ()
+        return LawsFound()
     best = max(fitted, key=lambda one: one.gain(base))
     return _judged(base, data, best, fitted, before, price)
 
@@ -141,14 +157,14 @@ def _fitted(base: Evaluated, data: Whitened, promise: Promise) -> _Tried | None:
     start[model.layout.effect(law.name)] = np.clip(promise.parameters, low, high)
     try:
         # Without the discrepancy, which stood for the law and would let the fit end beside it.
-        was = math.inf
+        states = model.layout.states
         for _ in range(_ROUNDS):
-            law.renew()
             first = fit_model(model, data, start, most_steps=_STEPS)
+            apart = float(np.abs(first.vector - start)[states].max())
             start = first.vector
-            if first.misfit > _SETTLED * was:
+            if apart < _SETTLED:
                 break
-            was = first.misfit
+            law.renew()
         small = fit.applied.discrepancy.applied(criteria.SMALLER_DISCREPANCY * fit.applied.amplitudes)
         found = evaluate(first, data, fit.applied.discrepancy, small)
     except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
@@ -158,17 +174,17 @@ def _fitted(base: Evaluated, data: Whitened, promise: Promise) -> _Tried | None:
 
 def _judged(
     base: Evaluated, data: Whitened, best: _Tried, fitted: Sequence[_Tried], before: float, price: float
-) -> tuple[ProposedLaw, ...]:
+) -> LawsFound:
     """Return the best law by what it is: certain, a clue, or nothing."""
     share = 1.0 - (best.ratio - 1.0) / (before - 1.0)
     log_odds = best.gain(base) / math.sqrt(best.ratio) - price
     if log_odds < -math.log(1.0 / criteria.NAMED - 1.0) or share < CLUE_SHARE:
-        return ()
+        return LawsFound()
     fit = best.set.fit
     sizes = single_sizes(fit, data, best.law)
     unseen = unseen_errors(base.fit, fit, data, best.law)
     rivals = tuple(
-        one.law.name
+        one.law
         for one in fitted
         if one is not best and best.gain(base) - one.gain(base) < RIVAL * math.sqrt(best.ratio)
     )
@@ -178,29 +194,36 @@ def _judged(
     reasons += _against_unseen(fit.model.campaign.recordings, unseen)
     reasons += _against_sizes(fit.model.campaign.recordings, sizes)
     if rivals:
-        reasons.append(Reason(Code.LAW_HAS_RIVALS, laws=rivals))
+        reasons.append(Reason(Code.LAW_HAS_RIVALS, laws=tuple(one.title for one in rivals)))
     proposed = _told(base, data, best, sizes, tuple(reasons))
-    proposed = replace(proposed, log_odds=log_odds, share=share, unseen=unseen, rivals=rivals)
-    if proposed.certain:
-        proposed = replace(proposed, held_out=_held_out(base, best.set, data))
-    return (proposed,)
+    proposed = replace(
+        proposed, log_odds=log_odds, share=share, unseen=unseen, rivals=tuple(one.name for one in rivals)
+    )
+    if not proposed.certain:
+        return LawsFound((proposed,))
+    return LawsFound((replace(proposed, held_out=_held_out(base, best.set, data)),), fit)
 
 
 def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) -> list[Reason]:
-    """Return why recordings that the law has not seen speak against it, or that there is none."""
-    if not unseen:
-        return [Reason(Code.LAW_UNTESTED)]
-    reasons = []
+    """Return why recordings that the law has not seen speak against it, or that none can test it."""
     for one in unseen:
         if one.after_mps2 > RISE * max(one.before_mps2, one.noise_mps2):
-            reasons.append(_unseen_reason(recordings, one))
-    for recording in {one.recording for one in unseen}:
-        own = [one for one in unseen if one.recording == recording]
-        # Where hardly more than noise is left there is nothing to fall.
-        above = [one for one in own if one.before_mps2 > one.noise_mps2 / FALL]
-        if above and not any(one.after_mps2 < FALL * one.before_mps2 for one in above) and not reasons:
-            reasons.append(_unseen_reason(recordings, max(above, key=lambda one: one.before_mps2 / one.noise_mps2)))
-    return reasons[:1]
+            return [_unseen_reason(recordings, one)]
+    # Where hardly more than noise is left there is nothing to fall.
+    above = [one for one in unseen if one.before_mps2**2 > TESTABLE * one.noise_mps2**2]
+    if not above:
+        return [Reason(Code.LAW_UNTESTED)]
+    for recording in dict.fromkeys(one.recording for one in above):
+        own = [one for one in above if one.recording == recording]
+        if min(_excess_left(one) for one in own) > FALL:
+            return [_unseen_reason(recordings, min(own, key=_excess_left))]
+    return []
+
+
+def _excess_left(one: UnseenError) -> float:
+    """Return the share of the power beyond noise that a law leaves."""
+    noise = one.noise_mps2**2
+    return (one.after_mps2**2 - noise) / (one.before_mps2**2 - noise)
 
 
 def _unseen_reason(recordings: Sequence[str], one: UnseenError) -> Reason:

@@ -106,9 +106,9 @@ SHAPES: Final = (
 
 
 class Response(NamedTuple):
-    """Orders of the readings of all patterns over omega^2, for each loss and kind, m.
+    """Orders of the readings of all patterns over omega^2, for each kind, m.
 
-    Of an amplitude a, order n is a ahead_n + conj(a) behind_n. Each (losses, kinds, PATTERNS, 2 * ORDERS), radial, then
+    Of an amplitude a, order n is a ahead_n + conj(a) behind_n. Each (kinds, PATTERNS, 2 * ORDERS), radial, then
     circumferential.
     """
 
@@ -131,21 +131,21 @@ class Responses:
         """Forget all responses."""
         self._kept.clear()
 
-    def at(self, belt: LoadedBelt, conditions: GroupConditions, offset_m: float) -> Response:
+    def at(self, belt: LoadedBelt, conditions: GroupConditions, offset_m: float, loss_s: float) -> Response:
         """Return the response of a belt, or of the first one under these conditions.
 
         Args:
             belt: rolling steadily.
             conditions: its speed, load and pressure.
             offset_m: sensor below the neutral layer.
+            loss_s: damping time of belt and tread.
         """
         # Speeds within a recording differ by some permille.
         log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
-        key = log_speed, conditions.load_n, conditions.pressure_pa, float(len(belt.state))
+        key = log_speed, conditions.load_n, conditions.pressure_pa, float(len(belt.state)), loss_s
         if key not in self._kept:
             omega = math.exp(log_speed / _PER_SPEED)
-            each = [_orders(local_response(belt, omega, loss, offset_m)) for loss in _LOSSES_S]
-            self._kept[key] = Response(*(np.stack(part) for part in zip(*each, strict=True)))
+            self._kept[key] = _orders(local_response(belt, omega, loss_s, offset_m))
         return self._kept[key]
 
 
@@ -183,13 +183,18 @@ class _OnBelt(Law):
         if block.belt is None:
             return result
         conditions = block.conditions
-        response = self._responses.at(block.belt, conditions, relative_offset(block) * conditions.radius_m)
-        ahead, behind = (np.tensordot(weights, part[:, self._row], 1) for part in response)
+        offset_m = relative_offset(block) * conditions.radius_m
         if conditions.reverse:
             # The pattern is the mirror image.
             amplitudes = amplitudes.conj()
-        square = conditions.omega_radps**2
-        read = square * (amplitudes @ ahead + amplitudes.conj() @ behind)
+        read = np.zeros((len(amplitudes), 2 * ORDERS), dtype=np.complex128)
+        for weight, loss_s in zip(weights.tolist(), _LOSSES_S, strict=True):
+            if weight:
+                ahead, behind = (
+                    part[self._row] for part in self._responses.at(block.belt, conditions, offset_m, loss_s)
+                )
+                read += weight * (amplitudes @ ahead + amplitudes.conj() @ behind)
+        read *= conditions.omega_radps**2
         result[:, _PLANE] = read.reshape(-1, 2, ORDERS)
         return result
 
@@ -308,7 +313,7 @@ def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
     return weights, slopes * (abs(log_loss) < _BEYOND * _LOSS_STEP)
 
 
-def _orders(response: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+def _orders(response: ComplexArray) -> Response:
     """Return a response (kinds, PATTERNS, 2, N), turned by exp(-i N theta), as its orders ahead and behind."""
     nodes = response.shape[-1]
     spectrum = np.fft.fft(response, axis=-1) / nodes
@@ -319,4 +324,4 @@ def _orders(response: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         part = np.take_along_axis(spectrum, places[None, :, None, :], axis=-1)
         part[..., 0] *= 0.5
         parts.append(part.reshape(*part.shape[:2], -1).astype(np.complex64))
-    return parts[0], parts[1].conj()
+    return Response(parts[0], parts[1].conj())

@@ -9,7 +9,7 @@ import numpy as np
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, ModelledBlock, Parameter, Stage
 from gateway.closure.laws.law import Law
 from gateway.constants import AXIS_NAMES
-from gateway.types import FloatArray
+from gateway.types import ComplexArray, FloatArray
 
 _LEVEL_MPS2: Final = 1000.0
 _WITH_SIGNAL: Final = "goes with the signal itself, whatever speed, load and pressure"
@@ -66,7 +66,7 @@ class AxisDelay(_AxisLaw):
         rows[0, self.axis] = np.fft.irfft(turned, n=len(block.theta_rad))
         return rows
 
-    def _spectrum(self, block: ModelledBlock) -> tuple[FloatArray, FloatArray]:
+    def _spectrum(self, block: ModelledBlock) -> tuple[ComplexArray, ComplexArray]:
         spectrum = np.fft.rfft(block.signal_mps2[self.axis])
         spectrum[-1] = 0.0
         return spectrum, 1j * block.conditions.omega_radps * np.arange(len(spectrum))

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from gateway import __version__
 from gateway.closure.data.campaign_data import Remark
-from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained
+from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Unexplained
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.output_file import write_whole
@@ -55,6 +55,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "noise_floor_mps2": _number(diagnosis.noise_floor_mps2),
         "effects": [_finding(finding) for finding in diagnosis.findings],
         "unexplained": [_unexplained(left) for left in diagnosis.unexplained],
+        "laws": [_law(law) for law in diagnosis.laws],
         "estimates": {
             "before": _estimates(diagnosis.estimates_before, diagnosis.determined_before),
             "after": _estimates(diagnosis.estimates_after, diagnosis.determined),
@@ -141,6 +142,38 @@ def _unexplained(left: Unexplained) -> dict[str, Any]:
         "rms_mps2": _number(left.rms_mps2),
         "std_mps2": _number(left.std_mps2),
         "text": _text(residual_sentence(left)),
+    }
+
+
+def _law(law: Law) -> dict[str, Any]:
+    return {
+        "name": _text(law.name),
+        "certain": bool(law.certain),
+        "equation": _text(law.equation),
+        "summary": _text(law.summary),
+        "scaling": _text(law.scaling),
+        "source": _text(law.source),
+        "axes": _texts(law.axes),
+        "parameters": {_text(name): _fitted(fitted) for name, fitted in law.parameters.items()},
+        "log_odds": _number(law.log_odds),
+        "share": _number(law.share),
+        "rms_mps2": _number(law.rms_mps2),
+        "sizes": [
+            {"recording": int(one.recording), "value": _number(one.value), "std": _number(one.std)} for one in law.sizes
+        ],
+        "unseen": [
+            {
+                "recording": int(one.recording),
+                "axis": _text(one.axis),
+                "rms_before_mps2": _number(one.before_mps2),
+                "rms_after_mps2": _number(one.after_mps2),
+                "noise_mps2": _number(one.noise_mps2),
+            }
+            for one in law.unseen
+        ],
+        "held_out": None if law.held_out is None else held_out_json(law.held_out),
+        "rivals": _texts(law.rivals),
+        "reasons": [_reason(one) for one in law.reasons],
     }
 
 

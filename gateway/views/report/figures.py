@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from gateway.closure.result import Curves, Spectra, Trend, Unexplained
+from gateway.closure.result import Curves, Law, Spectra, Trend, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.errors import OutputError
 from gateway.types import FloatArray
@@ -182,6 +182,24 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
         panel.set_ylabel(f"{label}, {_UNIT}")
     _legend(figure, [grid[0, 0], grid[2, 0]], _band_label(float(curves.noise_mps2[axis])))
     figure.align_ylabels(list(grid[:, 0]))
+    return figure
+
+
+def law_figure(law: Law) -> Figure:
+    """Draw what is left without a law, and the law, of its axes in the group where it is largest."""
+    curves = max(law.curves, key=lambda one: float(np.square(one.law_mps2).sum()))
+    axes = [axis for axis in range(len(AXIS_NAMES)) if AXIS_NAMES[axis] in law.axes]
+    figure = new_figure(_WIDTH_INCH, 2.2 * len(axes) + 0.8)
+    panels = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
+    for panel, axis in zip(panels, axes, strict=True):
+        degrees = np.degrees(curves.theta_rad)
+        panel.plot(degrees, curves.left_mps2[axis], color=MEASURED, lw=3.0, label="residual without it")
+        panel.plot(degrees, curves.law_mps2[axis], color=AFTER, label=law.title)
+        panel.set_ylabel(f"{AXIS_NAMES[axis]}, {_UNIT}")
+        panel.set_xlim(-180, 180)
+        panel.set_xticks(np.linspace(-180, 180, 9))
+    panels[-1].set_xlabel("angle from the contact's centre, deg")
+    _legend(figure, [panels[0]], "")
     return figure
 
 

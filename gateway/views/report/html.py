@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.closure.result import Curves, Diagnosis, HeldOut, Spectra, Trend
+from gateway.closure.result import Curves, Diagnosis, HeldOut, Law, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.views.html_template import html_template
@@ -23,6 +23,7 @@ from gateway.views.report.figures import (
     CONTACT_VIEW_DEG,
     NOISE_STDS,
     inline_svg,
+    law_figure,
     orders_figure,
     report_style,
     require_report_packages,
@@ -60,6 +61,7 @@ from gateway.views.report.report_tables import (
     EffectRow,
     ErrorRow,
     EstimateRow,
+    LawRow,
     StateRows,
     StepRow,
     UnexplainedRow,
@@ -68,6 +70,7 @@ from gateway.views.report.report_tables import (
     effect_rows,
     error_rows,
     estimate_rows,
+    law_rows,
     omissions,
     refused_rows,
     unexplained_rows,
@@ -149,6 +152,7 @@ class _Page:
     refused: list[EffectRow]
     unexplained: list[UnexplainedRow]
     no_residual: str
+    laws: list[LawRow]
     estimates: list[StateRows[EstimateRow]]
     legend: bool
     states: bool
@@ -181,6 +185,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         refused=refused_rows(diagnosis),
         unexplained=unexplained_rows(diagnosis),
         no_residual=no_residual(diagnosis, "Nothing"),
+        laws=law_rows(diagnosis),
         estimates=by_state(estimates),
         legend=any(row.drawn for row in estimates),
         states=any(row.state for row in estimates),
@@ -280,6 +285,13 @@ def chapters(diagnosis: Diagnosis) -> list[Chapter]:
 
 def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
     groups = diagnosis.curves
+    yield Chapter(
+        "law-curves",
+        "Law and residual",
+        "Measured mean less the model with effects, and what the law adds to that model.",
+        "figures",
+        [_law(at, law) for at, law in enumerate(diagnosis.laws)],
+    )
     if groups:
         index = reference_group(groups)
         reference = groups[index]
@@ -342,6 +354,17 @@ def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
         _drawn("Colours and lines as above.", len(others), len(known) - 1),
         "small-figures",
         [_spectrum(f"s{index}", one, diagnosis, small=True) for index, one in enumerate(others)],
+    )
+
+
+def _law(at: int, law: Law) -> Drawing:
+    kind = "Law" if law.certain else "Clue"
+    return _drawing(
+        law_figure(law),
+        f"l{at}",
+        f"What is left without the law, and the law, in m/s² over the wheel's angle: {clean(law.title)}.",
+        f"{kind}: {clean(law.title)}.",
+        "Residual without it, and what it adds to the model, at the group where that is largest.",
     )
 
 

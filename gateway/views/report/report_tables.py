@@ -15,6 +15,7 @@ from gateway.views.report.phrases import (
     VERDICTS,
     effect_title,
     effects_listed,
+    law_text,
     reason_text,
     residual_remarks,
     scaling_text,
@@ -98,6 +99,29 @@ class UnexplainedRow(NamedTuple):
     scaling: str
     rms: str
     remark: str
+
+
+class UnseenRow(NamedTuple):
+    """Error of one axis of a recording that a law has not seen."""
+
+    recording: str
+    axis: str
+    before: str
+    after: str
+    noise: str
+
+
+class LawRow(NamedTuple):
+    """A law or a clue to one."""
+
+    kind: str
+    title: str
+    text: str
+    equation: str
+    scaling: str
+    parameters: str
+    size: str
+    unseen: list[UnseenRow]
 
 
 class Interval(NamedTuple):
@@ -231,6 +255,36 @@ def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
         )
         for left in diagnosis.unexplained
     ]
+
+
+def law_rows(diagnosis: Diagnosis) -> list[LawRow]:
+    """Return the laws and clues."""
+    rows = []
+    for law in diagnosis.laws:
+        shown = [show_fitted(name, fitted) for name, fitted in law.parameters.items()]
+        unseen = [
+            UnseenRow(
+                clean(diagnosis.recordings[one.recording]),
+                clean(one.axis),
+                significant(one.before_mps2),
+                significant(one.after_mps2),
+                significant(one.noise_mps2),
+            )
+            for one in law.unseen
+        ]
+        rows.append(
+            LawRow(
+                "Law" if law.certain else "Clue, not certain",
+                clean(law.title),
+                law_text(law).removesuffix("."),
+                clean(law.equation),
+                clean(law.scaling),
+                ", ".join(f"{one.label} {one.joined()}" for one in shown),
+                f"{significant(law.rms_mps2)} m/s² rms over {', '.join(law.axes)}",
+                unseen,
+            )
+        )
+    return rows
 
 
 def estimate_rows(diagnosis: Diagnosis) -> list[EstimateRow]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from gateway.closure.data.campaign_data import Remark
-from gateway.closure.result import Diagnosis, Finding
+from gateway.closure.result import Diagnosis, Finding, Law
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, Reason
 from gateway.views.numbers import fixed
@@ -18,6 +18,7 @@ from gateway.views.report.phrases import (
     decisively_rejected,
     effect_title,
     effects_listed,
+    law_text,
     likely,
     listed,
     model_words,
@@ -94,6 +95,7 @@ class _Lines:
         yield from self._likely(likely(diagnosis))
         yield from self._rejected(decisively_rejected(diagnosis))
         yield from self._unexplained(diagnosis)
+        yield from self._laws(diagnosis.laws)
         yield from self._estimates(diagnosis)
         yield from self._notes(diagnosis.notes)
 
@@ -158,6 +160,15 @@ class _Lines:
                 yield from self._rows("", SINGLE_TURNS[left.lock])
             elif left.changes or not left.lock_known:
                 yield self._row("", NON_STATIONARY if left.changes else "time-locked or angle-locked: not known")
+
+    def _laws(self, laws: Sequence[Law]) -> Iterator[str]:
+        for law in laws:
+            numbers = [show_fitted(name, fitted) for name, fitted in law.parameters.items()]
+            cells = [f"{one.label} {one.joined()}".replace(" ± ", "±") for one in numbers]
+            size = f"  {significant(law.rms_mps2)} m/s²"
+            label = "law" if law.certain else "clue"
+            yield self._row(label, _first_of(f"{clean(law.title)}: ", cells, self._room - width(size)), size)
+            yield from self._rows("", law_text(law))
 
     def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:
         before, after = diagnosis.estimates_before, diagnosis.estimates_after
