@@ -17,6 +17,7 @@ from tools.docs_site.notebook_pages import notebook_markdown
 from tools.docs_site.python_pages import python_markdown
 from tools.docs_site.quantity_pages import quantities_markdown
 from tools.docs_site.reason_pages import reasons_markdown
+from tools.docs_site.threshold_pages import thresholds_markdown
 
 ROOT: Final = Path(__file__).parents[2]
 DOCS: Final = ROOT / "docs"
@@ -37,6 +38,7 @@ def generated_pages(*, run_notebooks: bool = False) -> dict[str, str]:
         "reference/python.md": python_markdown(),
         "reference/quantities.md": quantities_markdown(),
         "reference/reasons.md": reasons_markdown(),
+        "reference/thresholds.md": thresholds_markdown(),
         **notebook_markdown(run=run_notebooks),
         **{f"reference/api/{name}": page for name, page in api_markdown().items()},
     }
