@@ -12,7 +12,6 @@ A page marks what a command printed. Three marks, HTML comments on the line befo
     python -m tools.docs_outputs            # check the outputs of quick commands
     python -m tools.docs_outputs --slow     # and of the slow ones
     python -m tools.docs_outputs --update   # rewrite outputs shown in full
-    python -m tools.docs_outputs --table    # write the table of docs/evidence/figures.md, and run nothing
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ from typing import Final
 
 ROOT: Final = Path(__file__).resolve().parents[1]
 PAGES: Final = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-FIGURES_PAGE: Final = ROOT / "docs" / "evidence" / "figures.md"
 SKIPPED: Final = "..."
 """A line of a quoted output that stands for lines left out."""
 
@@ -41,7 +39,6 @@ _MARK: Final = re.compile(
     r"(?:```\w*\n(?P<body>.*?)^```$)?",
     re.MULTILINE | re.DOTALL,
 )
-_TABLE: Final = re.compile(r"(?<=<!-- generated: figures -->\n).*?(?=<!-- end -->)", re.DOTALL)
 _NUMBER: Final = re.compile(r"(?<![\w.])[-+\u2212]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 # A last digit may turn over on another processor; no figure is quoted to more than this.
 _RELATIVE_TOLERANCE: Final = 0.02
@@ -165,8 +162,8 @@ def check(marks: Sequence[Mark], *, slow: bool = False, update: bool = False) ->
             page.write_text(text, "utf-8")
 
 
-def table(marks: Sequence[Mark]) -> str:
-    """Return the table of pages and commands as Markdown."""
+def table_of_commands(marks: Sequence[Mark]) -> str:
+    """Return the table of commands and pages in docs/evidence/figures.md as Markdown."""
     rows = dict.fromkeys(
         (mark.text, mark.name, "test" if mark.kind == "output" and not mark.slow else "")
         for mark in marks
@@ -180,11 +177,6 @@ def table(marks: Sequence[Mark]) -> str:
     return "\n".join(lines)
 
 
-def with_table(text: str) -> str:
-    """Return the page of figures with its table rewritten."""
-    return _TABLE.sub(lambda _: table(all_marks()) + "\n", text)
-
-
 def main() -> None:
     """Check, list or update the outputs."""
     parser = argparse.ArgumentParser(
@@ -192,14 +184,10 @@ def main() -> None:
     )
     parser.add_argument("--slow", action="store_true", help="run the slow commands too")
     parser.add_argument("--update", action="store_true", help="write the outputs into the pages")
-    parser.add_argument("--table", action="store_true", help="write the table of commands and pages, and run nothing")
     parser.add_argument("pages", nargs="*", type=Path, help="these pages instead of all")
     options = parser.parse_args()
     chosen = {page.resolve() for page in options.pages}
     marks = [mark for mark in all_marks() if not chosen or mark.page in chosen]
-    if options.table:
-        FIGURES_PAGE.write_text(with_table(FIGURES_PAGE.read_text("utf-8")), "utf-8")
-        return
     wrong = list(check(marks, slow=options.slow, update=options.update))
     print("\n".join(wrong) or "all outputs are as quoted")
     sys.exit(1 if wrong and not options.update else 0)

@@ -13,7 +13,6 @@ import pytest
 
 from gateway.cli import treadlink
 from tools.docs_outputs import (
-    FIGURES_PAGE,
     PAGES,
     ROOT,
     Mark,
@@ -22,7 +21,6 @@ from tools.docs_outputs import (
     disagreement,
     marks_of,
     unmarked_outputs,
-    with_table,
 )
 
 MARKS = [mark for mark in all_marks() if mark.kind != "file"]
@@ -45,11 +43,6 @@ def parse(words: list[str]) -> None:
         words = words[1:]
     assert command is not None
     command.make_parser(click.Context(command)).parse_args(list(words))
-
-
-def test_table_lists_every_marked_command() -> None:
-    text = FIGURES_PAGE.read_text("utf-8")
-    assert with_table(text) == text, "run `python -m tools.docs_outputs --table`"
 
 
 @pytest.mark.parametrize("mark", MARKS, ids=lambda mark: f"{mark.page.stem}: {mark.text}")

@@ -13,6 +13,7 @@ from gateway.views.effect_catalogue import effects_markdown
 from tools.docs_site.api_pages import api_markdown
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import configuration_markdown
+from tools.docs_site.filled_tables import filled
 from tools.docs_site.notebook_pages import notebook_markdown
 from tools.docs_site.python_pages import python_markdown
 from tools.docs_site.quantity_pages import quantities_markdown
@@ -88,7 +89,7 @@ def _relinked(source: Path, page: str, by_source: dict[Path, str], target: Path)
             _copy(linked, target / place)
         return f"{match[1]}{os.path.relpath(place, folder)}{mark}{anchor}{match[3]}"
 
-    return _LINK.sub(link, source.read_text("utf-8"))
+    return _LINK.sub(link, filled(source.read_text("utf-8")))
 
 
 def _without_code(text: str) -> str:

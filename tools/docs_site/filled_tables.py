@@ -1,0 +1,45 @@
+"""Tables that the site adds to pages of docs/ from the code: `<!-- table: NAME -->` on a line stands for each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Final
+
+from gateway.table_columns import (
+    DIAGNOSIS_COLUMNS,
+    FAILURE_COLUMNS,
+    RECORDING_PARTS,
+    Column,
+    recording_columns,
+    revolution_columns,
+)
+from tools.docs_outputs import all_marks, table_of_commands
+from tools.docs_site.markdown import code, escaped, table
+
+_MARK: Final = re.compile(r"^<!-- table: (.+) -->$", re.MULTILINE)
+
+
+def _columns(columns: dict[str, Column]) -> str:
+    rows = ((code(name), column.unit, escaped(column.description)) for name, column in columns.items())
+    return "\n".join(table(("column", "unit", "content"), rows))
+
+
+def _parts() -> str:
+    rows = ((code(f"NAME{part}"), escaped(column.description)) for part, column in RECORDING_PARTS.items())
+    return "\n".join(table(("column", "content"), rows))
+
+
+TABLES: Final[dict[str, Callable[[], str]]] = {
+    "recordings": lambda: _columns(recording_columns(())),
+    "estimates of a recording": _parts,
+    "revolutions": lambda: _columns(revolution_columns(())),
+    "failures": lambda: _columns(FAILURE_COLUMNS),
+    "diagnoses": lambda: _columns(DIAGNOSIS_COLUMNS),
+    "commands of figures": lambda: table_of_commands(all_marks()),
+}
+
+
+def filled(text: str) -> str:
+    """Return a page with its tables; KeyError for a name that is not in `TABLES`."""
+    return _MARK.sub(lambda match: TABLES[match[1]](), text)
