@@ -1,5 +1,8 @@
 """Errors for the user: each names the thing that failed and the remedy."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
 from typing import Final
 
 _LONGEST_LINE: Final = 2000
@@ -82,10 +85,12 @@ class OutputError(TreadlinkError):
 class PluginError(TreadlinkError):
     """A plug-in that was asked for cannot be imported or does not fit its registry."""
 
-    def __init__(self, name: str, package: str) -> None:
-        """Name the plug-in and its package."""
+    def __init__(self, name: str, package: str, reason: Mapping[str, object]) -> None:
+        """Name the plug-in and its package, and the values of the reason, which may name another one."""
+        values = ", ".join(f"{key} {value}" for key, value in reason.items())
         super().__init__(
-            f"plug-in '{name}' of package '{package}' cannot be used", "Run `treadlink doctor`: it shows the reason."
+            f"plug-in '{name}' of package '{package}' cannot be used{f' ({values})' if values else ''}",
+            "Run `treadlink doctor`: it shows the reason.",
         )
 
 

@@ -94,7 +94,7 @@ def load(group: PluginGroup, name: str, taken: Collection[str], check: Check) ->
         if plugin.name == name and _name_refusal(plugin, taken) is None:
             found, refusal = _examined(plugin, check)
             if refusal is not None:
-                raise PluginError(plugin.name, plugin.package)
+                raise PluginError(plugin.name, plugin.package, dict(refusal.values))
             return found
     return None
 

@@ -7,7 +7,8 @@ from the estimators, since recordings, tables and `--help` need it without the n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from math import inf
 from typing import Final
@@ -665,6 +666,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
 }
 """Quantities of each estimator of this package, in the order of their columns."""
 
+_OF_PLUGINS: Final[dict[str, tuple[Quantity, ...]]] = {}
 _BY_NAME: Final = {quantity.name: quantity for quantities in CATALOGUE.values() for quantity in quantities}
 
 
@@ -682,9 +684,33 @@ def unit_of(name: str) -> str:
     return next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix) and len(name) > len(suffix)), "")
 
 
-def declared() -> Iterator[Quantity]:
-    """Yield every quantity once, in the order of the estimators."""
-    yield from _BY_NAME.values()
+def declare(estimator: str, quantities: Sequence[Quantity]) -> tuple[str, str] | None:
+    """Take the quantities of a plug-in's estimator, unless one of their names is taken.
+
+    CAN frames and trends are the same with and without plug-ins: these parts of a declaration are dropped.
+
+    Returns:
+        The first name that is taken and the estimator that has it; None when all are taken over.
+    """
+    for owner, theirs in (*CATALOGUE.items(), *_OF_PLUGINS.items()):
+        taken = {name for quantity in theirs for name in (quantity.name, quantity.column)}
+        for quantity in quantities if owner != estimator else ():
+            if quantity.name in taken:
+                return quantity.name, owner
+    _OF_PLUGINS[estimator] = tuple(replace(quantity, bus=None, watch=None, compared="") for quantity in quantities)
+    _BY_NAME.update({quantity.name: quantity for quantity in _OF_PLUGINS[estimator]})
+    quantity_of.cache_clear()
+    return None
+
+
+def quantities_of(estimator: str) -> tuple[Quantity, ...]:
+    """Return the quantities of an estimator; none where it is not known."""
+    return CATALOGUE.get(estimator) or _OF_PLUGINS.get(estimator, ())
+
+
+def declared() -> tuple[Quantity, ...]:
+    """Return every quantity once, in the order of the estimators."""
+    return tuple(_BY_NAME.values())
 
 
 def in_state() -> list[str]:
@@ -709,5 +735,5 @@ def quantity_of(name: str) -> Quantity:
 
 def rests_on_times_alone(estimator: str) -> bool:
     """Return whether all that an estimator gives follows from the times of contacts, whatever the waveform."""
-    quantities = CATALOGUE.get(estimator, ())
+    quantities = quantities_of(estimator)
     return bool(quantities) and not any(Basis.SAMPLES in quantity.rests_on for quantity in quantities)

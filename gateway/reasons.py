@@ -76,6 +76,7 @@ class Code(StrEnum):
     PLUGIN_NAME_TAKEN = "plugin_name_taken"
     PLUGIN_NAME_DIFFERS = "plugin_name_differs"
     PLUGIN_NOT_IMPORTED = "plugin_not_imported"
+    PLUGIN_QUANTITY_TAKEN = "plugin_quantity_taken"
     PLUGIN_WRONG_TYPE = "plugin_wrong_type"
 
     # Estimates

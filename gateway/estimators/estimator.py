@@ -156,7 +156,10 @@ def not_used(faults: Iterable[Reason]) -> Reason:
 
 
 class Estimator(Protocol):
-    """Turns revolutions into estimates; one instance per wheel, deterministic, keeps its own warm start."""
+    """Turns revolutions into estimates; one instance per wheel, deterministic, keeps its own warm start.
+
+    That of a plug-in also has `quantities`, a tuple of `gateway.quantity.Quantity`: those that it gives.
+    """
 
     @property
     def name(self) -> str:

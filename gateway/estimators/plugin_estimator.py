@@ -5,8 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import numbers
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import islice
 from typing import Final
 
@@ -16,9 +15,6 @@ from gateway.reasons import Code, Reason, Value
 
 _logger = logging.getLogger(__name__)
 
-_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}")
-# Each name is a column of every table; the estimators of this package have at most some thirty.
-_MAX_NAMES: Final = 100
 _MAX_REASONS: Final = 20
 _MAX_DEPTH: Final = 4
 
@@ -34,28 +30,25 @@ class _RefusedFieldError(Exception):
 class PluginEstimator:
     """Estimator of a plug-in. An error in it makes its estimates invalid and stops nothing else."""
 
-    def __init__(self, name: str, make: Callable[[], Estimator]) -> None:
-        """Make the estimator `name` of a plug-in."""
+    def __init__(self, name: str, make: Callable[[], Estimator], quantities: Sequence[str]) -> None:
+        """Make the estimator `name` of a plug-in, which declares these quantities."""
         self.name = name
         self._make = make
         self._estimator: Estimator | None = None
-        self._names: tuple[str, ...] = (name,)
-        self._columns: set[str] = set()
+        self._names = tuple(quantities)
         self.reset()
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return the plug-in's estimates; those that it gave last, without values, when it fails."""
+        """Return the plug-in's estimates; all that it declares, without values, when it fails."""
         if self._estimator is None:
             return self._failed(self._failure)
         try:
-            estimates = self._checked(self._estimator.update(revolution, average, conditions))
+            return self._checked(self._estimator.update(revolution, average, conditions))
         except BaseException as error:  # code of others may raise anything, and must not end the session
             if is_from_user(error):
                 raise
             _logger.warning("estimator %s failed", self.name, exc_info=True)
             return self._failed(Reason(Code.PLUGIN_FAILED, error=error_text(error)))
-        self._names = tuple(estimate.name for estimate in estimates) or self._names
-        return estimates
 
     def reset(self) -> None:
         """Forget everything; an estimator that cannot is replaced by a new one."""
@@ -83,20 +76,17 @@ class PluginEstimator:
         """Return what the plug-in returned as estimates that every reader can rely on.
 
         Raises:
-            TypeError: these are no estimates, or their names cannot be used.
+            TypeError: these are no estimates, or others than it declares.
         """
-        items = tuple(islice(returned, _MAX_NAMES + 1))  # type: ignore[call-overload]  # raises TypeError itself
+        items = tuple(islice(returned, len(self._names) + 1))  # type: ignore[call-overload]  # raises TypeError itself
         if not all(isinstance(item, Estimate) for item in items):
             raise TypeError("update returns other things than estimates")
         names = [item.name for item in items]
         for name in names:
-            if type(name) is not str or not _NAME.fullmatch(name):
-                raise TypeError(f"name of an estimate: {short_text(repr(name))}")
+            if type(name) is not str or name not in self._names:
+                raise TypeError(f"estimate that is not declared: {short_text(repr(name))}")
         if len(set(names)) < len(names):
             raise TypeError("two estimates have the same name")
-        if len(self._columns.union(names)) > _MAX_NAMES:
-            raise TypeError(f"estimates have more than {_MAX_NAMES} names")
-        self._columns.update(names)
         return tuple(_checked_estimate(item) for item in items)
 
 

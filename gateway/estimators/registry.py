@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeGuard
 
 from gateway.errors import ConfigError
 from gateway.nearest_name import did_you_mean
 from gateway.plugins import Plugin, PluginGroup, load, missing_members, names
+from gateway.quantity import Quantity
+from gateway.quantity_catalogue import declare, quantities_of
 from gateway.reasons import Code, Reason
 
 if TYPE_CHECKING:
     from gateway.estimators.estimator import Estimator
+
+_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,59}")
+# Each name is a column of every table; the estimators of this package have at most a dozen.
+_MAX_QUANTITIES: Final = 100
 
 # name -> "module:class"; the class is called without arguments, once per wheel. Estimators run in this order: one that
 # uses the estimates of others comes after them.
@@ -73,7 +80,7 @@ def make_estimator(name: str) -> Estimator:
         raise ConfigError(f"unknown estimator '{name}'", f"{hint}Known estimators: {', '.join(estimator_names())}.")
     from gateway.estimators.plugin_estimator import PluginEstimator
 
-    return PluginEstimator(name, found)
+    return PluginEstimator(name, found, [quantity.name for quantity in quantities_of(name)])
 
 
 def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
@@ -84,4 +91,22 @@ def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
     if fault := missing_members(made, ("update", "reset")):
         return fault
     name = getattr(made, "name", "")
-    return None if name == plugin.name else Reason(Code.PLUGIN_NAME_DIFFERS, name=str(name))
+    if name != plugin.name:
+        return Reason(Code.PLUGIN_NAME_DIFFERS, name=str(name))
+    quantities = getattr(made, "quantities", None)
+    if not _are_quantities(quantities):
+        return Reason(Code.PLUGIN_WRONG_TYPE, expected="an estimator with a tuple `quantities` of `Quantity`")
+    taken = declare(plugin.name, quantities)
+    return Reason(Code.PLUGIN_QUANTITY_TAKEN, name=taken[0], by=taken[1]) if taken is not None else None
+
+
+def _are_quantities(declared: object) -> TypeGuard[tuple[Quantity, ...]]:
+    """Return whether these are quantities whose names can be columns of every table."""
+    return (
+        isinstance(declared, tuple)
+        and 0 < len(declared) <= _MAX_QUANTITIES
+        and all(
+            isinstance(item, Quantity) and type(item.name) is str and _NAME.fullmatch(item.name) for item in declared
+        )
+        and len({item.name for item in declared}) == len(declared)
+    )

@@ -16,7 +16,7 @@ from gateway.constants import AXIS_NAMES
 from gateway.exporting.export_registry import CONTENTS, SAMPLES
 from gateway.exporting.export_table import DTYPES, Block, WheelTable
 from gateway.pipeline.results import RevolutionResult
-from gateway.quantity_catalogue import CATALOGUE
+from gateway.quantity_catalogue import CATALOGUE, quantity_of
 from gateway.recording.revolution_fields import estimate_descriptions, field_names
 from gateway.session.recorded_signals import SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
@@ -290,7 +290,11 @@ def _estimate_columns(first: Iterable[RevolutionResult], estimators: Sequence[st
         *(column for column in RESULT_HEAD.values() if column.name not in _LEFT_OUT),
         REVOLUTION_COLUMNS["period_s"],
         REVOLUTION_COLUMNS["omega_radps"],
-        *(column for name in names for column in estimate_columns(name, descriptions.get(name, name))),
+        *(
+            column
+            for name in names
+            for column in estimate_columns(name, descriptions.get(name) or quantity_of(name).description)
+        ),
         *RESULT_TAIL.values(),
         OTHER,
     )

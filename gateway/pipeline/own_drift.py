@@ -7,17 +7,11 @@ from collections import deque
 from typing import Final
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.quantity_catalogue import CATALOGUE
+from gateway.quantity_catalogue import quantities_of
 
 # Lag of an average over its change within its memory. A mean of all is behind by half of a steady drift, an exponential
 # one by all of it.
 _LAG: Final = 0.7
-_MEMORY: Final = {
-    quantity.name: quantity.memory_revolutions
-    for quantities in CATALOGUE.values()
-    for quantity in quantities
-    if quantity.memory_revolutions
-}
 
 
 class OwnDrift:
@@ -25,7 +19,12 @@ class OwnDrift:
 
     def __init__(self, estimator: str) -> None:
         """Start without estimates."""
-        self.applies = any(quantity.name in _MEMORY for quantity in CATALOGUE.get(estimator, ()))
+        self._memory = {
+            quantity.name: quantity.memory_revolutions
+            for quantity in quantities_of(estimator)
+            if quantity.memory_revolutions
+        }
+        self.applies = bool(self._memory)
         self.reset()
 
     def reset(self) -> None:
@@ -37,13 +36,13 @@ class OwnDrift:
 
         The change is counted from the oldest valid value within it.
         """
-        return tuple(self._widened(estimate) if estimate.name in _MEMORY else estimate for estimate in estimates)
+        return tuple(self._widened(estimate) if estimate.name in self._memory else estimate for estimate in estimates)
 
     def _widened(self, estimate: Estimate) -> Estimate:
         if estimate.status is not Status.VALID:
             return estimate
         values = self._valid.get(estimate.name)
         if values is None:
-            values = self._valid[estimate.name] = deque(maxlen=_MEMORY[estimate.name])
+            values = self._valid[estimate.name] = deque(maxlen=self._memory[estimate.name])
         values.append(estimate.value)
         return estimate._replace(std=math.hypot(estimate.std, _LAG * (estimate.value - values[0])))

@@ -9,17 +9,11 @@ from typing import Final
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.signal_evidence import Evidence
 from gateway.quantity import Basis
-from gateway.quantity_catalogue import CATALOGUE, quantity_of
+from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
 
 # Standard errors beyond what is possible from which a value is not one of its quantity: one in 160 by chance.
 _BEYOND: Final = 2.5
-_LIMITS: Final = {
-    quantity.name: quantity.possible
-    for quantities in CATALOGUE.values()
-    for quantity in quantities
-    if any(map(math.isfinite, quantity.possible))
-}
 
 
 def qualified(
@@ -53,10 +47,10 @@ def provisional_where(estimates: Iterable[Estimate], basis: Basis, why: Reason) 
 
 def _possible(estimate: Estimate) -> Estimate:
     """Return an estimate, provisional at best where no tire, sensor or road can have its value."""
-    limits = _LIMITS.get(estimate.name)
-    if limits is None or estimate.status is Status.INVALID:
+    if estimate.status is Status.INVALID:
         return estimate
-    beyond = max(limits[0] - estimate.value, estimate.value - limits[1])
+    least, greatest = quantity_of(estimate.name).possible
+    beyond = max(least - estimate.value, estimate.value - greatest)
     if not beyond > 0.0 or beyond <= _BEYOND * estimate.std:
         return estimate
     errors = beyond / estimate.std if estimate.std > 0.0 else math.inf

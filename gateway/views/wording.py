@@ -131,6 +131,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.PLUGIN_NAME_TAKEN: "its name is taken by {by}",
     Code.PLUGIN_NAME_DIFFERS: "it calls itself {name}",
     Code.PLUGIN_NOT_IMPORTED: "it cannot be imported: {error}",
+    Code.PLUGIN_QUANTITY_TAKEN: "its quantity {name} is that of {by}",
     Code.PLUGIN_WRONG_TYPE: "it is not {expected}",
     # Estimates
     # Of any estimator

@@ -6,7 +6,6 @@ import json
 import math
 import signal
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -15,11 +14,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway import quantity_catalogue
 from gateway.cli.stop_signals import stop_request
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.plugin_estimator import PluginEstimator
+from gateway.exporting.result_columns import estimate_columns
+from gateway.pipeline.qualification import qualified
+from gateway.quantity import Basis, Quantity
+from gateway.quantity_catalogue import declare, quantities_of
 from gateway.reasons import Code, Reason
 from gateway.views import wording
+from gateway.views.numbers import split_name
+from tests.pipeline.test_qualification import NOTHING
 from tests.testkit.exact_ring import solution
 from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 
@@ -72,8 +78,11 @@ def raising(error: BaseException) -> Any:
     raise error
 
 
+NAMES = ("a_number", "good", "bad", "a_m", "b.c-d")
+
+
 def updated(does: Callable[[], Any]) -> tuple[Estimate, ...]:
-    return PluginEstimator("scripted", lambda: Scripted(does)).update(REVOLUTION, AVERAGE, CONDITIONS)
+    return PluginEstimator("scripted", lambda: Scripted(does), NAMES).update(REVOLUTION, AVERAGE, CONDITIONS)
 
 
 def check(estimates: tuple[Estimate, ...]) -> None:
@@ -101,14 +110,14 @@ def test_estimates_are_usable_whatever_a_plugin_returns(returned: Any) -> None:
 def test_what_an_estimator_raises_makes_its_estimates_invalid(error: BaseException) -> None:
     estimates = updated(lambda: raising(error))
     check(estimates)
-    assert [estimate.reasons[0].code for estimate in estimates] == [Code.PLUGIN_FAILED]
+    assert [(one.name, one.reasons[0].code) for one in estimates] == [(name, Code.PLUGIN_FAILED) for name in NAMES]
 
 
 @given(ERRORS)
 def test_estimator_that_cannot_be_made_or_reset_is_invalid(error: BaseException) -> None:
-    unmade = PluginEstimator("scripted", lambda: raising(error))
+    unmade = PluginEstimator("scripted", lambda: raising(error), NAMES)
     check(unmade.update(REVOLUTION, AVERAGE, CONDITIONS))
-    unready = PluginEstimator("scripted", lambda: Scripted(lambda: raising(error)))
+    unready = PluginEstimator("scripted", lambda: Scripted(lambda: raising(error)), NAMES)
     unready.reset()
     check(unready.update(REVOLUTION, AVERAGE, CONDITIONS))
 
@@ -141,24 +150,39 @@ def test_good_estimates_pass_unchanged() -> None:
     assert repr(passed) == repr(made)
 
 
-def test_endless_estimates_and_ever_new_names_are_refused() -> None:
+def test_endless_and_undeclared_estimates_are_refused() -> None:
     def endless() -> Iterator[Estimate]:
-        index = 0
         while True:
-            index += 1
-            yield Estimate(f"n{index}", 1.0, 1.0, Status.VALID)
+            yield Estimate("good", 1.0, 1.0, Status.VALID)
 
-    check(updated(endless))
-    numbers = iter(range(1000))
-    estimator = PluginEstimator(
-        "scripted", lambda: Scripted(lambda: (Estimate(f"n{next(numbers)}", 1.0, 1.0, Status.VALID),))
-    )
-    names = {
-        estimate.name
-        for index in range(500)
-        for estimate in estimator.update(replace(REVOLUTION, index=index), AVERAGE, CONDITIONS)
-    }
-    assert len(names) <= 101
+    for returned in (endless, lambda: (Estimate("new", 1.0, 1.0, Status.VALID),)):
+        estimates = updated(returned)
+        check(estimates)
+        assert [estimate.name for estimate in estimates] == list(NAMES)
+        assert {estimate.status for estimate in estimates} == {Status.INVALID}
+
+
+@pytest.fixture
+def _catalogue(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(quantity_catalogue, "_OF_PLUGINS", {})
+    monkeypatch.setattr(quantity_catalogue, "_BY_NAME", {one.name: one for one in quantity_catalogue.declared()})
+    yield
+    quantity_catalogue.quantity_of.cache_clear()
+
+
+@pytest.mark.usefixtures("_catalogue")
+def test_declared_quantities_of_a_plugin_have_units_limits_and_doubts() -> None:
+    mine = Quantity("squat_m", "squat", "its own", powers={Basis.RATE: 2.0}, possible=(0.0, 0.1), label="rear squat")
+    assert declare("scripted", (mine,)) is None
+    assert declare("scripted", (mine,)) is None
+    assert quantities_of("scripted") == (mine,)
+    assert split_name("squat_m") == ("rear squat", split_name("contact_length_m")[1])
+    value, *_ = estimate_columns("squat_m")
+    assert (value.unit, value.description) == ("m", "squat")
+    (passed,) = qualified((Estimate("squat_m", -0.2, 0.01, Status.VALID),), NOTHING, None, None)
+    assert (passed.status, passed.reasons[0].code) == (Status.PROVISIONAL, Code.NOT_POSSIBLE)
+    assert declare("another", (Quantity("squat_m", "the same"),)) == ("squat_m", "scripted")
+    assert declare("another", (Quantity("estimated_load_n", "a column of the load"),)) == ("estimated_load_n", "load")
 
 
 def test_signal_during_an_estimator_ends_the_session() -> None:

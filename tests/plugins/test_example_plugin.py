@@ -28,6 +28,8 @@ BAD = {
         "leaving": "bad_plugin.leaving:Anything",
         "raising": "bad_plugin:Raising",
         "other": "bad_plugin:Raising",
+        "greedy": "bad_plugin:Greedy",
+        "undeclared": "bad_plugin:Undeclared",
     },
     "treadlink.effects": {"gravity": "bad_plugin:EFFECTS", "number": "bad_plugin:NUMBER"},
     "treadlink.importers": {"csv": "bad_plugin:Shape", "wavy": "bad_plugin:Shape"},
@@ -35,6 +37,7 @@ BAD = {
 }
 BAD_MODULE = """
 from gateway.closure.effects.wheel_motion import Gravity
+from gateway.quantity import Quantity
 
 KIND = object()
 NUMBER = 7
@@ -47,12 +50,23 @@ class Shape:
 
 class Raising:
     name = "raising"
+    quantities = (Quantity("share_of_nothing", "1 / 0"),)
 
     def update(self, revolution, average, conditions):
         raise ZeroDivisionError("of the plug-in")
 
     def reset(self):
         pass
+
+
+class Greedy(Raising):
+    name = "greedy"
+    quantities = (Quantity("mine", "free"), Quantity("rotation_rpm", "taken"))
+
+
+class Undeclared(Raising):
+    name = "undeclared"
+    quantities = ()
 """
 
 
@@ -133,6 +147,8 @@ def test_doctor_refuses_what_does_not_fit(bad: Path) -> None:
         "sim": "its name is taken by treadlink",
         "shape": "it lacks update, reset",
         "other": "it calls itself raising",
+        "greedy": "its quantity rotation_rpm is that of kinematic",
+        "undeclared": "it is not an estimator with a tuple `quantities` of `Quantity`",
         "gravity": "its name or its rank is that of gravity of treadlink, rank 140",
         "number": "it is not a sequence of gateway.closure.effects.effect.Effect",
         "csv": "its name is taken by treadlink",
@@ -157,10 +173,10 @@ def test_estimator_of_a_plugin_is_in_the_table(example: Path, recording: Path, t
     treadlink("estimate", str(recording), "--estimator", "rotation", "--csv", str(table), folders=(example,))
     header, *rows = table.read_text().splitlines()
     columns = header.split(",")
-    place = columns.index("rotation_rpm")
+    place = columns.index("wheel_hz")
     values = [float(row.split(",")[place]) for row in rows]
     # 65 km/h on a radius of 0.32 m
-    assert values[-1] == pytest.approx(65 / 3.6 / 0.32 * 60 / 6.2832, rel=0.05)
+    assert values[-1] == pytest.approx(65 / 3.6 / 0.32 / 6.2832, rel=0.05)
 
 
 def test_failing_estimator_stops_nothing_else(bad: Path, recording: Path, tmp_path: Path) -> None:
@@ -169,8 +185,8 @@ def test_failing_estimator_stops_nothing_else(bad: Path, recording: Path, tmp_pa
     treadlink("estimate", str(recording), *options, folders=(bad,))
     rows = [json.loads(line) for line in table.read_text().splitlines()]
     assert rows[-1]["speed_mps_status"] == "valid"
-    assert rows[-1]["raising_status"] == "invalid"
-    assert rows[-1]["raising_reasons"][0]["values"]["error"] == "ZeroDivisionError: of the plug-in"
+    assert rows[-1]["share_of_nothing_status"] == "invalid"
+    assert rows[-1]["share_of_nothing_reasons"][0]["values"]["error"] == "ZeroDivisionError: of the plug-in"
 
 
 def test_refused_plugin_that_is_asked_for_is_an_error(bad: Path, tmp_path: Path) -> None:
@@ -178,6 +194,12 @@ def test_refused_plugin_that_is_asked_for_is_an_error(bad: Path, tmp_path: Path)
     assert done.returncode == 1
     assert "plug-in 'late' of package 'bad-plugin' cannot be used" in done.stderr
     assert "doctor" in done.stderr
+
+
+def test_estimator_that_takes_a_quantity_of_another_is_an_error(bad: Path, recording: Path) -> None:
+    done = treadlink("estimate", str(recording), "--estimator", "greedy", folders=(bad,), check=False)
+    assert done.returncode == 1
+    assert "plug-in 'greedy' of package 'bad-plugin' cannot be used (name rotation_rpm, by kinematic)" in done.stderr
 
 
 @pytest.mark.parametrize(

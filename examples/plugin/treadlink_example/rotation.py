@@ -1,25 +1,31 @@
-"""Estimator `rotation`: rotational speed of the wheel."""
+"""Estimator `rotation`: turns of the wheel in a second."""
 
 from __future__ import annotations
 
 import math
 
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.quantity import Basis, Quantity
+
+FREQUENCY = Quantity(
+    "wheel_hz", "turns in a second", "Omega / (2 pi)", powers={Basis.RATE: 1.0}, possible=(0.0, math.inf)
+)
 
 
 class RotationEstimator:
-    """Rotational speed of each revolution; follows `gateway.estimators.estimator.Estimator`."""
+    """Frequency of the wheel in each revolution; follows `gateway.estimators.estimator.Estimator`."""
 
     name = "rotation"
+    quantities = (FREQUENCY,)
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return rotation_rpm, with the error of the period."""
+        """Return wheel_hz, with the error of the period."""
         if revolution.faults:
-            return (Estimate.invalid("rotation_rpm", not_used(revolution.faults)),)
-        rpm = revolution.omega_radps * 30.0 / math.pi
-        std = rpm * revolution.period_std_s / revolution.period_s
+            return (Estimate.invalid(FREQUENCY.name, not_used(revolution.faults)),)
+        frequency_hz = revolution.omega_radps / (2.0 * math.pi)
+        std = frequency_hz * revolution.period_std_s / revolution.period_s
         status = Status.VALID if math.isfinite(std) else Status.PROVISIONAL
-        return (Estimate("rotation_rpm", rpm, std, status),)
+        return (Estimate(FREQUENCY.name, frequency_hz, std, status),)
 
     def reset(self) -> None:
         """Do nothing: the estimator has no memory."""
