@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum, StrEnum
+from enum import StrEnum
 from math import inf
 from typing import NamedTuple
 
@@ -40,16 +40,14 @@ class Statement(StrEnum):
     CALIBRATION = "calibration"
 
 
-class BusFrame(IntEnum):
-    """CAN frame of a wheel, by its identifier within the sixteen of the wheel."""
+class BusFrame(NamedTuple):
+    """CAN frame of a wheel: its identifier within the sixteen of the wheel, and its name behind that of the wheel.
 
-    MOTION = 0
-    CONTACT = 1
-    CONDITIONS = 2
-    BELT = 3
-    RING = 4
-    TIRE = 5
-    ALARMS = 6
+    2 and 6 are the stated conditions and the alarms.
+    """
+
+    offset: int
+    name: str
 
 
 class OnBus(NamedTuple):

@@ -45,6 +45,12 @@ _TILTS: Final = (-0.35, 0.35)
 _TO_THE_LEFT: Final = "to the left"
 _BY_RADIUS: Final = frozenset({Statement.RADIUS})
 _BY_RADIUS_AND_LOAD: Final = frozenset({Statement.RADIUS, Statement.LOAD})
+MOTION_FRAME: Final = BusFrame(0, "Motion")
+"""CAN frame that also says whether the wheel rolls."""
+_CONTACT_FRAME: Final = BusFrame(1, "Contact")
+_BELT_FRAME: Final = BusFrame(3, "Belt")
+_RING_FRAME: Final = BusFrame(4, "Ring")
+_TIRE_FRAME: Final = BusFrame(5, "Tire")
 NEW_TIRE_MM: Final = 0.3
 """Wear by which a new tire has less than the one before, at least."""
 
@@ -75,10 +81,10 @@ def _ring_number(name: str, description: str, bus: OnBus, *, is_over_pressure: b
 
 
 _NUMBERS: Final = (
-    _ring_number("Bs", "bending stiffness number EI / (R^4 p0)", OnBus(BusFrame.BELT, "Bs", 1e-6, 1e-5)),
-    _ring_number("Cw", "contact width number b / R", OnBus(BusFrame.BELT, "Cw", 1e-5, 1e-4), is_over_pressure=False),
-    _ring_number("Rs", "radial sidewall stiffness number kw / p0", OnBus(BusFrame.RING, "Rs", 1e-3, 1e-2)),
-    _ring_number("Ts", "tangential sidewall stiffness number kv / p0", OnBus(BusFrame.RING, "Ts", 1e-3, 1e-2)),
+    _ring_number("Bs", "bending stiffness number EI / (R^4 p0)", OnBus(_BELT_FRAME, "Bs", 1e-6, 1e-5)),
+    _ring_number("Cw", "contact width number b / R", OnBus(_BELT_FRAME, "Cw", 1e-5, 1e-4), is_over_pressure=False),
+    _ring_number("Rs", "radial sidewall stiffness number kw / p0", OnBus(_RING_FRAME, "Rs", 1e-3, 1e-2)),
+    _ring_number("Ts", "tangential sidewall stiffness number kv / p0", OnBus(_RING_FRAME, "Ts", 1e-3, 1e-2)),
 )
 RING_NUMBERS: Final = tuple(quantity.name for quantity in _NUMBERS)
 """Dimensionless numbers of the ring: bending stiffness, contact width, radial and tangential stiffness."""
@@ -129,7 +135,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             possible=_POSITIVE,
             is_in_state=True,
             entity="speed",
-            bus=OnBus(BusFrame.MOTION, "Speed", 0.01, 0.01),
+            bus=OnBus(MOTION_FRAME, "Speed", 0.01, 0.01),
         ),
         Quantity(
             "angular_speed_radps",
@@ -152,7 +158,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "end of contact pressure, from the steepest slope of the radial axis",
             "behind the contact centre",
             rests_on=_SIGNAL,
-            bus=OnBus(BusFrame.CONTACT, "LeadingEdge", 1e-4, is_signed=True),
+            bus=OnBus(_CONTACT_FRAME, "LeadingEdge", 1e-4, is_signed=True),
         ),
         Quantity(
             "trailing_edge_rad",
@@ -160,7 +166,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "end of contact pressure, from the steepest slope of the radial axis",
             "behind the contact centre",
             rests_on=_SIGNAL,
-            bus=OnBus(BusFrame.CONTACT, "TrailingEdge", 1e-4, is_signed=True),
+            bus=OnBus(_CONTACT_FRAME, "TrailingEdge", 1e-4, is_signed=True),
         ),
         Quantity(
             "contact_length_m",
@@ -170,7 +176,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             rests_on=_SIGNAL,
             possible=_POSITIVE,
             label="contact length",
-            bus=OnBus(BusFrame.CONTACT, "ContactLength", 1e-5),
+            bus=OnBus(_CONTACT_FRAME, "ContactLength", 1e-5),
             watch=Watch(number="contact_length", unit="mm", factor=1e3, notable=5.0, shifted_by=_BY_RADIUS),
         ),
     ),
@@ -301,7 +307,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             label="wear",
             is_in_state=True,
             entity="tread wear",
-            bus=OnBus(BusFrame.TIRE, "Wear", 1e-3, 0.02, is_signed=True),
+            bus=OnBus(_TIRE_FRAME, "Wear", 1e-3, 0.02, is_signed=True),
             watch=Watch(
                 number="wear",
                 unit="mm",
@@ -340,7 +346,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             is_stated_too=True,
             is_in_state=True,
             entity="load",
-            bus=OnBus(BusFrame.TIRE, "EstimatedLoad", 1.0, 10.0),
+            bus=OnBus(_TIRE_FRAME, "EstimatedLoad", 1.0, 10.0),
             # 5 % of the load of a car's wheel.
             watch=Watch(
                 number="load",
@@ -718,9 +724,13 @@ def in_state() -> list[str]:
     return [quantity.name for quantity in declared() if quantity.is_in_state]
 
 
-def on_bus(frame: BusFrame) -> list[tuple[Quantity, OnBus]]:
-    """Return the quantities of a CAN frame with their signals, in the order of these."""
-    return [(one, one.bus) for one in declared() if one.bus is not None and one.bus.frame is frame]
+def on_bus() -> dict[BusFrame, list[tuple[Quantity, OnBus]]]:
+    """Return the quantities of each CAN frame with their signals, in the order of these."""
+    frames: dict[BusFrame, list[tuple[Quantity, OnBus]]] = {}
+    for quantity in declared():
+        if quantity.bus is not None:
+            frames.setdefault(quantity.bus.frame, []).append((quantity, quantity.bus))
+    return frames
 
 
 @lru_cache(maxsize=1024)

@@ -157,7 +157,7 @@ class CanSink:
             "Revolution": result.revolution.index % 65536,
             "State": STATE_NUMBERS[WheelState.ROLLING],
         }
-        for layout in LAYOUTS:
+        for layout in LAYOUTS.values():
             if layout is not ALARMS:
                 values |= _values(estimates, layout.estimates)
                 yield self._encoder.wheel(position, layout, values | _known(known))

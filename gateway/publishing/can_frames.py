@@ -16,8 +16,8 @@ from typing import Any, Final
 
 from gateway.errors import ConfigError
 from gateway.pipeline.results import WheelState
-from gateway.quantity import BusFrame
-from gateway.quantity_catalogue import on_bus, unit_of
+from gateway.quantity import BusFrame, OnBus, Quantity
+from gateway.quantity_catalogue import MOTION_FRAME, on_bus, unit_of
 
 DEFAULT_BASE_ID: Final = 0x500
 SLOTS: Final = 8
@@ -123,32 +123,27 @@ _EACH_REVOLUTION: Final = "after each revolution"
 _ALSO_AT_REST: Final = f"{_EACH_REVOLUTION}; once a second while the wheel does not roll"
 
 
-def _layout(
-    frame: BusFrame, comment: str, signals: Iterable[FrameSignal], estimates: Mapping[str, str] | None = None
-) -> FrameLayout:
-    return FrameLayout(int(frame), frame.name.capitalize(), comment, tuple(signals), estimates or {})
-
-
-def _of_estimates(frame: BusFrame, comment: str = _EACH_REVOLUTION, *others: FrameSignal) -> FrameLayout:
-    """Return the frame of the quantities that are declared for it: numbers with errors, other signals, statuses."""
+def _of_estimates(frame: BusFrame, quantities: Iterable[tuple[Quantity, OnBus]]) -> FrameLayout:
+    """Return the frame of quantities: numbers with errors, then statuses; that of the motion has more between them."""
     numbers: list[FrameSignal] = []
     estimates: dict[str, str] = {}
-    for quantity, bus in on_bus(frame):
+    for quantity, bus in quantities:
         estimates[bus.signal], unit = quantity.name, unit_of(quantity.name)
         numbers.append(_number(bus.signal, 16, bus.resolution, unit, quantity.description, signed=bus.is_signed))
         if bus.std_resolution:
             numbers.append(_number(f"{bus.signal}Error", 8, bus.std_resolution, unit, "one standard error"))
-    return _layout(frame, comment, (*numbers, *others, *map(_status, estimates)), estimates)
+    others = _OF_MOTION if frame == MOTION_FRAME else ()
+    comment = _ALSO_AT_REST if others else _EACH_REVOLUTION
+    return FrameLayout(*frame, comment, (*numbers, *others, *map(_status, estimates)), estimates)
 
 
-MOTION: Final = _of_estimates(
-    BusFrame.MOTION,
-    _ALSO_AT_REST,
+_OF_MOTION: Final = (
     FrameSignal("Revolution", 16, comment="running number of the revolution, modulo 65536"),
     FrameSignal("State", 3, comment="motion of the wheel", choices=_STATE_CHOICES),
 )
-CONDITIONS: Final = _layout(
-    BusFrame.CONDITIONS,
+CONDITIONS: Final = FrameLayout(
+    2,
+    "Conditions",
     _ALSO_AT_REST,
     (
         _number("Pressure", 16, 10.0, "Pa", "inflation pressure (gauge)"),
@@ -169,14 +164,21 @@ def _bit_name(alarm: str) -> str:
     return "".join(word.capitalize() for word in alarm.split()) + "Alarm"
 
 
-ALARMS: Final = _layout(
-    BusFrame.ALARMS,
+ALARMS: Final = FrameLayout(
+    6,
+    "Alarms",
     "on change and once a second",
     (*(FrameSignal(_bit_name(name), 1) for name in ALARM_BITS), FrameSignal("OtherAlarm", 1)),
 )
-_OTHERS: Final = {BusFrame.MOTION: MOTION, BusFrame.CONDITIONS: CONDITIONS, BusFrame.ALARMS: ALARMS}
-LAYOUTS: Final = tuple(_OTHERS.get(frame) or _of_estimates(frame) for frame in BusFrame)
-"""Frames of a wheel, by `BusFrame`."""
+LAYOUTS: Final = {
+    layout.name: layout
+    for layout in sorted(
+        (CONDITIONS, ALARMS, *(_of_estimates(frame, quantities) for frame, quantities in on_bus().items())),
+        key=lambda layout: layout.offset,
+    )
+}
+"""Frames of a wheel by name, in the order of their identifiers."""
+MOTION: Final = LAYOUTS[MOTION_FRAME.name]
 GATEWAY: Final = FrameLayout(
     0,
     "Gateway",
@@ -298,7 +300,7 @@ def dbc_text(base_id: int = DEFAULT_BASE_ID, positions: Sequence[str] = ()) -> s
             is_extended_frame=is_extended,
         )
         for slot in range(SLOTS)
-        for layout in LAYOUTS
+        for layout in LAYOUTS.values()
     ]
     messages.append(
         Message(

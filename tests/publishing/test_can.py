@@ -25,7 +25,6 @@ from gateway.publishing.can_frames import (
 )
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from gateway.quantity import BusFrame
 from tests.publishing.receivers import TIMEOUT_S, until
 
 
@@ -110,7 +109,7 @@ def test_unknown_and_impossible_values_are_not_available(dbc) -> None:
     for value in (math.nan, math.inf, -1.0, 656.0):
         broken = frame(MOTION, {"Speed": value, "SpeedStatus": 2})
         assert (broken["Speed"], broken["SpeedStatus"]) == ("not_available", "not_available")
-    low = frame(LAYOUTS[BusFrame.CONTACT], {"LeadingEdge": -3.2767, "LeadingEdgeStatus": 2})
+    low = frame(LAYOUTS["Contact"], {"LeadingEdge": -3.2767, "LeadingEdgeStatus": 2})
     assert low["LeadingEdge"] == pytest.approx(-3.2767)
     assert frame(CONDITIONS, {"Temperature": -40.0, "TemperatureStatus": 2})["Temperature"] == pytest.approx(-40.0)
 
@@ -136,7 +135,8 @@ def test_dbc_states_ranges_units_and_no_overlap(dbc) -> None:
     assert {int(raw): str(name) for raw, name in speed.choices.items()} == {65535: "not_available"}
     assert all(message.length == 8 and message.senders == ["Treadlink"] for message in dbc.messages)
     assert all("Counter" in message.signal_tree for message in dbc.messages)
-    for layout in (*LAYOUTS, GATEWAY):
+    assert sorted({layout.offset for layout in LAYOUTS.values()}) == [layout.offset for layout in LAYOUTS.values()]
+    for layout in (*LAYOUTS.values(), GATEWAY):
         assert sum(signal.bits for signal in layout.signals) + 4 <= 64
 
 

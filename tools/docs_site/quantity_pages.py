@@ -77,7 +77,7 @@ def _places(quantity: Quantity) -> tuple[str, ...]:
         f"{label}, {unit.symbol}" if unit.symbol else label,
         "yes" if quantity.is_in_state else "",
         quantity.entity,
-        f"{bus.frame.name.capitalize()}, {code(bus.signal)}" if bus is not None else "",
+        f"{bus.frame.name}, {code(bus.signal)}" if bus is not None else "",
         f"{bus.resolution:g} {typeset_unit(quantity.name)}".rstrip() if bus is not None else "",
         ", ".join(_trends(quantity)),
     )
