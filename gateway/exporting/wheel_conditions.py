@@ -17,8 +17,7 @@ from gateway.exporting.export_table import Condition
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import REPAIR_REMEDY
-from gateway.recording.recorded_file import RecordedFile
-from gateway.recording.replay_source import RawDump
+from gateway.recording.recorded_file import RawDump, RecordedFile
 from gateway.session.recorded_signals import SignalBlock, signals
 from gateway.session.recording_pass import OpenedRecording
 from gateway.session.wheel_identity import configured

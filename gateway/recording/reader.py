@@ -147,11 +147,6 @@ class RecordingReader:
         """Text of the vehicle configuration in the recording, None when it contains none."""
         return self.info.vehicle_toml
 
-    @property
-    def dbc_text(self) -> str | None:
-        """Text of the DBC file in the recording, None when it contains none."""
-        return self.info.dbc_text
-
     def items(self) -> Generator[LinkItem, None, None]:
         """Yield chunks, frames of buses, link events and marks in file order; `damage` is set afterwards."""
         for message in self.messages():

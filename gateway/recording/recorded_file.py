@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
 from gateway.errors import RecordingError
-from gateway.io.source import LinkItem
+from gateway.io.source import Chunk, LinkItem
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
 from gateway.recording.reader import RecordingInfo, RecordingReader
 from gateway.recording.regular_file import open_regular
-from gateway.recording.replay_source import RawDump
+
+_DUMP_BLOCK_BYTES: Final = 4096
 
 
 class RecordedFile(Protocol):
@@ -43,8 +44,46 @@ class RecordedFile(Protocol):
         ...
 
 
-def open_recorded_file(path: Path | str) -> RecordedFile:
-    """Open a recording, or the raw dump of a link, which ends in `.bin`.
+class RawDump:
+    """File with only the bytes of a link, such as from `cat /dev/ttyUSB0 > dump.bin`.
+
+    It has no arrival times. They are counted from 0 at a given byte rate, or are 0 without one.
+
+    Attributes:
+        damage: always None, as bytes that are no frames are counted by the decoder.
+        link: name of the link, from that of the file.
+        position: bytes read so far in the current pass.
+        vehicle_toml: None; a dump contains no configuration.
+    """
+
+    vehicle_toml: str | None = None
+
+    def __init__(self, path: Path, rate_bytes_per_s: float | None) -> None:
+        """Prepare the dump without reading it."""
+        self.damage: Reason | None = None
+        self.link = f"dump:{path.name}"
+        self.position = 0
+        self._path = path
+        self._rate = rate_bytes_per_s
+
+    @property
+    def info(self) -> RecordingInfo:
+        """Description of the file."""
+        return RecordingInfo(self._path, self._path.stat().st_size, finished=True, sources=(self.link,))
+
+    def items(self) -> Generator[LinkItem, None, None]:
+        """Yield the dump in blocks, of at most 10 ms with a rate."""
+        block = _DUMP_BLOCK_BYTES if self._rate is None else max(1, min(_DUMP_BLOCK_BYTES, int(self._rate / 100)))
+        offset = 0
+        with self._path.open("rb") as file:
+            while data := file.read(block):
+                offset += len(data)
+                self.position = offset
+                yield Chunk(self.link, 0 if self._rate is None else round(offset * 1e9 / self._rate), data)
+
+
+def open_recorded_file(path: Path | str, rate_bytes_per_s: float | None = None) -> RecordingReader | RawDump:
+    """Open a recording, or the raw dump of a link, which ends in `.bin`; the rate is that of a dump.
 
     Raises:
         RecordingError: the file cannot be read, or is neither.
@@ -59,4 +98,4 @@ def open_recorded_file(path: Path | str) -> RecordedFile:
         raise RecordingError(f"recording '{path}' does not exist", "Check the path.") from error
     except OSError as error:
         raise RecordingError(f"cannot read recording '{path}': {error.strerror}", "Check its permissions.") from error
-    return RecordingReader(path) if magic == MAGIC else RawDump(path, None)
+    return RecordingReader(path) if magic == MAGIC else RawDump(path, rate_bytes_per_s)

@@ -117,7 +117,7 @@ def test_invalid_options_are_rejected(recording: tuple[Path, list[LinkItem]], op
 
 
 def test_missing_and_other_files_are_rejected(tmp_path: Path) -> None:
-    with pytest.raises(SourceError, match="cannot open"):
+    with pytest.raises(SourceError, match="does not exist"):
         open_source(f"replay:{tmp_path}/none.mcap", ManualClock())
     (tmp_path / "text.mcap").write_text("hello")
     with pytest.raises(SourceError, match="is not a recording"):

@@ -196,7 +196,7 @@ def written(wheel, tmp_path, **false) -> Path:
 
 def test_recording_keeps_frames_and_dbc_for_estimate(recording, wheel, tmp_path) -> None:
     reader = RecordingReader(recording)
-    assert reader.dbc_text == DBC.read_text()
+    assert reader.info.dbc_text == DBC.read_text()
     kept = [item for item in reader.items() if isinstance(item, BusFrames)]
     assert kept == [item for item in drive(wheel)[0] if isinstance(item, BusFrames)]
     table = tmp_path / "t.csv"
@@ -221,9 +221,9 @@ def test_repair_and_compact_keep_the_frames_of_the_bus(recording, tmp_path) -> N
     repaired = [item for item in RecordingReader(whole).items() if isinstance(item, BusFrames)]
     assert len(repaired) > 0.8 * len(kept)
     assert repaired == kept[: len(repaired)]
-    assert RecordingReader(whole).dbc_text == DBC.read_text()
+    assert RecordingReader(whole).info.dbc_text == DBC.read_text()
     assert [item for item in RecordingReader(small).items() if isinstance(item, BusFrames)] == kept
-    assert RecordingReader(small).dbc_text == DBC.read_text()
+    assert RecordingReader(small).info.dbc_text == DBC.read_text()
 
 
 def test_another_dbc_can_be_applied_later(recording, tmp_path) -> None:
@@ -260,7 +260,7 @@ def test_bus_and_wheels_share_one_recording(wheel, tmp_path) -> None:
     topics = {message.channel.topic for message in reader.messages()}
     assert {"/link/can:drive.asc/can", "/vehicle/signals"} <= topics
     assert any(topic.endswith("/revolution") for topic in topics)
-    assert reader.dbc_text == DBC.read_text()
+    assert reader.info.dbc_text == DBC.read_text()
 
 
 def test_bus_that_the_vehicle_file_does_not_map_is_named_once(wheel) -> None:
