@@ -253,8 +253,7 @@ class _Segment:
 
     def add(self, run: _Run, ticks_us: Sequence[int], block: int) -> None:
         """Append samples with the hub times of the first of each of their blocks."""
-        for place, tick_us in enumerate(ticks_us):
-            self.clock.stamp(run.first + place * block, tick_us)
+        self.clock.stamp_blocks(run.first, block, ticks_us)
         self._held.append(run)
         self.head = run.end
 

@@ -6,7 +6,6 @@ and clock only, so that a recording gives the same counts as the session.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
@@ -60,13 +59,15 @@ _LAST_HELLOS: Final = (1 << 10) - 1
 _MOST_CHANGES: Final = 4
 
 _Source = tuple[str, int, int]
-_ChosenBlock = tuple[int, int, NDArray[np.int16]]
-"""Place in the batch, axis mask and samples."""
 
 
 class _Blocks(NamedTuple):
-    """Sample blocks of a wheel in the order of the stream: first sample, tick in us, axis mask, each (k,) int64."""
+    """Sample blocks of a wheel in the order of the stream: place, first sample, tick in us, axis mask, each (k,) int64.
 
+    Samples are known by place, those of the chosen blocks only.
+    """
+
+    place: NDArray[np.int64]
     first: NDArray[np.int64]
     tick: NDArray[np.int64]
     axes: NDArray[np.int64]
@@ -78,14 +79,27 @@ class _Blocks(NamedTuple):
 class _Wheel:
     """State of one wheel: its hello, the last blocks, and the span over which the rate is measured."""
 
-    __slots__ = ("below", "changes", "content", "former_sensor", "hello", "last", "pending", "recent", "since")
+    __slots__ = (
+        "below",
+        "changes",
+        "content",
+        "counts",
+        "former_sensor",
+        "hello",
+        "last",
+        "pending",
+        "recent",
+        "since",
+    )
 
     def __init__(self) -> None:
         self.hello: Hello | None = None
         # Whether each of the last hellos changed something, one bit each.
         self.changes = 0
         self.former_sensor: int | None = None
-        self.pending: list[tuple[int, int, int]] = []
+        # Blocks that wait for their review, and the samples of the chosen ones by place.
+        self.pending: list[tuple[int, int, int, int]] = []
+        self.counts: dict[int, NDArray[np.int16]] = {}
         self.content = SampleContent()
         self.restart()
 
@@ -171,9 +185,10 @@ class StatementWatch:
             else:
                 wheel = wheel or self._wheel(source)
                 first_sample, axes, counts = message
+                place = len(wheel.pending)
                 if chosen(first_sample):
-                    self._content(source, wheel, axes, counts)
-                wheel.pending.append((first_sample, tick_us, axes))
+                    wheel.counts[place] = counts
+                wheel.pending.append((place, first_sample, tick_us, axes))
                 if len(wheel.pending) >= self._review_blocks:
                     self._review_pending(source, wheel)
 
@@ -182,22 +197,20 @@ class StatementWatch:
         self._links.add(link)
         for hub, wheel, _ in batch.by_source():
             self._limit.admits(link, hub, wheel)
-        blocks, places = self._blocks_of(link, batch)
-        done = dict.fromkeys(blocks, 0)
-        looked_at = self._chosen_blocks(link, batch)
+        counts: dict[int, NDArray[np.int16]] = {}
+        rest = self._blocks_of(link, batch, counts)
         for at in np.flatnonzero(batch.type != MessageType.SAMPLES).tolist():
             source = link, int(batch.hub[at]), int(batch.wheel[at])
             if not self._limit.admits(*source):
                 continue
-            if batch.type[at] == MessageType.HELLO and source in blocks:
-                stop = int(np.searchsorted(places[source], at))
-                self._contents(source, looked_at, at)
-                self._review(source, self._wheel(source), blocks[source].part(done[source], stop))
-                done[source] = stop
+            if batch.type[at] == MessageType.HELLO and source in rest:
+                blocks = rest[source]
+                stop = int(np.searchsorted(blocks.place, at))
+                self._review(source, self._wheel(source), blocks.part(0, stop), counts)
+                rest[source] = blocks.part(stop, len(blocks.place))
             self._slow(source, int(batch.type[at]), int(batch.tick_us[at]), batch.message(at))
-        for source, begin in done.items():
-            self._contents(source, looked_at, len(batch.type))
-            self._review(source, self._wheel(source), blocks[source].part(begin, len(places[source])))
+        for source, blocks in rest.items():
+            self._review(source, self._wheel(source), blocks, counts)
 
     def counters(self, link: str, counters: LinkCounters) -> None:
         """Take the counters of a link: sources that send nothing but frames of unknown types."""
@@ -211,6 +224,7 @@ class StatementWatch:
         for (of_link, _, _), wheel in self._wheels.items():
             if of_link == link:
                 wheel.pending.clear()
+                wheel.counts.clear()
                 wheel.restart()
 
     def new(self) -> list[Notice]:
@@ -239,10 +253,8 @@ class StatementWatch:
         ]
         return [*found, self._refusal()] if self._limit.refused else found
 
-    def _blocks_of(
-        self, link: str, batch: FrameBatch
-    ) -> tuple[dict[_Source, _Blocks], dict[_Source, NDArray[np.int64]]]:
-        """Return the sample blocks of every admitted wheel, and their places in the batch."""
+    def _blocks_of(self, link: str, batch: FrameBatch, counts: dict[int, NDArray[np.int16]]) -> dict[_Source, _Blocks]:
+        """Return the sample blocks of every admitted wheel; `counts` gets the samples of the chosen ones."""
         columns: dict[_Source, list[NDArray[np.int64]]] = {}
         for group in batch.sample_groups():
             source = link, group.hub, group.wheel
@@ -254,39 +266,15 @@ class StatementWatch:
             axes = np.full(len(group.frame_index), group.axes)
             rows = np.stack([group.frame_index, group.first_sample, group.tick_us, axes]).astype(np.int64)
             columns.setdefault(source, []).append(rows)
+            for row in np.flatnonzero(chosen(rows[1])).tolist():
+                counts[int(rows[0, row])] = group.counts[row]
         blocks: dict[_Source, _Blocks] = {}
-        places: dict[_Source, NDArray[np.int64]] = {}
         for source, parts in columns.items():
             rows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
             if len(parts) > 1:
                 rows = rows[:, np.argsort(rows[0])]
-            places[source] = rows[0]
-            blocks[source] = _Blocks(*rows[1:])
-        return blocks, places
-
-    def _chosen_blocks(self, link: str, batch: FrameBatch) -> dict[_Source, deque[_ChosenBlock]]:
-        """Return the blocks of every admitted wheel whose samples are looked at, in the order of the stream."""
-        blocks: dict[_Source, list[_ChosenBlock]] = {}
-        for group in batch.sample_groups():
-            source = link, group.hub, group.wheel
-            if group.wheel != HUB_ITSELF and self._limit.admits(*source):
-                for row in np.flatnonzero(chosen(group.first_sample.astype(np.int64))).tolist():
-                    block = int(group.frame_index[row]), group.axes, group.counts[row]
-                    blocks.setdefault(source, []).append(block)
-        return {source: deque(sorted(rows, key=lambda row: row[0])) for source, rows in blocks.items()}
-
-    def _contents(self, source: _Source, blocks: Mapping[_Source, deque[_ChosenBlock]], end: int) -> None:
-        """Look at the chosen blocks of a wheel up to a place in the batch."""
-        rest = blocks.get(source)
-        while rest and rest[0][0] < end:
-            _, axes, counts = rest.popleft()
-            self._content(source, self._wheel(source), axes, counts)
-
-    def _content(self, source: _Source, wheel: _Wheel, axes: int, counts: NDArray[np.int16]) -> None:
-        """Compare the samples of a block with the wheel's hello."""
-        if wheel.hello is not None and axes == wheel.hello.axes:
-            for code, values in wheel.content.block(wheel.hello, counts):
-                self._find(source, code, 1, **values)
+            blocks[source] = _Blocks(*rows)
+        return blocks
 
     def _wheel(self, source: _Source) -> _Wheel:
         wheel = self._wheels.get(source)
@@ -373,13 +361,17 @@ class StatementWatch:
         if wheel.pending:
             rows = np.array(wheel.pending, np.int64).T
             wheel.pending.clear()
-            self._review(source, wheel, _Blocks(*rows))
+            self._review(source, wheel, _Blocks(*rows), wheel.counts)
+            wheel.counts.clear()
 
-    def _review(self, source: _Source, wheel: _Wheel, blocks: _Blocks) -> None:
-        """Compare blocks of samples with the wheel's hello."""
+    def _review(self, source: _Source, wheel: _Wheel, blocks: _Blocks, counts: Mapping[int, NDArray[np.int16]]) -> None:
+        """Compare blocks of samples with the wheel's hello; `counts` has the samples of the chosen ones by place."""
         hello = wheel.hello
         if hello is None or not len(blocks.first):
             return
+        for place in blocks.place[chosen(blocks.first) & (blocks.axes == hello.axes)].tolist():
+            for code, values in wheel.content.block(hello, counts[place]):
+                self._find(source, code, 1, **values)
         other = blocks.axes[blocks.axes != hello.axes]
         if len(other):
             sent, stated = _axes_named(int(other[-1])), _axes_named(hello.axes)
