@@ -681,6 +681,7 @@ class Code(StrEnum):
     RADIUS_UNLIKE_OTHERS = "radius_unlike_others"
     WIDTH_UNLIKE_OTHERS = "width_unlike_others"
     FEW_REVOLUTIONS = "few_revolutions"
+    EDGES_ALIGNED = "edges_aligned"
     ONE_SPEED = "one_speed"
     GROUPS_TOO_SHORT = "groups_too_short"
     NOISE_ROLLS_OFF = "noise_rolls_off"

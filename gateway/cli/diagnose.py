@@ -8,12 +8,13 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import click
 
-from gateway.cli.options import FiniteRange, config_option, force_option, keys_option
+from gateway.cli.options import FiniteRange, config_option, force_option, given_command, keys_option
 from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import TreadlinkError
 from gateway.security.key_file import default_key_file
@@ -212,6 +213,8 @@ def diagnose(
             budget_s=budget_s,
             on_progress=on_progress,
         )
+    if diagnosis.origin is not None:
+        diagnosis = replace(diagnosis, origin=replace(diagnosis.origin, command=given_command()))
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
     on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from pathlib import Path
 from typing import Any, Final
 
@@ -122,3 +123,24 @@ plain_option = click.option(
     is_flag=True,
     help="Print one line per revolution instead of the screen; the default without a terminal or with TERM=dumb.",
 )
+
+
+def given_command() -> str:
+    """Return the command that runs with its arguments and the options that were given, quoted as for a shell."""
+    context = click.get_current_context()
+    words = context.command_path.split()
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        if (
+            context.get_parameter_source(name) is not click.core.ParameterSource.COMMANDLINE
+            or name not in context.params
+        ):
+            continue
+        value = context.params[name]
+        several = isinstance(value, tuple)
+        for one in value if several else (value,):
+            if isinstance(parameter, click.Option):
+                words.append(parameter.opts[0])
+            if one is not True:
+                words.append(str(one))
+    return shlex.join(words)

@@ -19,7 +19,7 @@ from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
 from gateway.closure.inference.findings import apart_from, confirmed, findings_of
 from gateway.closure.inference.fit import Fit, FitFailedError
-from gateway.closure.inference.hold_out import hold_out
+from gateway.closure.inference.hold_out import alignment_note, hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.non_stationary import beside_changes, changing
 from gateway.closure.inference.nonsynchronous_diagnosis import TimeLocked, diagnose_time_locked
@@ -220,6 +220,7 @@ def _diagnose(
             *_differing(campaign, differing),
             *_in_doubt(campaign),
             *_no_ring(campaign, strange),
+            *alignment_note(held_out),
             *_notes(campaign, with_mean=core.mean),
             *(_cut_short(search, posterior) or _tempered(posterior)),
             *_open(considered, after),

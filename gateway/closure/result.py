@@ -348,6 +348,41 @@ class AxisError:
 
 
 @dataclass(frozen=True, slots=True)
+class BlockError:
+    """Error on one block of revolutions of one group, predicted from the others, rms over axes and orders used.
+
+    Attributes:
+        group: label.
+        revolutions: of the block; 1 where each revolution is a fold.
+        time_s: mean host time.
+        before_mps2: of the baseline model.
+        after_mps2: with effects.
+    """
+
+    group: str
+    revolutions: int
+    time_s: float
+    before_mps2: float
+    after_mps2: float
+
+
+class AsRecorded(NamedTuple):
+    """The same errors on revolutions whose contact edges are not aligned.
+
+    Attributes:
+        rms_before_mps2: of the baseline model.
+        rms_after_mps2: with effects.
+        revolutions: whose edges are aligned otherwise.
+        parameters: that this takes at most, over all revolutions.
+    """
+
+    rms_before_mps2: float
+    rms_after_mps2: float
+    revolutions: int
+    parameters: int
+
+
+@dataclass(frozen=True, slots=True)
 class HeldOut:
     """Error on revolutions that were used by no fit and no selection, rms over axes and orders used.
 
@@ -357,6 +392,11 @@ class HeldOut:
         revolutions: held out.
         folds: number of folds.
         axes: the same by axis.
+        std_before_mps2: one standard error of the rms before, by the blocks' differences (jackknife).
+        std_after_mps2: after.
+        std_ratio: of after over before.
+        blocks: error of each block.
+        as_recorded: the errors without alignment of contact edges; None where nothing is aligned.
     """
 
     rms_before_mps2: float
@@ -364,6 +404,46 @@ class HeldOut:
     revolutions: int
     folds: int
     axes: tuple[AxisError, ...] = ()
+    std_before_mps2: float = math.nan
+    std_after_mps2: float = math.nan
+    std_ratio: float = math.nan
+    blocks: tuple[BlockError, ...] = ()
+    as_recorded: AsRecorded | None = None
+
+
+class RecordingOrigin(NamedTuple):
+    """Identity of a recording.
+
+    Attributes:
+        path: as given.
+        sha256: of its content, hexadecimal; empty where it is no file.
+        first_s: host time of the first revolution used, s since 1970; 0 where none is.
+        last_s: of the last.
+    """
+
+    path: str
+    sha256: str
+    first_s: float
+    last_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """What a diagnosis was made of, and how.
+
+    Attributes:
+        recordings: in the order given.
+        sensor_id: serial number of the sensor, None if unknown or not the same in all recordings.
+        vehicle: name of the vehicle or test rig, empty if unknown or not the same in all recordings.
+        tire: size of the tire, likewise.
+        command: as given, empty where no command was.
+    """
+
+    recordings: tuple[RecordingOrigin, ...]
+    sensor_id: int | None = None
+    vehicle: str = ""
+    tire: str = ""
+    command: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -400,6 +480,7 @@ class Diagnosis:
         outvoted: recordings that most others contradict, by index, and why.
         left_out: recordings that were given but not used, each with its reason.
         laws: for the angle-locked part of `unexplained`, or clues to them; empty where nothing is credible.
+        origin: what it was made of; None where that is not known.
     """
 
     model: str
@@ -430,6 +511,7 @@ class Diagnosis:
     outvoted: Mapping[int, Reason] = field(default_factory=dict)
     left_out: tuple[Reason, ...] = ()
     laws: tuple[Law, ...] = ()
+    origin: Origin | None = None
 
     @property
     def named(self) -> tuple[Finding, ...]:

@@ -10,7 +10,7 @@ from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
-from gateway.closure.inference.hold_out import hold_out
+from gateway.closure.inference.hold_out import alignment_note, hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
 from gateway.closure.inference.posterior import Posterior
 from gateway.closure.inference.set_evidence import evaluate
@@ -103,7 +103,12 @@ def transfer(
         refitted=(*core.names, "contact centre"),
         held_out=errors.summary,
         noise_floor_mps2=errors.noise_mps2,
-        notes=(*_enlarged(errors.summary), *table.differences(_signal_of(campaign)), *campaign.notes),
+        notes=(
+            *_enlarged(errors.summary),
+            *alignment_note(errors.summary),
+            *table.differences(_signal_of(campaign)),
+            *campaign.notes,
+        ),
     )
 
 

@@ -261,6 +261,7 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
         sensor_id=next(iter(sensors)) if len(sensors) == 1 else None,
         vehicle=_common(read.vehicle for read in reads if read.groups),
         tire=_common(read.tire for read in reads if read.groups),
+        times_s=tuple((read.first_s, read.last_s) for read in reads),
     )
 
 

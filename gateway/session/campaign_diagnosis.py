@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ from gateway.closure.closed_loop import SEARCHED, BaselineUnfittedError, baselin
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError, unlike_signals
-from gateway.closure.result import Diagnosis
+from gateway.closure.result import Diagnosis, Origin, RecordingOrigin
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
 from gateway.reasons import Code, Reason
@@ -112,7 +113,26 @@ def diagnose_recordings(
         )
         limit, *others = diagnosis.notes
         diagnosis = replace(diagnosis, notes=(limit, spent, *others))
-    return replace(diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated)
+    return _with_origin(diagnosis, campaign, paths)
+
+
+def _with_origin(diagnosis: Diagnosis, campaign: Campaign, paths: Sequence[Path]) -> Diagnosis:
+    """Return a diagnosis with what the campaign notes and states, and what it was made of."""
+    times_s = campaign.times_s or ((0.0, 0.0),) * len(paths)
+    origin = Origin(
+        tuple(RecordingOrigin(str(path), _sha256(path), *times) for path, times in zip(paths, times_s, strict=True)),
+        campaign.sensor_id,
+        campaign.vehicle,
+        campaign.tire,
+    )
+    return replace(diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated, origin=origin)
+
+
+def _sha256(path: Path) -> str:
+    if not path.is_file():
+        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def diagnose_agreeing(
@@ -163,7 +183,8 @@ def diagnose_agreeing(
                 for path in paths
                 if str(path) in left_out
             )
-            return replace(diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated, left_out=reasons)
+            used_paths = [order.path for order in used.orders]
+            return replace(_with_origin(diagnosis, campaign, used_paths), left_out=reasons)
         left_out |= {str(used.orders[number].path): reason for number, reason in contradicted.items()}
         used = used.chosen(range(len(used)) - contradicted.keys())
 

@@ -1235,6 +1235,11 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "Cw, which no load changes, is {value:.4g} in it and {other:.4g} in {count} others: its load or pressure is "
         "not as stated"
     ),
+    Code.EDGES_ALIGNED: (
+        "the contact edges of {revolutions} revolutions, held-out ones too, are aligned by up to {parameters} "
+        "parameters of their own, whatever moves them; as recorded, the held-out rms is {before_mps2:.4g m/s²} before "
+        "and {after_mps2:.4g m/s²} after"
+    ),
     Code.FEW_REVOLUTIONS: "only {revolutions} revolutions: a pattern common to all of them may still be chance",
     Code.ONE_SPEED: "one speed only: effects that depend on speed cannot be separated from those that do not",
     Code.GROUPS_TOO_SHORT: (

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -90,6 +92,17 @@ def test_options_reach_the_diagnosis(closed, recording):
     assert options["model"] is BaselineModel.PAPER
     assert options["empirical"] is True
     assert not options["expired"]()
+
+
+def test_result_names_command_and_recordings(closed, recording, tmp_path):
+    out = tmp_path / "result one.json"
+    assert run(recording, "--model", "paper", "--empirical", "--reverse", recording, "--json", out).exit_code == 0
+    origin = json.loads(out.read_text())["origin"]
+    words = f"{recording} --model paper --reverse {recording} --json '{out}' --empirical"
+    assert origin["command"].split("diagnose ", 1)[1] == words
+    (one,) = origin["recordings"]
+    assert one["sha256"] == hashlib.sha256(Path(recording).read_bytes()).hexdigest()
+    assert 0.0 < one["first_s"] < one["last_s"]
 
 
 def test_search_ends_with_the_budget(closed, recording):

@@ -13,9 +13,10 @@ from gateway.closure.data.campaign_data import ORDERS, Campaign
 from gateway.closure.data.revolution_orders import waveform_orders
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, GroupConditions
 from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.hold_out import HeldOutErrors, hold_out
+from gateway.closure.inference.hold_out import HeldOutErrors, alignment_note, hold_out, jackknife
 from gateway.closure.inference.residual import group_residuals
 from gateway.closure.inference.set_search import baseline_fit
+from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -194,3 +195,53 @@ def test_absent_axes_have_no_error() -> None:
     found, search = searched(campaign_of(ONE_SPEED), {})
     errors = hold_out(found, search.data)
     assert [axis.axis for axis in errors.summary.axes] == ["circumferential", "radial"]
+
+
+def moved_edges(campaign: Campaign) -> Campaign:
+    """Say that the blocks were aligned: as recorded, each has 5 m/s^2 more on the radial axis in order 40."""
+    added = np.zeros((3, ORDERS), complex)
+    added[RADIAL, 40] = 5.0
+    (group,) = campaign.groups
+    blocks = tuple(replace(block, as_recorded_mps2=block.orders_mps2 + added) for block in group.blocks)
+    return replace(campaign, groups=(replace(group, blocks=blocks),))
+
+
+def test_error_is_given_without_alignment_too() -> None:
+    campaign = campaign_of(ONE_SPEED, axes=ALL_AXES)
+    assert held_out(campaign).summary.as_recorded is None
+    assert alignment_note(held_out(campaign).summary) == ()
+    summary = held_out(moved_edges(campaign)).summary
+    plain = summary.as_recorded
+    assert plain is not None
+    # Half its square is its mean square, on one axis of three.
+    assert plain.rms_after_mps2**2 - summary.rms_after_mps2**2 == pytest.approx(12.5 / 3.0, rel=0.2)
+    assert plain.rms_before_mps2 == plain.rms_after_mps2
+    assert (plain.revolutions, plain.parameters) == (BLOCKS * REVOLUTIONS, 4 * BLOCKS * REVOLUTIONS)
+    (note,) = alignment_note(summary)
+    assert (note.code, note["after_mps2"]) == (Code.EDGES_ALIGNED, plain.rms_after_mps2)
+
+
+def test_every_block_has_its_error() -> None:
+    summary = rolled().summary
+    assert len(summary.blocks) == len(TWO_SPEEDS) * BLOCKS
+    assert {block.revolutions for block in summary.blocks} == {REVOLUTIONS}
+    for of, total in (("before_mps2", summary.rms_before_mps2), ("after_mps2", summary.rms_after_mps2)):
+        assert math.sqrt(np.mean([getattr(block, of) ** 2 for block in summary.blocks])) == pytest.approx(total)
+    assert 0.0 < summary.std_after_mps2 < 0.1 * summary.rms_after_mps2
+
+
+def test_errors_of_the_errors_follow_the_scatter_of_blocks() -> None:
+    """Mean squares of chi-square form: an rms of n blocks of k values has the relative error 1 / sqrt(2 n k)."""
+    rng = np.random.default_rng(4)
+    found = []
+    for _ in range(400):
+        before = rng.chisquare(50, 10)
+        found.append(
+            (math.sqrt(before.sum() / 500), jackknife([np.array([one, 0.25 * one]) for one in before], [50.0] * 10))
+        )
+    spread = np.std([rms for rms, _ in found])
+    assert spread == pytest.approx(1.0 / math.sqrt(1000.0), rel=0.1)
+    assert np.sqrt(np.mean([errors[0] ** 2 for _, errors in found])) == pytest.approx(spread, rel=0.1)
+    # Both go together: their ratio is certain.
+    assert max(errors[2] for _, errors in found) < 1e-9
+    assert all(math.isnan(one) for one in jackknife([np.ones(2)], [1.0]))

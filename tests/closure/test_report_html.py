@@ -165,6 +165,24 @@ def test_undecided_effects_are_in_summary_and_omissions():
     assert len(rows[0].cells) == 3
 
 
+def test_page_says_what_it_was_made_of():
+    text = Page(diagnosis_html(ordinary())).text
+    for part in (
+        "treadlink diagnose drum-40kmh.mcap --html report.html",
+        "00c0ffee",
+        "drum 3",
+        "205/55R16",
+        "SHA-256 " + "0123456789abcdef" * 4,
+        "from 2025-10-09 08:53:20 to 2025-10-09 08:54:21 UTC",
+        "12.31 ± 0.31",
+        "2.100 ± 0.040",
+        "After over before: 0.1706 ± 0.0060.",
+        "Before, contact edges as recorded",
+        "drum-40kmh.mcap: 40.0 km/h",
+    ):
+        assert part in text
+
+
 def test_answer_says_on_which_axes_the_error_falls() -> None:
     """Ply steer takes nothing off the axes of the wheel's plane."""
     axes = tuple(

@@ -35,6 +35,11 @@ def test_keys_are_stable(tmp_path):
     assert found["held_out"]["rms_before_mps2"] == 12.31
     assert found["held_out"]["rms_after_mps2"] == 2.10
     assert found["held_out"]["rms_empirical_mps2"] == 1.95
+    assert found["held_out"]["std_after_over_before"] == 0.006
+    assert found["held_out"]["as_recorded"]["rms_after_mps2"] == 3.15
+    assert [block["rms_after_mps2"] for block in found["held_out"]["blocks"]] == [2.11]
+    assert (found["origin"]["sensor_id"], found["origin"]["tire"]) == ("00c0ffee", "205/55R16")
+    assert found["origin"]["recordings"][0]["last_s"] == 1.76e9 + 61.0
     assert found["noise_floor_mps2"] == 2.05
     assert found["wheel"] == "FL"
     assert found["revolutions"] == {"used": 1240, "rejected": 12}

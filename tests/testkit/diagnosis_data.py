@@ -8,11 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.closure.result import (
+    AsRecorded,
+    BlockError,
     Curves,
     Diagnosis,
     Finding,
     Fitted,
     HeldOut,
+    Origin,
+    RecordingOrigin,
     Scaling,
     ScalingStatus,
     Spectra,
@@ -113,7 +117,24 @@ def ordinary(groups: int = 4) -> Diagnosis:
         revolutions=1240,
         rejected=12,
         noise_floor_mps2=2.05,
-        held_out=HeldOut(12.31, 2.10, 1240, 8),
+        held_out=HeldOut(
+            12.31,
+            2.10,
+            1240,
+            8,
+            std_before_mps2=0.31,
+            std_after_mps2=0.04,
+            std_ratio=0.006,
+            blocks=(BlockError("drum-40kmh.mcap: 40.0 km/h", 155, 12.0, 12.4, 2.11),),
+            as_recorded=AsRecorded(12.52, 3.15, 310, 1240),
+        ),
+        origin=Origin(
+            (RecordingOrigin("drum-40kmh.mcap", "0123456789abcdef" * 4, 1.76e9, 1.76e9 + 61.0),),
+            0xC0FFEE,
+            "drum 3",
+            "205/55R16",
+            "treadlink diagnose drum-40kmh.mcap --html report.html",
+        ),
         findings=(
             Finding(
                 name="mounting offset",

@@ -31,11 +31,13 @@ class Block:
         conditions: their mean; mean squares for omega.
         orders_mps2: (3, ORDERS) coefficients c - i s of the mean waveform as measured, gravity and drift included; NaN
             for absent axes and for orders beyond the bandwidth of the sampling.
+        as_recorded_mps2: the same without alignment of the contact edges; None where they are not aligned.
     """
 
     count: int
     conditions: GroupConditions
     orders_mps2: ComplexArray
+    as_recorded_mps2: ComplexArray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +206,7 @@ class Campaign:
         stated: inputs that were stated or measured, with their source.
         vehicle: name of the vehicle or test rig, empty if unknown or not the same in all recordings.
         tire: size of the tire, likewise.
+        times_s: host times of the first and the last revolution used of each recording, 0 where none is.
     """
 
     wheel: str
@@ -218,6 +221,7 @@ class Campaign:
     stated: tuple[Reason, ...] = ()
     vehicle: str = ""
     tire: str = ""
+    times_s: tuple[tuple[float, float], ...] = ()
 
     @property
     def folds(self) -> int:

@@ -133,6 +133,7 @@ def _group(
     )
     early = np.zeros((len(places), TERMS))
     edge_errors, by_edges = None, 0.0
+    as_recorded = None
     if edges.evident:
         # Jittering edges smear the mean and dominate the scatter.
         early[usual] = edges.early_rad
@@ -144,6 +145,7 @@ def _group(
             # What was taken is no displacement alone, and its error has no shape of its own.
             by_edges = _ONE_COEFFICIENT * (orders - bent)[usual].var(axis=0)
         orders = bent
+        as_recorded = settled.orders_mps2
         settled = settle(orders, table["omega_radps"][places], table["omega_dot_radps2"][places])
         usual = np.flatnonzero(~settled.wild)
     if settled.wild.any():
@@ -152,7 +154,8 @@ def _group(
     blocks = []
     for part in folded(len(used), folds):
         mean = settled.orders_mps2[usual[part]].mean(axis=0)
-        blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean))
+        plain = None if as_recorded is None else as_recorded[usual[part]].mean(axis=0)
+        blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean, plain))
     conditions = _conditions(table, used, declared)
     left, left_hz = _deviations(table, used, settled.shift_rad[usual], early[usual], half_angle_rad, rate_hz)
     return Group(

@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
 
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.data.contact_edge_timing import TERMS
 from gateway.closure.inference import criteria
 from gateway.closure.inference.discrepancy import Applied
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
@@ -18,8 +21,9 @@ from gateway.closure.inference.residual import PLANE, POWER_SHARE, residual_rati
 from gateway.closure.inference.set_evidence import Evaluated, log_evidence
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
-from gateway.closure.result import AxisError, HeldOut
+from gateway.closure.result import AsRecorded, AxisError, BlockError, HeldOut
 from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 
 # Sets among which the choice is repeated without each fold.
@@ -133,8 +137,22 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
                 after.add(orders[fold] - predicted, weight)
                 corrected.add(orders[fold] - whole, weight)
     before = errors[frozenset()]
-    revolutions = int(sum(count.sum() for count in data.counts))
-    summary = HeldOut(before.rms_mps2(), after.rms_mps2(), revolutions, data.folds, _by_axis(before, after, corrected))
+    curves = _curves(
+        posterior.best.fit.model.campaign,
+        data,
+        [one.predicted for one in folds[frozenset()]],
+        [folds[names][fold].predicted for fold, names in enumerate(chosen)],
+    )
+    summary = HeldOut(
+        before.rms_mps2(),
+        after.rms_mps2(),
+        int(sum(count.sum() for count in data.counts)),
+        data.folds,
+        _by_axis(before, after, corrected),
+        *jackknife([one.sums for one in curves], [one.axes for one in curves]),
+        blocks=tuple(one.block for one in curves),
+        as_recorded=_as_recorded(curves),
+    )
     return HeldOutErrors(
         summary,
         before.noise_mps2(),
@@ -142,6 +160,98 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
         tuple(chosen),
         {names: sums.rms_mps2() for names, sums in errors.items()},
         {names: (folds[names][0].at_best and least[names]) or one.fit for names, one in sets.items()},
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """Errors of one block.
+
+    Attributes:
+        block: for the report.
+        axes: number of axes.
+        sums: (2,) squares over all axes, before and after.
+        as_recorded: likewise on its revolutions without alignment; None where they are not aligned.
+    """
+
+    block: BlockError
+    axes: float
+    sums: FloatArray
+    as_recorded: FloatArray | None
+
+
+def _curves(
+    campaign: Campaign,
+    data: Whitened,
+    before: Sequence[Sequence[ComplexArray | None]],
+    after: Sequence[Sequence[ComplexArray | None]],
+) -> list[_Curve]:
+    """Return the errors of every block; predictions are by fold and group."""
+    found = []
+    for index, group in enumerate(campaign.groups):
+        for fold, block in enumerate(group.blocks):
+            predicted = before[fold][index], after[fold][index]
+            if predicted[0] is None or predicted[1] is None:
+                continue
+            weight = data.weights[index][fold]
+            ways = [data.orders[index][fold]]
+            if block.as_recorded_mps2 is not None:
+                ways.append(ways[0] + np.nan_to_num(block.as_recorded_mps2 - block.orders_mps2))
+            sums = [_Sums.empty() for _ in range(2 * len(ways))]
+            for at, (orders, one) in enumerate(product(ways, predicted)):
+                sums[at].add(orders - one, weight)
+            squares = np.array([one.error.sum() for one in sums])
+            axes = float(sums[0].curves.sum())
+            rms = np.sqrt(squares / max(axes, 1.0)).tolist()
+            shown = BlockError(group.label, block.count, block.conditions.time_s, rms[0], rms[1])
+            found.append(_Curve(shown, axes, squares[:2], squares[2:] if len(ways) > 1 else None))
+    return found
+
+
+def jackknife(sums: Sequence[FloatArray], counts: Sequence[float]) -> tuple[float, float, float]:
+    """Return standard errors of the rms before and after, and of their ratio, leaving out one block at a time.
+
+    Args:
+        sums: of squares before and after in each block, (2,) each.
+        counts: of what is summed in each block.
+
+    Returns:
+        NaN with fewer than two blocks.
+    """
+    number = len(sums)
+    if number < 2:
+        return math.nan, math.nan, math.nan
+    squares, weights = np.array(sums), np.array(counts)[:, None]
+    rms = np.sqrt((squares.sum(axis=0) - squares) / np.maximum(weights.sum() - weights, 1.0))
+    ratio = rms[:, 1] / np.maximum(rms[:, 0], 1e-300)
+    every = np.column_stack([rms, ratio])
+    first, second, third = np.sqrt((number - 1.0) * every.var(axis=0)).tolist()
+    return first, second, third
+
+
+def _as_recorded(curves: Sequence[_Curve]) -> AsRecorded | None:
+    """Return the errors without alignment of the contact edges; None where nothing is aligned."""
+    aligned = sum(one.block.revolutions for one in curves if one.as_recorded is not None)
+    if not aligned:
+        return None
+    squares = sum(one.sums if one.as_recorded is None else one.as_recorded for one in curves)
+    before, after = np.sqrt(squares / sum(one.axes for one in curves)).tolist()
+    return AsRecorded(before, after, aligned, TERMS * aligned)
+
+
+def alignment_note(held_out: HeldOut) -> tuple[Reason, ...]:
+    """Return the note on revolutions whose contact edges are aligned, with the errors as they were recorded."""
+    plain = held_out.as_recorded
+    if plain is None:
+        return ()
+    return (
+        Reason(
+            Code.EDGES_ALIGNED,
+            revolutions=plain.revolutions,
+            parameters=plain.parameters,
+            before_mps2=plain.rms_before_mps2,
+            after_mps2=plain.rms_after_mps2,
+        ),
     )
 
 

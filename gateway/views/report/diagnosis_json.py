@@ -10,12 +10,13 @@ from typing import Any, Final
 
 from gateway import __version__
 from gateway.closure.data.campaign_data import Remark
-from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Unexplained
+from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Origin, Unexplained
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.output_file import write_whole
 from gateway.views.report.phrases import residual_sentence, scaling_text
 from gateway.views.report.quantities import residuals
+from gateway.views.report.transfer_report import encodable as _text
 from gateway.views.report.transfer_report import held_out_json
 
 FORMAT: Final = "treadlink diagnosis"
@@ -34,6 +35,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "model": _text(diagnosis.model),
         "recordings": _texts(diagnosis.recordings),
         "left_out": [_reason(one) for one in diagnosis.left_out],
+        "origin": _origin(diagnosis.origin),
         "stated": _remarks(diagnosis.stated),
         "assumed": _remarks(diagnosis.assumed),
         "notes": _remarks(diagnosis.notes),
@@ -96,6 +98,21 @@ def write_json(diagnosis: Diagnosis, path: Path, *, force: bool = False) -> None
     """
     text = json.dumps(diagnosis_json(diagnosis), indent=2, ensure_ascii=False, allow_nan=False)
     write_whole(path, text + "\n", force=force)
+
+
+def _origin(origin: Origin | None) -> dict[str, Any] | None:
+    if origin is None:
+        return None
+    return {
+        "command": _text(origin.command),
+        "sensor_id": None if origin.sensor_id is None else f"{origin.sensor_id:08x}",
+        "vehicle": _text(origin.vehicle),
+        "tire": _text(origin.tire),
+        "recordings": [
+            {"path": _text(one.path), "sha256": one.sha256, "first_s": one.first_s, "last_s": one.last_s}
+            for one in origin.recordings
+        ],
+    }
 
 
 def _finding(finding: Finding) -> dict[str, Any]:
@@ -208,11 +225,6 @@ def _reason(reason: Reason) -> dict[str, Any]:
 
 def _remarks(remarks: Sequence[Remark]) -> list[str]:
     return [_reason_text(one) if isinstance(one, Reason) else _text(one) for one in remarks]
-
-
-def _text(text: str) -> str:
-    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
-    return str(text).encode("utf-8", "backslashreplace").decode()
 
 
 def _texts(texts: Sequence[str]) -> list[str]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.closure.result import Curves, Diagnosis, HeldOut, Law, Spectra, Trend
+from gateway.closure.result import Curves, Diagnosis, HeldOut, Law, Origin, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.views.html_template import html_template
@@ -58,20 +58,24 @@ from gateway.views.report.quantities import (
 )
 from gateway.views.report.report_tables import (
     AxisRow,
+    BlockRow,
     EffectRow,
     ErrorRow,
     EstimateRow,
     LawRow,
+    OriginRow,
     StateRows,
     StepRow,
     UnexplainedRow,
     axis_rows,
+    block_rows,
     by_state,
     effect_rows,
     error_rows,
     estimate_rows,
     law_rows,
     omissions,
+    origin_rows,
     refused_rows,
     unexplained_rows,
 )
@@ -163,6 +167,9 @@ class _Page:
     assumed: list[str]
     notes: list[str]
     recordings: list[str]
+    blocks: list[BlockRow]
+    origins: list[OriginRow]
+    made: list[tuple[str, str]]
     chapters: list[Chapter]
 
 
@@ -196,6 +203,9 @@ def _page(diagnosis: Diagnosis) -> _Page:
         assumed=[remark(text) for text in diagnosis.assumed],
         notes=[remark(text) for text in diagnosis.notes],
         recordings=[clean(path) for path in diagnosis.recordings],
+        blocks=block_rows(diagnosis),
+        origins=origin_rows(diagnosis.origin) if diagnosis.origin is not None else [],
+        made=_made(diagnosis.origin) if diagnosis.origin is not None else [],
         chapters=chapters(diagnosis),
     )
 
@@ -213,10 +223,18 @@ def _facts(diagnosis: Diagnosis) -> str:
 def _folds(diagnosis: Diagnosis) -> str:
     """Return which revolutions were held out, and why some were not."""
     held_out, used = diagnosis.held_out, diagnosis.revolutions
-    text = f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; "
-    if held_out.revolutions >= used:
-        return f"{text}{held_out.revolutions} revolutions in all."
-    return f"{text}{held_out.revolutions} of the {used} revolutions in all."
+    of = "" if held_out.revolutions >= used else f" of the {used}"
+    text = f"Folds: {held_out.folds} {clean(diagnosis.folds_of)}, each held out in turn; {held_out.revolutions}{of} "
+    share = ratio(held_out.rms_after_mps2, held_out.rms_before_mps2)
+    apart = f" After over before: {plain(share, held_out.std_ratio)}." if held_out.std_ratio > 0.0 else ""
+    return f"{text}revolutions in all.{apart}"
+
+
+def _made(origin: Origin) -> list[tuple[str, str]]:
+    """Return what a diagnosis was made of besides recordings, and how."""
+    sensor = "" if origin.sensor_id is None else f"{origin.sensor_id:08x}"
+    every = (("Command", origin.command), ("Sensor", sensor), ("Vehicle", origin.vehicle), ("Tire", origin.tire))
+    return [(label, clean(text)) for label, text in every if text]
 
 
 def _answer(diagnosis: Diagnosis) -> Iterator[str]:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Final, Generic, NamedTuple, Protocol, TypeVar
 
-from gateway.closure.result import Diagnosis, Finding, Fitted, Scaling, ScalingStatus, Verdict
+from gateway.closure.result import Diagnosis, Finding, Fitted, Origin, Scaling, ScalingStatus, Verdict
 from gateway.views.numbers import MISSING, fixed
 from gateway.views.probabilities import probability_text
 from gateway.views.report.phrases import (
@@ -69,6 +70,24 @@ class AxisRow:
     floor: str
     before_weighted: str
     after_weighted: str
+
+
+class BlockRow(NamedTuple):
+    """Held-out error of one block, as text."""
+
+    group: str
+    revolutions: str
+    before: str
+    after: str
+
+
+class OriginRow(NamedTuple):
+    """Identity of one recording, as text; times are UTC."""
+
+    path: str
+    sha256: str
+    first: str
+    last: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,17 +202,43 @@ def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
     """Return the errors in the order in which they are read."""
     floor, held_out = diagnosis.noise_floor_mps2, diagnosis.held_out
     errors = [
-        ("Before: baseline model", "before", held_out.rms_before_mps2),
-        ("After: with effects", "after", held_out.rms_after_mps2),
+        ("Before: baseline model", "before", held_out.rms_before_mps2, held_out.std_before_mps2),
+        ("After: with effects", "after", held_out.rms_after_mps2, held_out.std_after_mps2),
     ]
     if diagnosis.empirical_rms_mps2 is not None:
-        errors.append(("After, with an empirical correction", "empirical", diagnosis.empirical_rms_mps2))
-    errors.append(("Noise floor: error of a perfect model", "floor", floor))
-    largest = max((value for *_, value in errors if math.isfinite(value)), default=math.nan)
+        errors.append(("After, with an empirical correction", "empirical", diagnosis.empirical_rms_mps2, math.nan))
+    errors.append(("Noise floor: error of a perfect model", "floor", floor, math.nan))
+    if (raw := held_out.as_recorded) is not None:
+        errors.append(("Before, contact edges as recorded", "before", raw.rms_before_mps2, math.nan))
+        errors.append(("After, contact edges as recorded", "after", raw.rms_after_mps2, math.nan))
+    largest = max((value for _, _, value, _ in errors if math.isfinite(value)), default=math.nan)
     return [
-        ErrorRow(label, kind, significant(value), fixed(ratio(value, floor), 2), _share(value, largest))
-        for label, kind, value in errors
+        ErrorRow(label, kind, _with_error(value, std), fixed(ratio(value, floor), 2), _share(value, largest))
+        for label, kind, value, std in errors
     ]
+
+
+def _with_error(value: float, std: float) -> str:
+    return plain(value, std) if 0.0 < std < math.inf else significant(value)
+
+
+def block_rows(diagnosis: Diagnosis) -> list[BlockRow]:
+    """Return the held-out error of every block."""
+    return [
+        BlockRow(
+            clean(block.group), str(block.revolutions), significant(block.before_mps2), significant(block.after_mps2)
+        )
+        for block in diagnosis.held_out.blocks
+    ]
+
+
+def origin_rows(origin: Origin) -> list[OriginRow]:
+    """Return the identity of every recording."""
+    return [OriginRow(clean(one.path), one.sha256, _utc(one.first_s), _utc(one.last_s)) for one in origin.recordings]
+
+
+def _utc(time_s: float) -> str:
+    return f"{datetime.fromtimestamp(time_s, UTC):%Y-%m-%d %H:%M:%S}" if time_s > 0.0 else MISSING
 
 
 def axis_rows(diagnosis: Diagnosis) -> list[AxisRow]:

@@ -78,6 +78,27 @@ def held_out_json(held_out: HeldOut) -> dict[str, Any]:
         "rms_after_mps2": _number(held_out.rms_after_mps2),
         "revolutions": int(held_out.revolutions),
         "folds": int(held_out.folds),
+        "std_before_mps2": _number(held_out.std_before_mps2),
+        "std_after_mps2": _number(held_out.std_after_mps2),
+        "std_after_over_before": _number(held_out.std_ratio),
+        "as_recorded": None
+        if held_out.as_recorded is None
+        else {
+            "rms_before_mps2": _number(held_out.as_recorded.rms_before_mps2),
+            "rms_after_mps2": _number(held_out.as_recorded.rms_after_mps2),
+            "aligned_revolutions": int(held_out.as_recorded.revolutions),
+            "parameters": int(held_out.as_recorded.parameters),
+        },
+        "blocks": [
+            {
+                "group": encodable(block.group),
+                "revolutions": int(block.revolutions),
+                "time_s": _number(block.time_s),
+                "rms_before_mps2": _number(block.before_mps2),
+                "rms_after_mps2": _number(block.after_mps2),
+            }
+            for block in held_out.blocks
+        ],
         "axes": {
             axis.axis: {
                 "rms_before_mps2": _number(axis.before_mps2),
@@ -90,6 +111,11 @@ def held_out_json(held_out: HeldOut) -> dict[str, Any]:
             for axis in held_out.axes
         },
     }
+
+
+def encodable(text: str) -> str:
+    """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
+    return str(text).encode("utf-8", "backslashreplace").decode()
 
 
 def _row(label: str, text: str) -> str:
