@@ -102,9 +102,9 @@ def require_equal_lengths(path: Path, lengths: Mapping[str, int]) -> None:
         ImportDataError: naming all columns with their lengths.
     """
     if len(set(lengths.values())) > 1:
-        found = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+        lengths_text = ", ".join(f"{name} has {length}" for name, length in lengths.items())
         raise ImportDataError(
-            f"{path}: the columns differ in length: {found}", "Resample them to one rate before importing."
+            f"{path}: the columns differ in length: {lengths_text}", "Resample them to one rate before importing."
         )
 
 
@@ -121,8 +121,8 @@ def require_columns(reader: BlockReader, path: Path, names: Sequence[str]) -> No
         if whole in facts.unusable:
             reason, remedy = facts.unusable[whole]
             raise ImportDataError(f"{path}: '{whole}' {reason}", remedy)
-    known = set(facts.names)
-    missing = [name for name in names if name not in known]
+    present = set(facts.names)
+    missing = [name for name in names if name not in present]
     if not missing:
         return
     lines = []

@@ -73,8 +73,8 @@ class CsvColumns:
         with self._open() as file:
             line = next(itertools.islice(self._lines(file), layout.skip_rows, None), None)
         if line is None or not line.strip():
-            found = "is empty" if path.stat().st_size == 0 else f"has nothing in line {layout.skip_rows + 1}"
-            raise ImportDataError(f"{path} {found}", "Check the file, and skip_rows in [file] of the map.")
+            fault = "is empty" if path.stat().st_size == 0 else f"has nothing in line {layout.skip_rows + 1}"
+            raise ImportDataError(f"{path} {fault}", "Check the file, and skip_rows in [file] of the map.")
         cells = [cell.strip() for cell in self._cells(line)]
         self._names = tuple(cells) if layout.header else tuple(str(k + 1) for k in range(len(cells)))
 
@@ -98,12 +98,12 @@ class CsvColumns:
                 numbers = list(range(line_number, line_number + len(lines)))
                 line_number += len(lines)
                 if self._line_start or any(not line.strip() for line in lines):
-                    kept = [
+                    data_lines = [
                         (line, number)
                         for line, number in zip(lines, numbers, strict=True)
                         if line.strip() and line.startswith(self._line_start)
                     ]
-                    lines, numbers = [line for line, _ in kept], [number for _, number in kept]
+                    lines, numbers = [line for line, _ in data_lines], [number for _, number in data_lines]
                 if not lines:
                     continue
                 values = self._parsed(lines, numbers, use, names)
@@ -180,13 +180,13 @@ class CsvColumns:
         """Return (n, columns) values, ISO times in seconds."""
         if self._times is None or self._times.column not in names:
             return self._parse(lines, numbers, use, names)
-        at = list(names).index(self._times.column)
+        time_index = list(names).index(self._times.column)
         values = np.empty((len(lines), len(names)))
-        others = [k for k in range(len(names)) if k != at]
+        others = [k for k in range(len(names)) if k != time_index]
         values[:, others] = self._parse(lines, numbers, [use[k] for k in others], [names[k] for k in others])
         cells = [self._cells(line) for line in lines]
-        texts = [row[use[at]] if use[at] < len(row) else "" for row in cells]
-        values[:, at] = self._times.seconds(texts, lambda k: f"line {numbers[k]}")
+        texts = [row[use[time_index]] if use[time_index] < len(row) else "" for row in cells]
+        values[:, time_index] = self._times.seconds(texts, lambda k: f"line {numbers[k]}")
         return values
 
     def _parse(self, lines: list[str], numbers: list[int], use: list[int], names: Sequence[str]) -> FloatArray:
@@ -253,9 +253,9 @@ class CsvColumns:
                 try:
                     float(cells[column])
                 except ValueError:
-                    found = f"'{cells[column].strip()}' is not a number"
+                    fault = f"'{cells[column].strip()}' is not a number"
                     return ImportDataError(
-                        f"{self._path}: line {number}, column '{name}': {found}", self._remedy(cells[column].strip())
+                        f"{self._path}: line {number}, column '{name}': {fault}", self._remedy(cells[column].strip())
                     )
         return ImportDataError(f"{self._path}: the lines from {numbers[0]} on cannot be read", "Check their quotes.")
 

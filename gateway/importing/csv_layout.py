@@ -94,12 +94,12 @@ def recognise_layout(path: Path) -> TextLayout:
 
 def _date_order(cells: Sequence[str]) -> str:
     """Return the order of year, month and day in dates; `?` where both orders of day and month are possible."""
-    found = [match for cell in cells if (match := _DATE.fullmatch(cell)) is not None]
-    if all(len(match[1]) == 4 for match in found):
+    dates = [match for cell in cells if (match := _DATE.fullmatch(cell)) is not None]
+    if all(len(match[1]) == 4 for match in dates):
         return "ymd"
-    if any(int(match[1]) > 12 for match in found):
+    if any(int(match[1]) > 12 for match in dates):
         return "dmy"
-    return "mdy" if any(int(match[2]) > 12 for match in found) else "?"
+    return "mdy" if any(int(match[2]) > 12 for match in dates) else "?"
 
 
 def _is_text(cells: Sequence[str]) -> bool:

@@ -85,11 +85,11 @@ def scan(
     """
     if import_map.sampling.rate_hz is not None:
         check_rate(path, import_map.sampling.rate_hz)
-    found = _scan(path, reader, import_map, progress, None)
-    factor = decimation_factor(found.rate_hz * (found.decimation.factor if found.decimation else 1))
-    if factor != (found.decimation.factor if found.decimation else 1):
-        found = _scan(path, reader, import_map, progress, factor)
-    return found
+    file_scan = _scan(path, reader, import_map, progress, None)
+    factor = decimation_factor(file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1))
+    if factor != (file_scan.decimation.factor if file_scan.decimation else 1):
+        file_scan = _scan(path, reader, import_map, progress, factor)
+    return file_scan
 
 
 def _scan(
@@ -112,19 +112,21 @@ def _scan(
         if rows is None:
             factor = factor or decimation_factor(start.first_rate_hz)
             rows = SampleRows(import_map, factor)
-        kept = block.values[start.rows_to_skip(block) :]
+        values = block.values[start.rows_to_skip(block) :]
         for k, column in enumerate(reference_columns):
-            present = kept[:, column][np.isfinite(kept[:, column])]
+            present = values[:, column][np.isfinite(values[:, column])]
             if len(present):
                 ranges[k] = min(ranges[k, 0], present.min()), max(ranges[k, 1], present.max())
-        samples += _take(wheels, rows, rows.feed(kept))
+        samples += _take(wheels, rows, rows.feed(values))
     bad.refuse()
     if rows is not None:
         samples += _take(wheels, rows, rows.finish(len(names)))
     kept_count = start.rows - start.skipped
     if kept_count < 2 or samples < 2:
-        found = "contains no rows of data" if start.rows == 0 else f"contains {max(kept_count, 0)} rows after start_s"
-        raise ImportDataError(f"{path} {found}", "Check the file, and start_s in [sampling] of the map.")
+        shortage = (
+            "contains no rows of data" if start.rows == 0 else f"contains {max(kept_count, 0)} rows after start_s"
+        )
+        raise ImportDataError(f"{path} {shortage}", "Check the file, and start_s in [sampling] of the map.")
     for wheel in wheels:
         wheel.check_gaps(path, samples)
     rate_hz, rate_std_hz = start.rate_hz(path)
@@ -141,7 +143,7 @@ def _scan(
         rounding_s=start.clock.rounding_s if start.clock else None,
         jitter_s=start.clock.jitter_s if start.clock else None,
         first_s=start.clock.first_s if start.clock else 0.0,
-        wheels=tuple(wheel.found() for wheel in wheels),
+        wheels=tuple(wheel.wheel_scan() for wheel in wheels),
         ranges=np.where(np.isfinite(ranges), ranges, np.nan),
     )
 
@@ -183,7 +185,7 @@ class _WheelRange:
                 "Leave the axis out of the map, or resample the columns to one rate before importing.",
             )
 
-    def found(self) -> WheelScan:
+    def wheel_scan(self) -> WheelScan:
         return WheelScan(
             gaps=self._gaps,
             low_mps2=dict(zip(self._axes, self._low.tolist(), strict=True)),

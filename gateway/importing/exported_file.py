@@ -62,7 +62,11 @@ def exported_wheels(path: Path, processes: ReaderProcesses | None = None) -> dic
         return _csv_conditions(path)[0]
     if kind is FileFormat.MF4 and path.is_file():
         with contextlib.closing(open_columns(path, _PROBE, processes)) as reader:
-            return {wheel: _pairs(found) for wheel, found in reader.facts.conditions.items() if _MARK in found}
+            return {
+                wheel: _pairs(conditions)
+                for wheel, conditions in reader.facts.conditions.items()
+                if _MARK in conditions
+            }
     return {}
 
 
@@ -100,8 +104,8 @@ class _WheelReader:
 
     def __init__(self, reader: ColumnReader, prefix: str, time: str, constants: Mapping[str, float]) -> None:
         self._reader, self._prefix, self._begin, self._constants = reader, prefix, time, constants
-        own = [name.removeprefix(prefix) for name in reader.facts.names if name.startswith(prefix)]
-        self.facts = FileFacts((*own, *constants), start_ns=reader.facts.start_ns)
+        names = [name.removeprefix(prefix) for name in reader.facts.names if name.startswith(prefix)]
+        self.facts = FileFacts((*names, *constants), start_ns=reader.facts.start_ns)
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns."""
@@ -174,7 +178,7 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
         sampling=Sampling(time_column=_TIME),
         sensor=Sensor(coupling="AC" if conditions.get("coupling", ("", ""))[0] == "ac" else "DC"),
         conditions=StatedConditions.model_validate(
-            {key: found[0] for key, found in named.items() if found is not None}
+            {key: condition[0] for key, condition in named.items() if condition is not None}
         ),
         wheel=(wheel,),
     )
@@ -192,11 +196,11 @@ def _csv_conditions(path: Path) -> tuple[dict[str, Conditions], int]:
             match = None if _COLUMN.match(line) else _CONDITION.fullmatch(line)
             if match is not None:
                 wheels.setdefault(match[1], {})[match[2]] = match[3], match[4] or ""
-    return {wheel: found for wheel, found in wheels.items() if _MARK in found}, count
+    return {wheel: conditions for wheel, conditions in wheels.items() if _MARK in conditions}, count
 
 
-def _pairs(found: Mapping[str, Sequence[str]]) -> Conditions:
-    return {name: (value, source) for name, (value, source) in found.items()}
+def _pairs(properties: Mapping[str, Sequence[str]]) -> Conditions:
+    return {name: (value, source) for name, (value, source) in properties.items()}
 
 
 def _start_ns(conditions: Conditions) -> int | None:

@@ -65,9 +65,9 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
     if added is not None:
         return added
     if file_format is None:
-        found = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
+        fault = f"unknown file format '{path.suffix}'" if path.suffix else "a file name without a suffix"
         remedy = _REMEDIES.get(path.suffix.lower(), f'Known are {_KNOWN}. If it is text, state [file] format = "csv".')
-        raise ImportDataError(f"{path}: {found}", remedy.replace("{name}", path.name))
+        raise ImportDataError(f"{path}: {fault}", remedy.replace("{name}", path.name))
     try:
         if file_format is FileFormat.CSV:
             dated = sampling.time_column is not None and sampling.time_unit == ISO
@@ -83,11 +83,11 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
         raise ImportDataError(f"{path} cannot be read: {reason}", "Check its permissions.") from error
 
 
-def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in is no reader of files, None when it is one."""
-    if not callable(found):
+    if not callable(loaded):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a class of column readers")
-    return missing_members(found, ("blocks", "sample", "close"))
+    return missing_members(loaded, ("blocks", "sample", "close"))
 
 
 def _plugin_reader(path: Path) -> ColumnReader | None:

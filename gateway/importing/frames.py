@@ -38,14 +38,14 @@ class Quantiser:
     saturation_counts: int
 
     @staticmethod
-    def of(wheel: ImportedWheel, found: WheelScan) -> Quantiser:
+    def of(wheel: ImportedWheel, wheel_scan: WheelScan) -> Quantiser:
         """Return a quantiser with the range of the stated full scale, or else the range that each axis just fills."""
         axes = wheel.axis.present()
         stated = any(column.full_scale is not None for column in axes.values())
         top_counts = FULL_SCALE_COUNTS - 1 if stated else 32767
         scales = []
         for axis, column in axes.items():
-            peak_mps2 = max(abs(found.low_mps2[axis]), abs(found.high_mps2[axis]))
+            peak_mps2 = max(abs(wheel_scan.low_mps2[axis]), abs(wheel_scan.high_mps2[axis]))
             if column.full_scale_mps2 is not None:
                 scales.append(column.full_scale_mps2 / FULL_SCALE_COUNTS)
             else:
@@ -170,7 +170,7 @@ class FrameStream:
     def _environment(self, slow: FloatArray) -> Environment | None:
         """Return the mean of the slow quantities over a chunk, None when none was measured."""
         pressure, temperature = (
-            float(known.mean()) if len(known := column[np.isfinite(column)]) else None for column in slow.T
+            float(measured.mean()) if len(measured := column[np.isfinite(column)]) else None for column in slow.T
         )
         if pressure is None and temperature is None:
             return None

@@ -164,11 +164,11 @@ class Hdf5Columns:
         if isinstance(group.get(key, getlink=True), h5py.ExternalLink):
             self._unusable[name] = ("is a link to another file", "Copy the data into one file.")
             return
-        found = group[key]
-        if isinstance(found, h5py.Group):
-            self._add_group(name, found, depth + 1, above)
-        elif isinstance(found, h5py.Dataset):
-            self._add(name, found)
+        member = group[key]
+        if isinstance(member, h5py.Group):
+            self._add_group(name, member, depth + 1, above)
+        elif isinstance(member, h5py.Dataset):
+            self._add(name, member)
 
     def _add(self, name: str, data: h5py.Dataset) -> None:
         """Add the columns of a dataset, or the reason why it has none."""
@@ -210,10 +210,10 @@ class Hdf5Columns:
         if not self._objects or not can_read_objects():
             return
         try:
-            found = object_columns(self._path)
+            columns = object_columns(self._path)
         except ImportDataError:  # they stay named as objects, and the other columns can be used
             return
-        for name, column in found.items():
+        for name, column in columns.items():
             self._unusable.pop(name.partition(".")[0], None)
             if column.dtype.kind == "M":
                 self._dates[name], column = None, seconds_of(column)
@@ -240,10 +240,10 @@ class Hdf5Columns:
                 added = [(f"{name}(:,{k + 1})", _Column(data, shape[axis], axis, k)) for k in range(shape[1 - axis])]
         elif shape:
             self._unusable[name] = (f"has {len(shape)} dimensions", _AS_VECTORS)
-        for column, place in added:
-            self._columns[column] = place
+        for column_name, column in added:
+            self._columns[column_name] = column
             if unit:
-                self._units[column] = _text(unit)
+                self._units[column_name] = _text(unit)
 
     def _add_fields(self, name: str, data: h5py.Dataset) -> None:
         if len(data.shape) != 1:
@@ -264,10 +264,10 @@ class Hdf5Columns:
             self._unusable[name] = (f"is a cell array of {data.size} elements", _AS_VECTORS)
             return
         for number, reference in enumerate(np.asarray(data).ravel(), 1):
-            found = self._file[reference] if reference else None
+            cell = self._file[reference] if reference else None
             # A cell array in a cell array could contain itself.
-            if isinstance(found, h5py.Dataset) and _attribute(found, "MATLAB_class") != "cell":
-                self._add(f"{name}{{{number}}}", found)
+            if isinstance(cell, h5py.Dataset) and _attribute(cell, "MATLAB_class") != "cell":
+                self._add(f"{name}{{{number}}}", cell)
 
     def _check_size(self, name: str, data: h5py.Dataset) -> None:
         """Check that a dataset can be read with bounded memory and in bounded time."""

@@ -103,9 +103,9 @@ def zone_of(name: str) -> tzinfo:
     Raises:
         ValueError: there is no such zone.
     """
-    if found := _OFFSET.fullmatch(name):
-        offset = timedelta(hours=int(found[2]), minutes=int(found[3]))
-        return timezone(offset if found[1] == "+" else -offset)
+    if match := _OFFSET.fullmatch(name):
+        offset = timedelta(hours=int(match[2]), minutes=int(match[3]))
+        return timezone(offset if match[1] == "+" else -offset)
     try:
         return zoneinfo.ZoneInfo(name)
     except (zoneinfo.ZoneInfoNotFoundError, ValueError, OSError) as error:
@@ -485,11 +485,11 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 def _mounting_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Yield where the sensor's place in the tire is stated in another table."""
-    place = "[wheel.mounting]" if "wheel" in data else "[mounting]"
+    mounting_table = "[wheel.mounting]" if "wheel" in data else "[mounting]"
     for table in ("sensor", "conditions"):
         for key in ("offset_mm", "offset_std_mm"):
             if key in _table(data, table):
-                yield Fault(f"{table}.{key}", show(_table(data, table)[key]), f"move it to {place}")
+                yield Fault(f"{table}.{key}", show(_table(data, table)[key]), f"move it to {mounting_table}")
 
 
 def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -542,14 +542,14 @@ def _reference_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
         key, quantity, unit = f"reference[#{k}]", reference.get("quantity"), reference.get("unit")
         units = REFERENCE_UNITS.get(quantity) if isinstance(quantity, str) else None
         if units and unit not in units:
-            found = None if unit is None else show(unit)
-            yield Fault(f"{key}.unit", found, f"one of {', '.join(units)}")
+            stated_unit = None if unit is None else show(unit)
+            yield Fault(f"{key}.unit", stated_unit, f"one of {', '.join(units)}")
         if units == {} and unit is not None:
             yield Fault(f"{key}.unit", show(unit), "pulses have no unit")
         if units:
-            for own in ("pulses_per_turn", "threshold"):
-                if own in reference:
-                    yield Fault(f"{key}.{own}", show(reference[own]), 'only for quantity = "pulses"')
+            for pulse_key in ("pulses_per_turn", "threshold"):
+                if pulse_key in reference:
+                    yield Fault(f"{key}.{pulse_key}", show(reference[pulse_key]), 'only for quantity = "pulses"')
         name = reference.get("name")
         if isinstance(name, str) and name in names:
             yield Fault(f"{key}.name", show(name), "another reference has the same name")

@@ -175,17 +175,17 @@ class _WheelStream:
         import_map: ImportMap,
         wheel: ImportedWheel,
         number: int,
-        found: Scan,
+        file_scan: Scan,
         hub_wheel: int,
         begin_s: float,
     ) -> None:
         self._wheel = wheel
-        self._found = found.wheels[number]
-        self._quantiser = Quantiser.of(wheel, self._found)
-        self._stream = FrameStream(import_map.sensor, wheel, hub_wheel, found.rate_hz, self._quantiser, begin_s)
+        self._scan = file_scan.wheels[number]
+        self._quantiser = Quantiser.of(wheel, self._scan)
+        self._stream = FrameStream(import_map.sensor, wheel, hub_wheel, file_scan.rate_hz, self._quantiser, begin_s)
         self._errors_mps2 = np.zeros(len(self._quantiser.scale_mps2))
-        self._lines, self._findings = _bridges(self._found)
-        self._findings += _unit_findings(import_map, wheel, self._found, found.rate_hz)
+        self._lines, self._findings = _bridges(self._scan)
+        self._findings += _unit_findings(import_map, wheel, self._scan, file_scan.rate_hz)
         self._rows = 0
 
     @property
@@ -220,15 +220,15 @@ class _WheelStream:
 
     def report(self) -> WheelReport:
         """Return the report of the wheel."""
-        found = self._found
+        wheel_scan = self._scan
         axes = zip(self._wheel.axis.present(), self._quantiser.scale_mps2, self._errors_mps2, strict=True)
         return WheelReport(
             position=self._wheel.position,
-            gaps=found.gaps,
+            gaps=wheel_scan.gaps,
             bridged=int((self._lines[:, 1] - self._lines[:, 0]).sum()),
             bridges=len(self._lines),
             axes=tuple(
-                AxisReport(axis, found.low_mps2[axis], found.high_mps2[axis], float(step), float(error))
+                AxisReport(axis, wheel_scan.low_mps2[axis], wheel_scan.high_mps2[axis], float(step), float(error))
                 for axis, step, error in axes
             ),
             environment_frames=self._stream.environment_frames,
@@ -266,15 +266,17 @@ class _Part:
         """Read the rows once."""
         _check_dates(path, reader, import_map)
         self.reader, self.import_map, self.begin_s = reader, import_map, begin_s
-        self.found = found = scan(path, reader, import_map, progress)
-        _logger.info("%s: %d rows after the first %d, %g Hz", path, found.samples, found.skipped, found.rate_hz)
+        self.scan = scan(path, reader, import_map, progress)
+        _logger.info(
+            "%s: %d rows after the first %d, %g Hz", path, self.scan.samples, self.scan.skipped, self.scan.rate_hz
+        )
         self.streams = [
-            _WheelStream(import_map, wheel, number, found, first_wheel + number, begin_s)
+            _WheelStream(import_map, wheel, number, self.scan, first_wheel + number, begin_s)
             for number, wheel in enumerate(import_map.wheels())
         ]
         self._channels = [
-            ReferenceChannel(reference, found.rate_hz, *map(float, limits))
-            for reference, limits in zip(import_map.reference, found.ranges, strict=True)
+            ReferenceChannel(reference, self.scan.rate_hz, *map(float, limits))
+            for reference, limits in zip(import_map.reference, self.scan.ranges, strict=True)
         ]
         self.values = dict.fromkeys((reference.name for reference in import_map.reference), 0)
 
@@ -287,7 +289,7 @@ class _Part:
         self, writer: RecordingWriter, link: str, progress: Callable[[float], None]
     ) -> Iterator[tuple[float, Callable[[int], None]]]:
         """Yield (time in s from the start of the recording, what writes it) of chunks and values, in order."""
-        for rows, places, share, last in _selected(self.reader, self.import_map, self.found):
+        for rows, places, share, last in _selected(self.reader, self.import_map, self.scan):
             if not last:
                 progress(share)
             parts: list[Iterator[tuple[float, Callable[[int], None]]]] = [
@@ -311,9 +313,9 @@ def _import(
 ) -> ImportReport:
     path = paths[0]
     part = _Part(path, reader, import_map, lambda share: progress(0.5 * share))
-    start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, part.found)
+    start_ns, start_is_file_date = _start_ns(path, reader.facts, import_map, part.scan)
     more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-    vehicle = import_map.vehicle(() if part.found.decimation is None else (_decimation_text(part.found.decimation),))
+    vehicle = import_map.vehicle(() if part.scan.decimation is None else (_decimation_text(part.scan.decimation),))
     recording = _recorded([part], vehicle, path, more, start_ns, out, lambda share: progress(0.5 + 0.5 * share))
     return _report([part], vehicle, recording, start_is_file_date=start_is_file_date)
 
@@ -376,7 +378,7 @@ def _recorded(
     try:
         writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{more}"))
         writes = [part.writes(writer, link, progress) for part in parts]
-        for time_s, write in heapq.merge(*writes, key=lambda one: one[0]):
+        for time_s, write in heapq.merge(*writes, key=lambda timed_write: timed_write[0]):
             write(start_ns + round(time_s * 1e9))
         end_ns = start_ns + round(max(part.end_s for part in parts) * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
@@ -392,21 +394,21 @@ def _recorded(
 def _report(
     parts: Sequence[_Part], vehicle: VehicleConfig, recording: Path, *, start_is_file_date: bool
 ) -> ImportReport:
-    longest = max(parts, key=lambda part: part.found.samples / part.found.rate_hz)
-    found = longest.found
+    longest = max(parts, key=lambda part: part.scan.samples / part.scan.rate_hz)
+    file_scan = longest.scan
     return ImportReport(
         recording=recording,
         size_bytes=recording.stat().st_size,
-        samples=found.samples,
-        skipped=found.skipped,
+        samples=file_scan.samples,
+        skipped=file_scan.skipped,
         left_out=sum(part.reader.left_out for part in parts),
         unreadable=sum(part.reader.unreadable for part in parts),
-        rate_std_hz=found.rate_std_hz,
-        rounding_s=found.rounding_s,
-        rate_hz=found.rate_hz,
-        decimation=found.decimation,
-        duration_s=found.samples / found.rate_hz,
-        jitter_s=found.jitter_s,
+        rate_std_hz=file_scan.rate_std_hz,
+        rounding_s=file_scan.rounding_s,
+        rate_hz=file_scan.rate_hz,
+        decimation=file_scan.decimation,
+        duration_s=file_scan.samples / file_scan.rate_hz,
+        jitter_s=file_scan.jitter_s,
         wheels=tuple(stream.report() for part in parts for stream in part.streams),
         references=parts[0].values,
         assumed=vehicle.vehicle.assumed,
@@ -472,9 +474,9 @@ def _positions(channel: ReferenceChannel, import_map: ImportMap) -> tuple[str, .
     return channel.reference.wheels or tuple(wheel.position for wheel in import_map.wheels())
 
 
-def _bridges(found: WheelScan) -> tuple[IntArray, tuple[Reason, ...]]:
+def _bridges(wheel_scan: WheelScan) -> tuple[IntArray, tuple[Reason, ...]]:
     """Return the (k, 2) lines to leave out, first sample and that after the last, and findings."""
-    bridging = found.bridging
+    bridging = wheel_scan.bridging
     if bridging is None:
         return np.empty((0, 2), dtype=np.int64), ()
     if bridging.is_everywhere:
@@ -483,33 +485,35 @@ def _bridges(found: WheelScan) -> tuple[IntArray, tuple[Reason, ...]]:
     return bridging.lines, ()
 
 
-def _unit_findings(import_map: ImportMap, wheel: ImportedWheel, found: WheelScan, rate_hz: float) -> tuple[Reason, ...]:
+def _unit_findings(
+    import_map: ImportMap, wheel: ImportedWheel, wheel_scan: WheelScan, rate_hz: float
+) -> tuple[Reason, ...]:
     radius_m = (import_map.radius_mm(wheel) or ASSUMED_RADIUS_MM) * 1e-3
     dc = import_map.sensor.protocol_coupling is Coupling.DC
-    finding = unlikely_unit(found.liveliest_mps2, rate_hz, radius_m, wheel.radial.unit, dc=dc)
+    finding = unlikely_unit(wheel_scan.liveliest_mps2, rate_hz, radius_m, wheel.radial.unit, dc=dc)
     return () if finding is None else (finding,)
 
 
 def _selected(
-    reader: BlockReader, import_map: ImportMap, found: Scan
+    reader: BlockReader, import_map: ImportMap, file_scan: Scan
 ) -> Iterator[tuple[FloatArray, list[WheelColumns], float, bool]]:
     """Yield (rows in physical units, places of the wheels' columns, progress, whether they are the last)."""
     names = import_map.columns()
-    rows = SampleRows(import_map, found.decimation.factor if found.decimation else 1)
+    rows = SampleRows(import_map, file_scan.decimation.factor if file_scan.decimation else 1)
     for block in reader.blocks(names):
-        kept = kept_rows(block, found.skipped)
-        if len(kept):
-            yield rows.feed(kept), rows.wheels, block.progress, False
+        values = kept_rows(block, file_scan.skipped)
+        if len(values):
+            yield rows.feed(values), rows.wheels, block.progress, False
     yield rows.finish(len(names)), rows.wheels, 1.0, True
 
 
-def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, found: Scan) -> tuple[int, bool]:
+def _start_ns(path: Path, facts: FileFacts, import_map: ImportMap, file_scan: Scan) -> tuple[int, bool]:
     """Return the time of the first sample, and whether it is the modification time of the file."""
     sampling = import_map.sampling
     if sampling.start_utc is not None:
         return (sampling.start_utc - _EPOCH) // timedelta(microseconds=1) * 1000, False
-    source_hz = found.rate_hz * (found.decimation.factor if found.decimation else 1)
-    after_ns = round(found.skipped / source_hz * 1e9)
+    source_hz = file_scan.rate_hz * (file_scan.decimation.factor if file_scan.decimation else 1)
+    after_ns = round(file_scan.skipped / source_hz * 1e9)
     begun_ns = facts.dates.get(sampling.time_column or "", facts.start_ns)
     if begun_ns is not None:
         return begun_ns + after_ns, False

@@ -66,28 +66,28 @@ class IsoTimes:
         """
         times: list[str] = []
         offsets: list[str | None] = []
-        known: list[int] = []
+        timed_rows: list[int] = []
         for row, cell in enumerate(cells):
-            found = _TIME.fullmatch(cell.strip().strip('"'))
-            time = None if found is None else _iso(found[1], found[2], found[3], self._order)
-            if found is not None and time is not None:
+            match = _TIME.fullmatch(cell.strip().strip('"'))
+            time = None if match is None else _iso(match[1], match[2], match[3], self._order)
+            if match is not None and time is not None:
                 times.append(time)
-                offsets.append(found[4])
-                known.append(row)
+                offsets.append(match[4])
+                timed_rows.append(row)
             elif cell.strip().strip('"').lower() not in _MISSING:
                 raise self._unreadable(cell, where(row))
         try:
             local = np.array([time.replace(",", ".") for time in times], dtype="datetime64[ns]")
         except ValueError as error:
-            row = next(row for row, time in zip(known, times, strict=True) if not _is_date(time))
+            row = next(row for row, time in zip(timed_rows, times, strict=True) if not _is_date(time))
             raise self._unreadable(cells[row], where(row)) from error
-        return self.from_local(local, offsets, known, len(cells), where)
+        return self.from_local(local, offsets, timed_rows, len(cells), where)
 
     def from_local(
         self,
         local: NDArray[np.datetime64],
         offsets: Sequence[str | None],
-        known: Sequence[int],
+        timed_rows: Sequence[int],
         rows: int,
         where: Callable[[int], str],
     ) -> FloatArray:
@@ -96,7 +96,7 @@ class IsoTimes:
         Args:
             local: (n,) local times.
             offsets: their offsets from UTC as text, None where not stated.
-            known: (n,) their rows; the others are NaN.
+            timed_rows: (n,) their rows; the others are NaN.
             rows: number of rows.
             where: returns the place of a row for messages.
 
@@ -107,14 +107,14 @@ class IsoTimes:
         utc_ns = local.astype(np.int64) - np.array([shifts.get(offset or "", 0) for offset in offsets], dtype=np.int64)
         bare = np.array([offset is None for offset in offsets], dtype=np.bool_)
         if bare.any():
-            places = np.asarray(known)[bare]
+            places = np.asarray(timed_rows)[bare]
             utc_ns[bare] -= self._zone_ns(local[bare], lambda k: where(int(places[k])))
         seconds = np.full(rows, np.nan)
         if len(utc_ns):
             if self.start_ns is None:
                 self.start_ns = int(utc_ns[0])
             # In integers: a double of the seconds since 1970 is 0.2 us coarse.
-            seconds[np.asarray(known)] = (utc_ns - self.start_ns) * 1e-9
+            seconds[np.asarray(timed_rows)] = (utc_ns - self.start_ns) * 1e-9
         return seconds
 
     def _zone_ns(self, local: NDArray[np.datetime64], where: Callable[[int], str]) -> NDArray[np.int64]:
@@ -124,7 +124,7 @@ class IsoTimes:
                 f"{self._path}: {where(0)}, column '{self.column}': '{local[0]}' states no time zone", _ZONE_REMEDY
             )
         buckets, first, which = _buckets(local)
-        found = np.zeros(len(buckets), dtype=np.int64)
+        offsets_ns = np.zeros(len(buckets), dtype=np.int64)
         for k, begin in enumerate(buckets):
             moment = begin.astype("datetime64[us]").astype(datetime)
             # Clocks are changed at full quarters of an hour.
@@ -139,12 +139,12 @@ class IsoTimes:
                     f"Write the times with their offset, such as {_EXAMPLE}, or in UTC; or state the offset itself: "
                     '[sampling] time_zone = "+02:00".',
                 )
-            found[k] = int(early / timedelta(microseconds=1)) * 1000
-        return found[which]
+            offsets_ns[k] = int(early / timedelta(microseconds=1)) * 1000
+        return offsets_ns[which]
 
-    def _unreadable(self, cell: str, place: str) -> ImportDataError:
+    def _unreadable(self, cell: str, position: str) -> ImportDataError:
         return ImportDataError(
-            f"{self._path}: {place}, column '{self.column}': '{cell.strip()[:60]}' is not an ISO time",
+            f"{self._path}: {position}, column '{self.column}': '{cell.strip()[:60]}' is not an ISO time",
             f"Write date and time, such as {_EXAMPLE}, or state [sampling] date_order; or write seconds, with another "
             "time_unit; or state rate_hz.",
         )
@@ -153,7 +153,7 @@ class IsoTimes:
 def _iso(date: str, clock: str, half: str | None, order: str) -> str | None:
     """Return date and time of day as ISO text, None where the date has another order or the hour no such half."""
     parts = re.split(r"[-/.]", date)
-    year, month, day = (parts[place] for place in _PLACES[order])
+    year, month, day = (parts[index] for index in _PLACES[order])
     hour, rest = clock.split(":", 1)
     number = int(hour)
     if len(year) != 4 or len(month) > 2 or len(day) > 2 or (half is not None and not 1 <= number <= 12):

@@ -59,7 +59,7 @@ class JoinedColumns:
         """
         self.unreadable = 0
         row, began_ns = 0, None
-        at = names.index(self._time_column) if self._time_column in names else None
+        time_index = names.index(self._time_column) if self._time_column in names else None
         for number, path in enumerate(self._paths):
             read_before, first_row, shift_s = self.unreadable, row, 0.0
             with contextlib.closing(self._open_file(path)) as reader:
@@ -72,9 +72,9 @@ class JoinedColumns:
                         elif begin_ns is not None and began_ns is not None:
                             shift_s = (begin_ns - began_ns) * 1e-9
                     values = block.values
-                    if at is not None and shift_s:
+                    if time_index is not None and shift_s:
                         values = values.copy()
-                        values[:, at] += shift_s
+                        values[:, time_index] += shift_s
                     progress = (number + block.progress) / len(self._paths)
                     yield Block(row, values, _where(path, block), progress)
                     row += len(values)

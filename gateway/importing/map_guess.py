@@ -155,7 +155,7 @@ class _Reference:
 
 
 @dataclass(slots=True)
-class _Found:
+class _Guess:
     """Sorted columns.
 
     Attributes:
@@ -211,25 +211,25 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
     with contextlib.closing(open_columns(path, probe, ReaderProcesses())) as reader:
         facts = reader.facts
         seen, skipped, remedies = _columns(reader, path, facts, text, progress)
-        found = _sorted(seen, facts, text)
-    found.others = skipped + found.others
-    found.missed = [name for name, _ in skipped if _names_axis(name, unit_of(name, facts.units.get(name, "")))]
-    if not found.candidates:
-        reasons = [f"  {name}: {reason}" for name, reason in found.others[:_LISTED_REASONS]]
-        more = len(found.others) - len(reasons)
+        guess = _sorted(seen, facts, text)
+    guess.others = skipped + guess.others
+    guess.missed = [name for name, _ in skipped if _names_axis(name, unit_of(name, facts.units.get(name, "")))]
+    if not guess.candidates:
+        reasons = [f"  {name}: {reason}" for name, reason in guess.others[:_LISTED_REASONS]]
+        more = len(guess.others) - len(reasons)
         raise ImportDataError(
             "\n".join(
                 (
                     f"{path}: no column looks like the acceleration of a tire",
-                    *([f"  {found.time}: the time"] if found.time is not None else []),
-                    *(f"  {one.seen.name}: taken for {one.quantity}" for one in found.references),
+                    *([f"  {guess.time}: the time"] if guess.time is not None else []),
+                    *(f"  {reference.seen.name}: taken for {reference.quantity}" for reference in guess.references),
                     *reasons,
                     *([f"  and {more} more"] if more > 0 else []),
                 )
             ),
             next(filter(None, remedies), f"It takes at least {_FEWEST_ROWS} rows of numbers that vary."),
         )
-    return _written(path, layout, found, facts)
+    return _written(path, layout, guess, facts)
 
 
 def _text_layout(path: Path) -> TextLayout | None:
@@ -253,15 +253,15 @@ def _columns(
     for k, name in enumerate(names[:_MOST_COLUMNS]):
         progress(k / len(names))
         stated = facts.units.get(name, "") or (text.units.get(name, "") if text is not None else "")
-        found = _first_rows(reader, path, name)
-        if found is None:
+        first_rows = _first_rows(reader, path, name)
+        if first_rows is None:
             # The time of an MDF file has rows only beside a channel.
             skipped += [] if name == facts.time_column else [(name or "(no name)", "no rows")]
-        elif isinstance(found, _Unreadable):
-            skipped.append((name or "(no name)", found.reason))
-            remedies.append(found.remedy)
+        elif isinstance(first_rows, _Unreadable):
+            skipped.append((name or "(no name)", first_rows.reason))
+            remedies.append(first_rows.remedy)
         else:
-            block, fault = found
+            block, fault = first_rows
             seen.append(_Seen(name, block.values[:, 0], unit_of(name, stated), block.where, fault))
     rows = _main_rows(seen)
     skipped += [
@@ -306,48 +306,48 @@ def _names_axis(name: str, unit: str) -> bool:
     return _Seen(name, np.empty(0), unit, str).says_acceleration
 
 
-def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) -> _Found:
-    found = _Found()
+def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) -> _Guess:
+    guess = _Guess()
     dates = list(facts.dates) or (sorted(text.dates) if text is not None else [])
     if dates:
-        found.time, found.time_unit = dates[0], ISO
-        found.date_order = text.date_order if text is not None else "ymd"
+        guess.time, guess.time_unit = dates[0], ISO
+        guess.date_order = text.date_order if text is not None else "ymd"
     finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
-    if found.time is None:
-        _find_time(finite, found)
+    if guess.time is None:
+        _find_time(finite, guess)
     for column, values in finite:
-        if column.name == found.time:
+        if column.name == guess.time:
             continue
-        kind = _kind(column, values, found)
+        kind = _kind(column, values, guess)
         if kind is not None:
-            found.others.append((column.name, kind))
-    if found.time_unit != ISO and found.time is None and facts.time_column is not None:
-        found.time = facts.time_column
-    _leave_unnamed(found)
-    return found
+            guess.others.append((column.name, kind))
+    if guess.time_unit != ISO and guess.time is None and facts.time_column is not None:
+        guess.time = facts.time_column
+    _leave_unnamed(guess)
+    return guess
 
 
-def _leave_unnamed(found: _Found) -> None:
+def _leave_unnamed(guess: _Guess) -> None:
     """Leave columns out that nothing calls an acceleration, where others of their wheel are called so."""
-    for columns in _by_wheel(found.candidates).values():
+    for columns in _by_wheel(guess.candidates).values():
         if any(column.says_acceleration for column in columns):
             unnamed = [column for column in columns if not column.says_acceleration]
-            found.others += [(column.name, "not named as an acceleration, as others are") for column in unnamed]
-            found.candidates = [column for column in found.candidates if column not in unnamed]
+            guess.others += [(column.name, "not named as an acceleration, as others are") for column in unnamed]
+            guess.candidates = [column for column in guess.candidates if column not in unnamed]
 
 
-def _find_time(finite: Sequence[tuple[_Seen, FloatArray]], found: _Found) -> None:
+def _find_time(finite: Sequence[tuple[_Seen, FloatArray]], guess: _Guess) -> None:
     """Find the column of times, those with such a name or unit first; else say what is wrong with one."""
-    ordered = sorted(finite, key=lambda one: not _is_named_time(one[0]))
+    ordered = sorted(finite, key=lambda pair: not _is_named_time(pair[0]))
     named = [(column, values) for column, values in finite if _is_named_time(column)]
-    if any(_is_time(column, values, found, _LIKELY_HZ) for column, values in ordered):
+    if any(_is_time(column, values, guess, _LIKELY_HZ) for column, values in ordered):
         return
-    if any(_is_time(column, values, found, (_SLOWEST_HZ, _LIKELY_HZ[0])) for column, values in named):
+    if any(_is_time(column, values, guess, (_SLOWEST_HZ, _LIKELY_HZ[0])) for column, values in named):
         return
     for column, values in named:
         fault = _time_fault(column, values)
         if fault is not None:
-            found.no_time, found.rate_hz = fault
+            guess.no_time, guess.rate_hz = fault
             return
 
 
@@ -372,7 +372,7 @@ def _since_1970_d(days: float) -> float | None:
     return next((days - begin for (low, high), begin in _DAYS if low < days < high), None)
 
 
-def _is_time(column: _Seen, values: FloatArray, found: _Found, rates_hz: tuple[float, float]) -> bool:
+def _is_time(column: _Seen, values: FloatArray, guess: _Guess, rates_hz: tuple[float, float]) -> bool:
     """Note a column of uniform times, with its unit: as stated, or the first that gives a likely rate."""
     counter = TimeCounter()
     values = counter.look(values)
@@ -389,20 +389,20 @@ def _is_time(column: _Seen, values: FloatArray, found: _Found, rates_hz: tuple[f
     for unit in _time_units(column, values):
         rate_hz = 1.0 / (step * TIME_UNITS_S[unit])
         if rates_hz[0] <= rate_hz <= rates_hz[1] and (_TIME.search(column.name) or step != 1.0):
-            found.time, found.time_unit, found.rate_hz = column.name, unit, rate_hz
+            guess.time, guess.time_unit, guess.rate_hz = column.name, unit, rate_hz
             if rate_hz < MIN_RATE_HZ:
-                found.time_doubt = f"too low: a contact edge takes {MIN_RATE_HZ:g} Hz or more"
+                guess.time_doubt = f"too low: a contact edge takes {MIN_RATE_HZ:g} Hz or more"
             elif counter.restarts:
-                found.time_doubt = "its counter starts again"
+                guess.time_doubt = "its counter starts again"
             elif column.fault:
-                found.time_doubt = column.fault
+                guess.time_doubt = column.fault
             elif 0 < np.count_nonzero(steps == 0.0) < _FEW_REPEATS * len(steps):
                 rows = np.flatnonzero(np.isfinite(column.values))
-                found.time_doubt = f"repeats in {column.where(int(rows[np.argmin(steps) + 1]))}"
+                guess.time_doubt = f"repeats in {column.where(int(rows[np.argmin(steps) + 1]))}"
             first = _since_1970_d(float(values[0])) if unit == "d" else float(values[0])
             since_1970_s = (first or 0.0) * TIME_UNITS_S[unit]
             if _SINCE_1970_S[0] < since_1970_s < _SINCE_1970_S[1]:
-                found.since_1970_s = since_1970_s
+                guess.since_1970_s = since_1970_s
             return True
     return False
 
@@ -443,7 +443,7 @@ def _block_clock(column: _Seen, values: FloatArray, steps: FloatArray) -> tuple[
     return f"'{column.name}' advances once in {each:.4g} rows", likely[0] if likely else None
 
 
-def _kind(column: _Seen, values: FloatArray, found: _Found) -> str | None:
+def _kind(column: _Seen, values: FloatArray, guess: _Guess) -> str | None:
     """Sort a column in; return the reason why it is left out, None when it is used."""
     if len(values) < _FEWEST_ROWS:
         return f"{len(values)} values only"
@@ -459,32 +459,32 @@ def _kind(column: _Seen, values: FloatArray, found: _Found) -> str | None:
     if unit in TIME_UNITS_S or (not unit and _TIME.search(name) and not column.says_acceleration):
         return "a time"
     if column.says_acceleration:
-        found.candidates.append(column)
+        guess.candidates.append(column)
         return None
     # A contact changes an acceleration by its whole size within milliseconds.
     rows = min(_SLOW_ROWS, len(values) // 100)
-    step = max(1, rows if found.rate_hz is None else round(_SLOW_S * found.rate_hz))
+    step = max(1, rows if guess.rate_hz is None else round(_SLOW_S * guess.rate_hz))
     smooth = len(values) > step and float(np.abs(values[step:] - values[:-step]).mean()) < 0.05 * spread
     reference = _reference(column, values)
     if reference is not None:
-        found.references.append(reference)
+        guess.references.append(reference)
         return None
     if unit in PRESSURE_UNITS_PA or (_PRESSURE.search(name) and not unit):
-        if found.pressure is not None:
-            return f"a second pressure beside '{found.pressure[0].name}'"
-        found.pressure = column, unit
+        if guess.pressure is not None:
+            return f"a second pressure beside '{guess.pressure[0].name}'"
+        guess.pressure = column, unit
         return None
     named = _TEMPERATURE.search(name) is not None and smooth
     if unit in _TEMPERATURE_UNITS or (named and not unit):
-        if found.temperature is not None:
-            return f"a second temperature beside '{found.temperature[0].name}'"
-        found.temperature = column, "" if unit == "degC" or (unit and named) else "by its name" if named else unit
+        if guess.temperature is not None:
+            return f"a second temperature beside '{guess.temperature[0].name}'"
+        guess.temperature = column, "" if unit == "degC" or (unit and named) else "by its name" if named else unit
         return None
     if unit:
         return f"unit {unit}"
     if _ANGLE.search(name) or smooth:
         return "a slow quantity"
-    found.candidates.append(column)
+    guess.candidates.append(column)
     return None
 
 
@@ -522,7 +522,7 @@ def _is_sawtooth(values: FloatArray) -> bool:
 
 def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
     """Return the columns as axes, the most likely radial one first."""
-    found = []
+    axes = []
     for column in columns:
         values = _liveliest(column.values, rate_hz)
         lag = None if rate_hz is None else revolution_lag(values, rate_hz, ASSUMED_RADIUS_MM * 1e-3)
@@ -543,10 +543,10 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
             size = max(abs(steady), abs(depth)) * ACCELERATION_UNITS_MPS2[unit]
             if not doubt and not (size > 0.0 and fits(size, expected)):
                 doubt = f"V²/R of its revolutions is {expected:.0f} m/s², its mean and contact are {size:.0f}"
-        found.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt))
+        axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt))
     named = _ROLES["radial"]
     return sorted(
-        found,
+        axes,
         key=lambda axis: (
             not named.search(axis.seen.name),
             -max(abs(axis.steady), abs(axis.depth), 1e-3 * axis.swing),
@@ -558,8 +558,8 @@ def _liveliest(values: FloatArray, rate_hz: float | None) -> FloatArray:
     """Return the second with the largest scatter: over a longer time the speed may change."""
     rows = len(values) if rate_hz is None else min(len(values), round(_LAG_S * rate_hz))
     parts = [values[first : first + rows] for first in range(0, len(values) - rows + 1, rows)]
-    known = [part for part in parts if np.isfinite(part).any()]
-    return max(known, key=lambda part: float(np.nanstd(part)), default=values)
+    measured_parts = [part for part in parts if np.isfinite(part).any()]
+    return max(measured_parts, key=lambda part: float(np.nanstd(part)), default=values)
 
 
 def _position(name: str) -> str:
@@ -578,57 +578,60 @@ def _by_wheel(columns: Sequence[_Seen]) -> dict[str, list[_Seen]]:
     return wheels
 
 
-def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) -> str:
+def _written(path: Path, layout: FileLayout, guess: _Guess, facts: FileFacts) -> str:
     lines = [
         f"# First import map for {_comment(path.name)}. Check every line marked with ?, and state what is missing.",
         "# Meaning of the keys: docs/how-to/import-measurements.md",
         "",
     ]
-    faults = [column.fault for column in found.candidates if column.fault]
+    faults = [column.fault for column in guess.candidates if column.fault]
     lines += _file_lines(layout, faults)
-    rate_hz = found.rate_hz
+    rate_hz = guess.rate_hz
     lines += ["[sampling]"]
-    if found.time is not None:
-        mark = "? " if found.time_doubt else ""
-        doubt = f", {_comment(found.time_doubt)}" if found.time_doubt else ""
+    if guess.time is not None:
+        mark = "? " if guess.time_doubt else ""
+        doubt = f", {_comment(guess.time_doubt)}" if guess.time_doubt else ""
         seen = f"   # {mark}{rate_hz:.6g} Hz in its first rows{doubt}" if rate_hz else ""
-        lines += [f"time_column = {_quoted(found.time)}{seen}", f"time_unit = {_quoted(found.time_unit)}"]
-        if found.time_unit == ISO:
+        lines += [f"time_column = {_quoted(guess.time)}{seen}", f"time_unit = {_quoted(guess.time_unit)}"]
+        if guess.time_unit == ISO:
             lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
-        if found.date_order != "ymd":
-            known = found.date_order != "?"
-            lines.append(f'date_order = "{found.date_order if known else "dmy"}"' + ("" if known else "   # ? or mdy"))
-    elif found.no_time is not None:
+        if guess.date_order != "ymd":
+            is_unambiguous = guess.date_order != "?"
+            lines.append(
+                f'date_order = "{guess.date_order if is_unambiguous else "dmy"}"'
+                + ("" if is_unambiguous else "   # ? or mdy")
+            )
+    elif guess.no_time is not None:
         rate = f"; {rate_hz:.6g} Hz by its other steps" if rate_hz else ""
-        lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(found.no_time)}{rate}")
+        lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}{rate}")
     else:
         lines.append("# rate_hz = 10000.0   # ? not in the file: the sampling rate has to be stated")
-    if found.since_1970_s is not None and facts.start_ns is None:
-        start = datetime.fromtimestamp(found.since_1970_s, UTC).isoformat(timespec="milliseconds")
+    if guess.since_1970_s is not None and facts.start_ns is None:
+        start = datetime.fromtimestamp(guess.since_1970_s, UTC).isoformat(timespec="milliseconds")
         lines.append(f"start_utc = {start.replace('+00:00', 'Z')}   # ? if its times count from 1970 in UTC")
-    elif facts.start_ns is None and found.time_unit != ISO:
+    elif facts.start_ns is None and guess.time_unit != ISO:
         lines.append("# start_utc = 2024-05-01T12:00:00Z   # ? not in the file; else its modification time")
     lines.append("")
-    wheels = _by_wheel(found.candidates)
+    wheels = _by_wheel(guess.candidates)
     several = len(wheels) > 1
     used = {column.name for columns in wheels.values() for column in columns}
-    found.others += [
-        (column.name, "names no wheel, as others do") for column in found.candidates if column.name not in used
+    guess.others += [
+        (column.name, "names no wheel, as others do") for column in guess.candidates if column.name not in used
     ]
     axes = {position: _axes(columns, rate_hz) for position, columns in wheels.items()}
     for position, group in axes.items():
         if several:
             lines += ["[[wheel]]", f"position = {_quoted(position)}"]
             lines += ["# load_n = 4000.0   # ? vertical load", '# sensor_id = "0000a001"   # ?']
-        missed = [name for name in found.missed if not several or _position(name) == position]
+        missed = [name for name in guess.missed if not several or _position(name) == position]
         lines += _axis_lines("wheel.axis" if several else "axis", group, missed)
         lines += [f"# column {_quoted(axis.seen.name)}: more than three axes?" for axis in group[3:]]
         if several:
             lines.append("")
     first = next(iter(axes.values()))[0]
     lines += _sensor_lines(first)
-    lines += _environment_lines(found, several=several)
-    lines += _reference_lines(found)
+    lines += _environment_lines(guess, several=several)
+    lines += _reference_lines(guess)
     lines += [
         "# [mounting]         # ? of the sensor, as in the vehicle file",
         "# offset_mm = 0.0    # ? distance below the belt's neutral layer in mm",
@@ -641,11 +644,11 @@ def _written(path: Path, layout: FileLayout, found: _Found, facts: FileFacts) ->
         lines += [f"position = {_quoted(position)}" + ("   # ?" if position == "W1" else "")]
         lines += ["# load_n = 4000.0   # ? vertical load"]
     lines += ["# pressure_kpa = 220.0   # ? gauge pressure", '# tire = "205/55R16"']
-    if found.others:
+    if guess.others:
         lines += ["", "# Columns that are not used:"]
-        lines += [f"#   {_comment(name)}: {_comment(reason)}" for name, reason in found.others[:_MOST_COLUMNS]]
-        if len(found.others) > _MOST_COLUMNS:
-            lines.append(f"#   and {len(found.others) - _MOST_COLUMNS} more")
+        lines += [f"#   {_comment(name)}: {_comment(reason)}" for name, reason in guess.others[:_MOST_COLUMNS]]
+        if len(guess.others) > _MOST_COLUMNS:
+            lines.append(f"#   and {len(guess.others) - _MOST_COLUMNS} more")
     return "\n".join(lines) + "\n"
 
 
@@ -714,25 +717,25 @@ def _sensor_lines(radial: _Axis) -> list[str]:
     return [*lines, ""]
 
 
-def _environment_lines(found: _Found, *, several: bool) -> list[str]:
-    if found.pressure is None and found.temperature is None:
+def _environment_lines(guess: _Guess, *, several: bool) -> list[str]:
+    if guess.pressure is None and guess.temperature is None:
         return []
     mark = "# " if several else ""
     lines = [f"{mark}[environment]" if not several else "# Columns for [wheel.environment] of a wheel:"]
-    if found.pressure is not None:
-        column, unit = found.pressure
+    if guess.pressure is not None:
+        column, unit = guess.pressure
         lines += [f"{mark}pressure_column = {_quoted(column.name)}"]
         lines += [f"{mark}pressure_unit = {_quoted(unit or 'kPa')}" + ("" if unit else "   # ?")]
-    if found.temperature is not None:
-        column, doubt = found.temperature
+    if guess.temperature is not None:
+        column, doubt = guess.temperature
         why = f"? degC, {doubt}" if doubt else "degC"
         lines += [f"{mark}temperature_column = {_quoted(column.name)}   # {why}"]
     return [*lines, ""]
 
 
-def _reference_lines(found: _Found) -> list[str]:
+def _reference_lines(guess: _Guess) -> list[str]:
     lines: list[str] = []
-    for number, reference in enumerate(found.references, 1):
+    for number, reference in enumerate(guess.references, 1):
         name, doubt = reference.seen.name, "; ".join(filter(None, (reference.doubt, reference.seen.fault)))
         lines += ["[[reference]]", f"name = {_quoted(_name(name, number))}", f"column = {_quoted(name)}"]
         lines.append(f"quantity = {_quoted(reference.quantity)}" + (f"   # ? {_comment(doubt)}" if doubt else ""))

@@ -43,17 +43,17 @@ def object_columns(path: Path) -> dict[str, NDArray[Any]]:
         raise ImportDataError(
             f"{path}: its MATLAB objects cannot be read: {error or type(error).__name__}", "Save vectors instead."
         ) from error
-    found: dict[str, NDArray[Any]] = {}
+    columns: dict[str, NDArray[Any]] = {}
     for name, value in content.items():
         if not name.startswith("__"):
-            found.update(_columns(name, value))
-    return found
+            columns.update(_columns(name, value))
+    return columns
 
 
 def seconds_of(dates: NDArray[Any]) -> NDArray[np.float64]:
     """Return (n,) datetimes as seconds from the first, NaN where there is none."""
-    known = dates[~np.isnat(dates)]
-    steps = dates - (known[0] if len(known) else np.datetime64(0, "ns"))
+    valid_dates = dates[~np.isnat(dates)]
+    steps = dates - (valid_dates[0] if len(valid_dates) else np.datetime64(0, "ns"))
     seconds: NDArray[np.float64] = np.where(np.isnat(steps), np.nan, steps.astype(np.int64) * 1e-9)
     return seconds
 

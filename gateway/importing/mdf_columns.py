@@ -109,7 +109,7 @@ class MdfColumns:
 
     def _conditions(self) -> dict[str, dict[str, Sequence[str]]]:
         """Return the properties of each group by its name."""
-        found: dict[str, dict[str, Sequence[str]]] = {}
+        conditions: dict[str, dict[str, Sequence[str]]] = {}
         for group in self._mdf.groups:
             block = group.channel_group
             with contextlib.suppress(ElementTree.ParseError, AttributeError, TypeError):
@@ -117,23 +117,23 @@ class MdfColumns:
                 properties = {entry.get("name", ""): (entry.text or "", entry.get("desc", "")) for entry in entries}
                 if properties:
                     wheel = _text(str(block.acq_name))
-                    found[wheel] = {name: tuple(map(_text, pair)) for name, pair in properties.items()}
-        return found
+                    conditions[wheel] = {name: tuple(map(_text, pair)) for name, pair in properties.items()}
+        return conditions
 
     def _list(self) -> None:
-        found = []
+        channels = []
         for number, group in enumerate(self._mdf.groups):
             master = self._mdf.masters_db.get(number)
             for index, channel in enumerate(group.channels):
                 if index != master:
-                    found.append((_text(channel.name), number, index))
-            if len(found) > _MAX_CHANNELS:
+                    channels.append((_text(channel.name), number, index))
+            if len(channels) > _MAX_CHANNELS:
                 raise ImportDataError(
                     f"{self._path} has more than {_MAX_CHANNELS} channels",
                     "Save the channels of one run in a new file.",
                 )
-        times = Counter(name for name, _, _ in found)
-        for name, number, index in found:
+        times = Counter(name for name, _, _ in channels)
+        for name, number, index in channels:
             column = name if times[name] == 1 else f"{name} (group {number})"
             channel = self._mdf.groups[number].channels[index]
             self._channels[column] = _Channel(number, index)
@@ -143,13 +143,13 @@ class MdfColumns:
                 self._units[column] = _text(str(unit))[:40]
 
     def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
-        places = {name: self._channels[name] for name in names if name in self._channels}
-        if not places:
+        channels = {name: self._channels[name] for name in names if name in self._channels}
+        if not channels:
             return
-        base = next(iter(places.values())).group
+        base = next(iter(channels.values())).group
         count = int(self._mdf.groups[base].channel_group.cycles_nr)
-        others = {place.group for place in places.values()} - {base}
-        slow = {name: self._whole(name, place, base) for name, place in places.items() if place.group in others}
+        others = {channel.group for channel in channels.values()} - {base}
+        slow = {name: self._whole(name, channel, base) for name, channel in channels.items() if channel.group in others}
         row = 0
         while row < count:
             rows = min(BLOCK_ROWS, count - row)
@@ -158,61 +158,65 @@ class MdfColumns:
                 break
             columns = []
             for name in names:
-                if name not in places:
+                if name not in channels:
                     columns.append(times_s)
                 elif name in slow:
-                    columns.append(_at(times_s, *slow[name]))
+                    columns.append(_interpolated_at(times_s, *slow[name]))
                 else:
-                    columns.append(self._values(name, places[name], row, rows))
+                    columns.append(self._values(name, channels[name], row, rows))
             length = min(len(column) for column in columns)
             if length < len(times_s):
                 raise ImportDataError(f"{self._path} ends before its last sample", "Copy or write the file again.")
             yield Block(row, np.column_stack(columns), row_places(row), min((row + rows) / count, 1.0))
             row += len(times_s)
 
-    def _whole(self, name: str, place: _Channel, base: int) -> tuple[FloatArray, FloatArray]:
+    def _whole(self, name: str, channel: _Channel, base: int) -> tuple[FloatArray, FloatArray]:
         """Return the times and values of a channel of another group than `base`."""
-        count, of_base = (int(self._mdf.groups[group].channel_group.cycles_nr) for group in (place.group, base))
-        own = ImportDataError(
+        count, of_base = (int(self._mdf.groups[group].channel_group.cycles_nr) for group in (channel.group, base))
+        timing_error = ImportDataError(
             f"{self._path}: '{name}' has {count} samples at times of its own",
             "Import such channels one group after the other, each with a map of its own.",
         )
         if count > _MAX_SLOW_ROWS:
-            raise own
-        times_s = np.asarray(self._mdf.get_master(place.group), dtype=np.float64)
+            raise timing_error
+        times_s = np.asarray(self._mdf.get_master(channel.group), dtype=np.float64)
         if count > _SLOW_SHARE * of_base:
             # Interpolation would change an acceleration.
             base_s = np.asarray(self._mdf.get_master(base), dtype=np.float64)
             step_s = float(base_s[-1] - base_s[0]) / max(len(base_s) - 1, 1)
             if len(times_s) != len(base_s) or float(np.abs(times_s - base_s).max()) > _SAME_TIME * step_s:
-                raise own
-        values = self._values(name, place, 0, None)
+                raise timing_error
+        values = self._values(name, channel, 0, None)
         if len(values) != len(times_s) or (np.diff(times_s) < 0).any():
             raise ImportDataError(f"{self._path}: the times of '{name}' do not increase", "Write the file again.")
         return times_s, values
 
-    def _values(self, name: str, place: _Channel, row: int, rows: int | None) -> FloatArray:
+    def _values(self, name: str, channel: _Channel, row: int, rows: int | None) -> FloatArray:
         # Without this option samples that are marked as invalid are left out, and the others move up.
         signal = self._mdf.get(
-            group=place.group, index=place.index, ignore_invalidation_bits=True, record_offset=row, record_count=rows
+            group=channel.group,
+            index=channel.index,
+            ignore_invalidation_bits=True,
+            record_offset=row,
+            record_count=rows,
         )
         samples, invalid = np.asarray(signal.samples), signal.invalidation_bits
         if samples.ndim != 1 or samples.dtype.kind not in "iufb":
             kind = {"S": "text", "U": "text", "c": "complex"}.get(samples.dtype.kind, str(samples.dtype))
-            found = f"is of {samples.ndim} dimensions" if samples.ndim != 1 else f"is {kind}"
-            raise ImportDataError(f"{self._path}: '{name}' {found}", "Save its values as a channel of numbers.")
+            fault = f"is of {samples.ndim} dimensions" if samples.ndim != 1 else f"is {kind}"
+            raise ImportDataError(f"{self._path}: '{name}' {fault}", "Save its values as a channel of numbers.")
         values = samples.astype(np.float64)
         if invalid is not None and len(invalid) == len(values):
             values[np.asarray(invalid, dtype=np.bool_)] = np.nan
         return values
 
 
-def _at(times_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
+def _interpolated_at(times_s: FloatArray, channel_s: FloatArray, values: FloatArray) -> FloatArray:
     """Return values at other times: interpolated, NaN outside of the known times."""
-    if not len(known_s):
+    if not len(channel_s):
         return np.full(len(times_s), np.nan)
-    found: FloatArray = np.interp(times_s, known_s, values, left=np.nan, right=np.nan)
-    return found
+    interpolated: FloatArray = np.interp(times_s, channel_s, values, left=np.nan, right=np.nan)
+    return interpolated
 
 
 def _text(name: str) -> str:

@@ -68,12 +68,12 @@ class GapFilledColumns:
         if self._column is None or self._column not in names:
             yield from self._reader.blocks(names)
             return
-        at = list(names).index(self._column)
+        time_index = list(names).index(self._column)
         interval, last, counter = 0.0, np.nan, TimeCounter()
         for number, block in enumerate(self._reader.blocks(names)):
-            times = counter.look(block.values[:, at])
+            times = counter.look(block.values[:, time_index])
             if counter.restarts:
-                block.values[:, at] = times
+                block.values[:, time_index] = times
             # The check of the values rejects such a time; here, its differences would overflow.
             times = np.where(np.abs(times) <= MAX_TIME_S / self._unit_s, times, np.nan)
             if number == 0:
@@ -96,8 +96,8 @@ class GapFilledColumns:
         whole = np.rint(np.where(np.isfinite(steps), steps, 1.0))
         regular = np.abs(steps - whole) <= _TOLERANCE
         longest = _LONGEST_S / (interval * self._unit_s)
-        found: IntArray = np.where(regular & (whole >= 2.0) & (whole <= longest), whole - 1.0, 0.0).astype(np.intp)
-        return found
+        missing: IntArray = np.where(regular & (whole >= 2.0) & (whole <= longest), whole - 1.0, 0.0).astype(np.intp)
+        return missing
 
     def _too_many(self, block: Block, missing: IntArray, interval: float) -> ImportDataError:
         row, total = int(np.argmax(missing)), int(missing.sum())
@@ -129,14 +129,14 @@ class GapFilledColumns:
 
 def _interval(times: FloatArray) -> float:
     """Return the sample interval in the column's unit, 0 when the times are too coarse to show a missing sample."""
-    known = np.flatnonzero(np.isfinite(times))[:_LEARNED_ROWS]
-    if len(known) < 3:
+    timed_rows = np.flatnonzero(np.isfinite(times))[:_LEARNED_ROWS]
+    if len(timed_rows) < 3:
         return 0.0
-    rows, steps = np.diff(known), np.diff(times[known])
+    rows, steps = np.diff(timed_rows), np.diff(times[timed_rows])
     interval = float(np.median(steps / rows))
     # The median of rounded steps is a multiple of the rounding. Their mean is not; a step that skips rows is left out.
     whole = np.abs(steps / rows - interval) <= _WHOLE_STEP * interval
     if whole.any():
         interval = float(steps[whole].sum() / rows[whole].sum())
-    grid = decimal_grid(times[known])
+    grid = decimal_grid(times[timed_rows])
     return 0.0 if grid is not None and grid > _FINEST_GRID * interval else interval

@@ -80,9 +80,9 @@ class ParquetColumns:
         if name in self._begins_ns:
             times_ns = column.cast(pa.timestamp("ns")).cast(pa.int64())
             seconds = np.full(len(column), np.nan)
-            known = np.asarray(times_ns.is_valid())
+            valid = np.asarray(times_ns.is_valid())
             # In integers: a double of the seconds since 1970 is 0.2 us coarse.
-            seconds[known] = (times_ns.drop_null().to_numpy(zero_copy_only=False) - self._begins_ns[name]) * 1e-9
+            seconds[valid] = (times_ns.drop_null().to_numpy(zero_copy_only=False) - self._begins_ns[name]) * 1e-9
             return seconds
         if pa.types.is_boolean(column.type):
             column = column.cast(pa.int8())

@@ -66,8 +66,8 @@ class ReferenceChannel:
         """Yield the time of each rising edge, between rows where the column crosses the threshold."""
         if not self._margin > 0.0:
             return
-        known = np.flatnonzero(np.isfinite(values))
-        levels = values[known]
+        valid_rows = np.flatnonzero(np.isfinite(values))
+        levels = values[valid_rows]
         state = np.where(levels > self._threshold + self._margin, 1, 0)
         state[levels < self._threshold - self._margin] = -1
         decided = np.flatnonzero(state)
@@ -77,11 +77,11 @@ class ReferenceChannel:
             while crossing > 0 and levels[crossing - 1] > self._threshold:
                 crossing -= 1
             above, below = float(levels[crossing]), self._last if crossing == 0 else float(levels[crossing - 1])
-            place = float(known[crossing])
+            edge_row = float(valid_rows[crossing])
             if below is not None and above > below:
                 # Between rows at most one apart; beyond a gap the time of the edge is that of its first row.
-                place -= (above - self._threshold) / (above - below)
-            yield (self._row + place) / self._rate_hz, self._turns
+                edge_row -= (above - self._threshold) / (above - below)
+            yield (self._row + edge_row) / self._rate_hz, self._turns
             self._turns += self.reference.factor
         if len(decided):
             self._high = bool(state[decided][-1] == 1)
@@ -91,34 +91,34 @@ class ReferenceChannel:
     def _angles(self, values: FloatArray) -> Iterator[tuple[float, float]]:
         """Yield the turns so far at equal intervals; the column may wrap at whole turns."""
         turns = values * self.reference.factor
-        known = np.flatnonzero(np.isfinite(turns))
-        if not len(known):
+        valid_rows = np.flatnonzero(np.isfinite(turns))
+        if not len(valid_rows):
             return
-        first = turns[known[0]] if self._last is None else self._last
-        steps = np.diff(np.concatenate(([first], turns[known])))
+        first = turns[valid_rows[0]] if self._last is None else self._last
+        steps = np.diff(np.concatenate(([first], turns[valid_rows])))
         so_far = self._turns + np.cumsum(steps - np.rint(steps))
         if self._last is None:
             so_far += first
         step = max(1, round(_ANGLE_S * self._rate_hz))
-        for place, value in zip(known, so_far, strict=True):
-            if self._row + place >= self._next_angle:
-                yield (self._row + int(place)) / self._rate_hz, float(value)
-                self._next_angle = self._row + int(place) + step
-        self._turns, self._last = float(so_far[-1]), float(turns[known[-1]])
+        for row, value in zip(valid_rows, so_far, strict=True):
+            if self._row + row >= self._next_angle:
+                yield (self._row + int(row)) / self._rate_hz, float(value)
+                self._next_angle = self._row + int(row) + step
+        self._turns, self._last = float(so_far[-1]), float(turns[valid_rows[-1]])
 
     def _means(self, values: FloatArray) -> Iterator[tuple[float, float]]:
         """Yield the mean of each interval at its centre."""
         width = max(1, round(_MEAN_S * self._rate_hz))
-        at = 0
-        while at < len(values):
-            end = min(at + width - (self._row + at - self._begin), len(values))
-            part = values[at:end]
-            known = part[np.isfinite(part)]
-            self._sum += float(known.sum())
-            self._count += len(known)
-            at = end
-            if self._row + at - self._begin >= width:
+        first = 0
+        while first < len(values):
+            end = min(first + width - (self._row + first - self._begin), len(values))
+            part = values[first:end]
+            valid = part[np.isfinite(part)]
+            self._sum += float(valid.sum())
+            self._count += len(valid)
+            first = end
+            if self._row + first - self._begin >= width:
                 if self._count > 0.5 * width and math.isfinite(self._sum):
                     mean = self._sum / self._count * self.reference.factor
                     yield (self._begin + 0.5 * (width - 1)) / self._rate_hz, mean
-                self._sum, self._count, self._begin = 0.0, 0, self._row + at
+                self._sum, self._count, self._begin = 0.0, 0, self._row + first

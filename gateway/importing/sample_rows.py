@@ -45,11 +45,11 @@ class SampleRows:
         self._decimator = Decimator(factor, len(axes), np.array([np.inf if top is None else top for top in limits]))
         names = import_map.columns()
         self.wheels: list[WheelColumns] = []
-        at = 0
+        first_column = 0
         for wheel in import_map.wheels():
             count = len(wheel.axis.present())
-            self.wheels.append(WheelColumns(slice(at, at + count), _slow(wheel, names)))
-            at += count
+            self.wheels.append(WheelColumns(slice(first_column, first_column + count), _slow(wheel, names)))
+            first_column += count
 
     def feed(self, values: FloatArray) -> FloatArray:
         """Return the (m, columns) rows that are complete after n more of the file.

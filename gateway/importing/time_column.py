@@ -69,10 +69,10 @@ class TimeColumn:
     def look(self, path: Path, block: Block) -> FloatArray:
         """Check the times of a block and return them in s, those of rows without a time filled in."""
         column = block.values[:, self._column]
-        known = np.flatnonzero(np.isfinite(column))
+        timed_rows = np.flatnonzero(np.isfinite(column))
         if not self._rows:
-            self._begin(path, block, column, known)
-        times_s = self._filled(column * self._unit_s, known)
+            self._begin(path, block, column, timed_rows)
+        times_s = self._filled(column * self._unit_s, timed_rows)
         before_s = times_s if math.isnan(self._last_s) else np.concatenate(([self._last_s], times_s))
         self._check_steps(block, before_s, len(times_s) - len(before_s) + 1)
         self._last_s = float(times_s[-1])
@@ -141,21 +141,21 @@ class TimeColumn:
         where = "the steps without a gap" if self._fault else "the whole file"
         return f"{rate_hz:.8g} +- {std_hz:.1g} by {where}"
 
-    def _begin(self, path: Path, block: Block, column: FloatArray, known: NDArray[np.intp]) -> None:
+    def _begin(self, path: Path, block: Block, column: FloatArray, timed_rows: NDArray[np.intp]) -> None:
         """Learn the sample interval and the rounding from the first block."""
-        times_s = column[known] * self._unit_s
+        times_s = column[timed_rows] * self._unit_s
         span_s = float(times_s[-1] - times_s[0]) if len(times_s) > 1 else 0.0
-        self.interval_s = float(np.median(np.diff(times_s) / np.diff(known))) if len(times_s) > 1 else 0.0
+        self.interval_s = float(np.median(np.diff(times_s) / np.diff(timed_rows))) if len(times_s) > 1 else 0.0
         # Times that advance and step back once are a fault of that row.
         if len(times_s) > 1 and not span_s > 0 and not self.interval_s > 0:
             raise ImportDataError(
                 f"{path}: the time does not advance from {block.where(0)} on",
                 "Check the column and its unit, or state rate_hz instead of time_column.",
             )
-        first = slice(min(len(known), _LEARNED_ROWS))
-        grid = decimal_grid(column[known[first]])
+        first = slice(min(len(timed_rows), _LEARNED_ROWS))
+        grid = decimal_grid(column[timed_rows[first]])
         if grid is not None:
-            slope_s, residual_s = _line(known[first].astype(np.float64), times_s[first])
+            slope_s, residual_s = _line(timed_rows[first].astype(np.float64), times_s[first])
             if residual_s <= _ROUNDING_TOLERANCE * grid * self._unit_s:
                 # The median of rounded steps would be a multiple of the rounding.
                 self.interval_s = slope_s
@@ -172,17 +172,17 @@ class TimeColumn:
                 f"{1.0 / MAX_SOURCE_HZ:g} s or more",
                 "Check the column and time_unit, or state rate_hz instead of time_column.",
             )
-        self.first_s = float(times_s[0] - known[0] * self.interval_s) if len(times_s) else 0.0
+        self.first_s = float(times_s[0] - timed_rows[0] * self.interval_s) if len(times_s) else 0.0
 
-    def _filled(self, times_s: FloatArray, known: NDArray[np.intp]) -> FloatArray:
-        if len(known) == len(times_s):
+    def _filled(self, times_s: FloatArray, timed_rows: NDArray[np.intp]) -> FloatArray:
+        if len(timed_rows) == len(times_s):
             return times_s
         rows = np.arange(len(times_s))
         last_s = self.first_s - self.interval_s if math.isnan(self._last_s) else self._last_s
-        places = np.concatenate(([-1], known, [len(times_s)]))
-        known_s = np.concatenate(([last_s], times_s[known]))
-        end_s = known_s[-1] + (len(times_s) - places[-2]) * self.interval_s
-        filled_s: FloatArray = np.interp(rows, places, np.concatenate((known_s, [end_s])))
+        support_rows = np.concatenate(([-1], timed_rows, [len(times_s)]))
+        timed_s = np.concatenate(([last_s], times_s[timed_rows]))
+        end_s = timed_s[-1] + (len(times_s) - support_rows[-2]) * self.interval_s
+        filled_s: FloatArray = np.interp(rows, support_rows, np.concatenate((timed_s, [end_s])))
         return filled_s
 
     def _check_steps(self, block: Block, times_s: FloatArray, first_row: int) -> None:

@@ -50,38 +50,38 @@ class UffColumns(WaveformColumns):
             ) from error
         if not sets:
             raise ImportDataError(f"{path} has no dataset 58", "Export the time signals as universal file, dataset 58.")
-        for number, found in enumerate(sets, 1):
-            self._add(self._name(found, number), found)
+        for number, dataset in enumerate(sets, 1):
+            self._add(self._name(dataset, number), dataset)
 
     def close(self) -> None:
         """Release the signals."""
         self.waveforms.clear()
 
-    def _name(self, found: dict[str, Any], number: int) -> str:
+    def _name(self, dataset: dict[str, Any], number: int) -> str:
         """Return a name for a dataset that no other has."""
-        name = str(found.get("id1") or "").strip()
+        name = str(dataset.get("id1") or "").strip()
         if name.lower() in _NO_NAME:
-            direction = _DIRECTIONS.get(int(found.get("rsp_dir") or 0), "")
-            name = f"{int(found.get('rsp_node') or 0)} {direction}".strip()
+            direction = _DIRECTIONS.get(int(dataset.get("rsp_dir") or 0), "")
+            name = f"{int(dataset.get('rsp_node') or 0)} {direction}".strip()
         return name if name not in self.waveforms and name not in self.unusable else f"{name} (set {number})"
 
-    def _add(self, name: str, found: dict[str, Any]) -> None:
-        values = np.asarray(found.get("data"))
-        if int(found.get("func_type") or 0) not in _TIME_RESPONSE:
+    def _add(self, name: str, dataset: dict[str, Any]) -> None:
+        values = np.asarray(dataset.get("data"))
+        if int(dataset.get("func_type") or 0) not in _TIME_RESPONSE:
             self.unusable[name] = ("is no time signal", "Export the time signals themselves.")
         elif values.ndim != 1 or values.dtype.kind not in "iuf":
             self.unusable[name] = ("contains no real numbers", "Export the time signals themselves.")
-        elif not int(found.get("abscissa_spacing") or 0):
+        elif not int(dataset.get("abscissa_spacing") or 0):
             self.unusable[name] = ("has times of its own for each value", "Export it with an even spacing.")
         else:
             self.waveforms[name] = Waveform(
                 rows=len(values),
                 read=lambda first, end: values[first:end].astype(np.float64),
-                step_s=float(found.get("abscissa_inc") or 0.0),
-                unit=_unit(found),
+                step_s=float(dataset.get("abscissa_inc") or 0.0),
+                unit=_unit(dataset),
             )
 
 
-def _unit(found: dict[str, Any]) -> str:
-    unit = str(found.get("ordinate_axis_units_lab") or "").strip()
+def _unit(dataset: dict[str, Any]) -> str:
+    unit = str(dataset.get("ordinate_axis_units_lab") or "").strip()
     return "" if unit.upper() == "NONE" else unit
