@@ -179,6 +179,20 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             bus=OnBus(_CONTACT_FRAME, "ContactLength", 1e-5),
             watch=Watch(number="contact_length", unit="mm", factor=1e3, notable=5.0, shifted_by=_BY_RADIUS),
         ),
+        # Grows with load over pressure, and is right where radius and rate are stated wrongly.
+        Quantity(
+            "contact_fraction",
+            "fraction of the circumference in contact",
+            "(trailing - leading edge) / (2 pi)",
+            rests_on=_SIGNAL,
+            possible=(0.0, 1.0),
+            label="contact fraction",
+            is_in_state=True,
+            entity="contact fraction",
+            bus=OnBus(BusFrame(7, "ContactFraction"), "ContactFraction", 1e-5, 1e-4),
+            # 5 mm of 2 m.
+            watch=Watch(number="contact_fraction", unit="%", factor=100.0, notable=0.25),
+        ),
     ),
     "distance": (
         Quantity(

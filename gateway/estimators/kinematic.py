@@ -16,9 +16,11 @@ NAMES: Final = (
     "leading_edge_rad",
     "trailing_edge_rad",
     "contact_length_m",
+    "contact_fraction",
 )
 
 _RPM_PER_RADPS: Final = 30.0 / math.pi
+_TURN_RAD: Final = 2.0 * math.pi
 
 CENTRE_STD_RAD: Final = 0.008
 """Standard error of the contact's centre, common to both edges.
@@ -49,9 +51,10 @@ class KinematicEstimator:
         average: AngleAverage,  # noqa: ARG002 - part of the interface
         conditions: TireConditions,
     ) -> tuple[Estimate, ...]:
-        """Return speed_mps, angular_speed_radps, rotation_rpm, both edges and contact_length_m of this revolution.
+        """Return speed_mps, angular_speed_radps, rotation_rpm, both edges, contact_length_m and contact_fraction.
 
-        Contact length is the material length R (trailing - leading). Never raises on values.
+        Contact length is the material length R (trailing - leading). Its fraction of the circumference needs neither
+        radius nor rate. Never raises on values.
 
         The standard errors of speed and contact length have two parts. The error of the belt radius, which is constant,
         scales both alike: relative differences between revolutions are more accurate than the stated error. The other
@@ -78,8 +81,9 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     omega_std = revolution.omega_radps * timing_error
     rpm, rpm_std = revolution.omega_radps * _RPM_PER_RADPS, omega_std * _RPM_PER_RADPS
     # The definition of both edges may be wrong in the same direction: their errors add.
-    length = radius * (trailing - leading)
-    length_std = math.hypot(radius * (leading_std + trailing_std), length * radius_error)
+    angle, angle_std = trailing - leading, leading_std + trailing_std
+    length = radius * angle
+    length_std = math.hypot(radius * angle_std, length * radius_error)
     return (
         _estimate(NAMES[0], speed, speed_std, status, reasons),
         _estimate(NAMES[1], revolution.omega_radps, omega_std, status, reasons),
@@ -87,6 +91,7 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
         _estimate(NAMES[3], leading, math.hypot(leading_std, CENTRE_STD_RAD), status, reasons),
         _estimate(NAMES[4], trailing, math.hypot(trailing_std, CENTRE_STD_RAD), status, reasons),
         _estimate(NAMES[5], length, length_std, status, reasons),
+        _estimate(NAMES[6], angle / _TURN_RAD, angle_std / _TURN_RAD, status, reasons),
     )
 
 

@@ -30,6 +30,7 @@ def test_speed_edges_and_length() -> None:
         "leading_edge_rad",
         "trailing_edge_rad",
         "contact_length_m",
+        "contact_fraction",
     ]
     assert {e.status for e in estimates.values()} == {Status.VALID}
     speed = estimates["speed_mps"]
@@ -45,6 +46,9 @@ def test_speed_edges_and_length() -> None:
     assert abs(length.value - RADIUS_M * (truth.trailing_edge_rad - truth.leading_edge_rad)) < 1.5 * length.std
     edges_std = revolution.trailing_edge_std_rad + revolution.leading_edge_std_rad
     assert length.std == pytest.approx(RADIUS_M * edges_std, rel=0.01)
+    fraction = estimates["contact_fraction"]
+    assert fraction.value == pytest.approx(length.value / (2.0 * math.pi * RADIUS_M))
+    assert fraction.std == pytest.approx(edges_std / (2.0 * math.pi))
 
 
 def test_late_bending_is_in_the_error_of_the_edges() -> None:
@@ -86,7 +90,7 @@ def test_speed_is_valid_without_edges() -> None:
     )
     estimates = estimates_of(revolution)
     assert estimates["speed_mps"].status is Status.VALID
-    for name in ("leading_edge_rad", "trailing_edge_rad", "contact_length_m"):
+    for name in ("leading_edge_rad", "trailing_edge_rad", "contact_length_m", "contact_fraction"):
         assert estimates[name].status is Status.INVALID
         assert estimates[name].reasons
         assert math.isnan(estimates[name].value)
@@ -108,4 +112,5 @@ def test_radius_error_scales_speed_and_length() -> None:
     without = estimates_of(revolution)
     for name in ("speed_mps", "contact_length_m"):
         assert found[name].std == pytest.approx(math.hypot(without[name].std, 0.01 * found[name].value))
-    assert found["leading_edge_rad"] == without["leading_edge_rad"]
+    for name in ("leading_edge_rad", "contact_fraction"):
+        assert found[name] == without[name]

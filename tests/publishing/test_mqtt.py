@@ -88,7 +88,7 @@ def test_home_assistant_finds_numbers_that_are_published(items, broker, listener
     until(lambda: listener.of("car/status")[-1:] == ["offline"])
     topics = {topic for topic, _, _ in listener.messages if topic.startswith("homeassistant/")}
     found = {topic: listener.of(topic)[0] for topic in topics}
-    assert len(found) == 4 * 7 + 4
+    assert len(found) == 4 * 8 + 4
     assert len({entity["unique_id"] for entity in found.values()}) == len(found)
     for topic, entity in found.items():
         assert re.fullmatch(r"homeassistant/(sensor|binary_sensor)/[a-zA-Z0-9_-]+/[a-zA-Z0-9_-]+/config", topic)
@@ -161,7 +161,7 @@ def test_next_session_removes_wheels_and_links_that_are_gone(items, broker, elap
     assert not [topic for topic in after if "/car_wheel_F" in topic or "/car_wheel_R" in topic]
     assert len(of_links & after) == 4 - forgotten_links
     assert {"homeassistant/sensor/lamp/power/config", "homeassistant/sensor/lamp/text/config"} <= after
-    assert len([topic for topic in after if topic.startswith("homeassistant/")]) == 2 + 2 * 7 + 8 - forgotten_links
+    assert len([topic for topic in after if topic.startswith("homeassistant/")]) == 2 + 2 * 8 + 8 - forgotten_links
 
 
 def test_discovery_can_be_switched_off(items, broker, listener) -> None:

@@ -211,6 +211,7 @@ def truths(run: Run, statement: Statement, result: RevolutionResult) -> dict[str
         "trailing_edge_rad": trailing - centre,
         "half_angle_rad": half,
         "contact_length_m": 2.0 * half * world.radius_m,
+        "contact_fraction": half / math.pi,
         "gain": (1.0 + world.gain_error[2]) * statement.unit_factor,
         "zero_g_offset_mps2": world.zero_g_mps2[2] * statement.unit_factor,
         "sensor_offset_m": world.offset_m,
