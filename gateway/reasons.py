@@ -635,6 +635,7 @@ class Code(StrEnum):
     OTHER_OPTIMUM = "other_optimum"
     NOT_ON_EXACT_RING = "not_on_exact_ring"
     LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
+    SMALLER_THAN_LEFT = "smaller_than_left"
     SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"
     LEAVES_RESIDUAL_AT_EDGES = "leaves_residual_at_edges"
     NOTHING_REMAINS = "nothing_remains"

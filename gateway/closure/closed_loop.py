@@ -17,7 +17,7 @@ from gateway.closure.inference.candidate_scan import Helpers
 from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
 from gateway.closure.inference.effect_contribution import contribution_table
-from gateway.closure.inference.findings import apart_from, confirmed, findings_of
+from gateway.closure.inference.findings import apart_from, beside_more, confirmed, findings_of
 from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.hold_out import alignment_note, hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
@@ -132,7 +132,7 @@ def _diagnose(
     found = findings_of(posterior, effects, errors.rms_of)
     if exact is not None:
         found = confirmed(apart_from(found, exact.parameters), exact.absent)
-    findings = doubted(found, tuple(effects.values()), campaign, over)
+    findings = doubted(beside_more(found, best.fit, data), tuple(effects.values()), campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     time_locked = time_locked_result()

@@ -1123,6 +1123,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.LAW_SIZES_DIFFER: "its size in {recording} alone is {ratio:.2f} times that of all",
     Code.LAW_HAS_RIVALS: "{laws} explain the same as well",
     Code.LAW_UNTESTED: "no recording of another speed, load or pressure can test it",
+    Code.SMALLER_THAN_LEFT: (
+        "its {size_mps2:.2g m/s²} are less than the {left_mps2:.2g m/s²} that stay unexplained there: an equation "
+        "that is off by as much makes any small effect certain"
+    ),
     Code.LEFT_WHEN_ENDED: (
         "the search ended with {residual_ratio:.3g} times the rms of the noise of the means unexplained: no number is "
         "determined"

@@ -13,13 +13,13 @@ import pytest
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import LATERAL, BaselineModel, GroupConditions
 from gateway.closure.inference import criteria
-from gateway.closure.inference.findings import findings_of
+from gateway.closure.inference.findings import beside_more, findings_of
 from gateway.closure.inference.posterior import Posterior, over
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.inference.set_search import SetSearch
 from gateway.closure.model.baseline_registry import angle_effects
 from gateway.closure.model.closure_model import AngleEffect
-from gateway.closure.result import Verdict
+from gateway.closure.result import Finding, Verdict
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import (
@@ -33,6 +33,7 @@ from tests.closure.planted_campaign import (
     among,
     campaign_of,
     drift,
+    evaluated,
     fast_clock,
     gain,
     larger_belt,
@@ -179,6 +180,30 @@ def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
 def at_temperatures(search: SetSearch, plane: float, lateral: float) -> Posterior:
     """Return the posterior with the evidence of plane and lateral axis divided by these."""
     return over({names: one.tempered(plane, lateral) for names, one in search.found.items()})
+
+
+@pytest.mark.parametrize(("size_mps2", "named"), [(3.0, False), (6.0, True)])
+def test_effect_smaller_than_what_is_left_is_not_identified(size_mps2: float, named: bool) -> None:
+    """Beside 4.2 m/s^2 of another kind, 3 m/s^2 may be the error of any equation."""
+
+    def strange(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = sideways(size_mps2)(signal, theta, here)
+        read[LATERAL] += 6.0 * np.cos(17.0 * theta)
+        return read
+
+    one, data = evaluated(campaign_of(ONE_SPEED, strange, axes=ALL_AXES), Sideways("small"))
+    (found,) = beside_more([Finding("small", Verdict.NAMED, {}, 100.0, size_mps2)], one.fit, data)
+    assert (found.verdict is Verdict.NAMED) == named
+    if found.reason is not None:
+        assert found.reason.code is Code.SMALLER_THAN_LEFT
+        assert found.reason["left_mps2"] == pytest.approx(6.0 / math.sqrt(2.0), rel=0.02)
+        assert found.reason["size_mps2"] == pytest.approx(size_mps2, rel=0.1)
+
+
+def test_small_effect_at_the_noise_may_be_identified() -> None:
+    one, data = evaluated(campaign_of(ONE_SPEED, sideways(0.05), axes=ALL_AXES), Sideways("small"))
+    named = Finding("small", Verdict.NAMED, {}, 100.0, 0.05)
+    assert beside_more([named], one.fit, data) == [named]
 
 
 def test_weak_effect_is_refused_with_its_probability() -> None:

@@ -14,9 +14,11 @@ from gateway.closure.effects.effect import Parameter
 from gateway.closure.inference import criteria
 from gateway.closure.inference.effect_contribution import added_by
 from gateway.closure.inference.experiment_design import deciding_recording
+from gateway.closure.inference.fit import Fit
+from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.number_estimates import before_and_after, estimates_of
 from gateway.closure.inference.posterior import Posterior
-from gateway.closure.inference.residual import POWER_SHARE
+from gateway.closure.inference.residual import POWER_SHARE, group_residuals
 from gateway.closure.inference.set_evidence import Evaluated
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Finding, Fitted, Verdict
@@ -84,6 +86,35 @@ def confirmed(findings: Sequence[Finding], absent: Mapping[str, float]) -> list[
             name, chi2 = against[0]
             reason = Reason(Code.NOT_ON_EXACT_RING, effect=name, errors=math.sqrt(chi2))
             one = replace(one, verdict=Verdict.REFUSED, rivals=(), decide_with=None, reason=reason)
+        found.append(one)
+    return found
+
+
+def beside_more(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[Finding]:
+    """Reject identified effects that are smaller than what is left on every axis on which they act.
+
+    An equation that is off by as much as is left makes any small effect certain. Only where much is left: near the
+    noise, an effect may be as small as the data can show.
+
+    Args:
+        findings: of effects.
+        fit: of the best set.
+        data: whitened.
+    """
+    residuals = group_residuals(fit, data)
+    left = np.sqrt(np.mean([np.square(one.rms_mps2()) for one in residuals], axis=0))
+    noise = np.sqrt(np.mean([np.square(one.noise_rms_mps2()) for one in residuals], axis=0))
+    if not (np.hypot(left, noise) > criteria.TEMPERED * noise).any():
+        return list(findings)
+    found = []
+    for one in findings:
+        effect = next((effect for effect in fit.model.effects if effect.name == one.name), None)
+        if effect is not None and one.verdict is Verdict.NAMED:
+            sizes = _sizes(fit, effect)
+            if bool((sizes <= left)[sizes > 0.0].all()):
+                axis = int(np.argmax(sizes))
+                reason = Reason(Code.SMALLER_THAN_LEFT, size_mps2=float(sizes[axis]), left_mps2=float(left[axis]))
+                one = replace(one, verdict=Verdict.REFUSED, reason=reason)
         found.append(one)
     return found
 
@@ -164,7 +195,7 @@ def _of_set(
         verdict=verdict,
         parameters=_parameters(one, effect, others),
         chi2=chi2,
-        rms_mps2=_size(one, effect),
+        rms_mps2=float(np.max(_sizes(one.fit, effect))),
         rms_before_mps2=rms_before,
         rms_after_mps2=rms_after,
         estimates=estimates or {},
@@ -244,8 +275,8 @@ def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: f
     return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)
 
 
-def _size(one: Evaluated, effect: AngleEffect) -> float:
-    """Return the rms of an effect's contribution over the groups, on the axis where it is largest."""
-    every = added_by(one.fit, effect)
-    total = sum(np.asarray((POWER_SHARE * np.abs(added) ** 2).sum(axis=1)) for added in every)
-    return math.sqrt(float(np.max(total)) / len(every))
+def _sizes(fit: Fit, effect: AngleEffect) -> FloatArray:
+    """Return the rms of an effect's contribution to each axis over the groups, (3,)."""
+    squares = [(POWER_SHARE * np.abs(added) ** 2).sum(axis=1) for added in added_by(fit, effect)]
+    result: FloatArray = np.sqrt(np.mean(squares, axis=0))
+    return result
