@@ -267,9 +267,9 @@ def check_source(uri: str, clock: Any) -> Iterator[Check]:
         source = open_source(uri, clock)
         source.close()
         if address.scheme == "tcp":
-            from gateway.io.tcp_link import connect, parse_place
+            from gateway.io.tcp_link import connect, parse_host_port
 
-            connect(parse_place(address)).close()
+            connect(parse_host_port(address)).close()
         elif address.scheme == "ble":
             yield Check(name, Level.OK, f"in range: {source.look()}")  # type: ignore[attr-defined]
             return

@@ -54,8 +54,8 @@ def is_address(text: str) -> bool:
 
 def is_meant(sighting: Sighting, target: str) -> bool:
     """Return whether `target`, an address or a name, names this device; case is ignored."""
-    found = sighting.address if is_address(target) else sighting.name
-    return found.casefold() == target.casefold()
+    advertised = sighting.address if is_address(target) else sighting.name
+    return advertised.casefold() == target.casefold()
 
 
 def pick(sightings: Iterable[Sighting], target: str) -> Sighting:
@@ -93,8 +93,8 @@ def uart_characteristics(
     Raises:
         SourceError: no characteristic notifies, so it is not a hub.
     """
-    found = [c for c in services.characteristics.values() if c.service_uuid == UART_SERVICE]
-    by_uuid = {uuid: [c for c in found if c.uuid == uuid] for uuid in (UART_FROM_HUB, UART_TO_HUB)}
+    characteristics = [c for c in services.characteristics.values() if c.service_uuid == UART_SERVICE]
+    by_uuid = {uuid: [c for c in characteristics if c.uuid == uuid] for uuid in (UART_FROM_HUB, UART_TO_HUB)}
     ordered = [*by_uuid[UART_FROM_HUB], *by_uuid[UART_TO_HUB]]
     notifying = [c for c in ordered if {"notify", "indicate"} & set(c.properties)]
     writable = [c for c in reversed(ordered) if {"write", "write-without-response"} & set(c.properties)]

@@ -61,16 +61,16 @@ async def find(settings: BleSettings) -> Sighting:
         BleakError: Bluetooth fails; BLE_ERRORS lists all errors.
     """
     seen: dict[str, Sighting] = {}
-    found = asyncio.Event()
+    target_sighted = asyncio.Event()
 
     def hear(sighting: Sighting) -> None:
         seen[sighting.address] = sighting
         if is_meant(sighting, settings.target):
-            found.set()
+            target_sighted.set()
 
     async with radio().scanner(settings.adapter).listen(hear):
         with suppress(TimeoutError):
-            await asyncio.wait_for(found.wait(), settings.scan_s)
+            await asyncio.wait_for(target_sighted.wait(), settings.scan_s)
             if not is_address(settings.target):
                 await asyncio.sleep(settings.scan_s * _SETTLE_SHARE)
     return pick(seen.values(), settings.target)

@@ -201,28 +201,28 @@ class SharedScanner:
 
 def explain(error: Exception, doing: str) -> SourceError:
     """Return the error for the user for one of BLE_ERRORS; `doing` is what failed, such as `connect to X`."""
-    known: SourceError | None = None
+    explained: SourceError | None = None
     if isinstance(error, BleakBluetoothNotAvailableError):
-        known = _UNAVAILABLE.get(error.reason)
+        explained = _UNAVAILABLE.get(error.reason)
     elif isinstance(error, BleakDBusError):
-        known = _DBUS.get(error.dbus_error)
-        if known is None and error.dbus_error.startswith("org.freedesktop.DBus.Error.Spawn."):
-            known = _DBUS["org.freedesktop.DBus.Error.ServiceUnknown"]
+        explained = _DBUS.get(error.dbus_error)
+        if explained is None and error.dbus_error.startswith("org.freedesktop.DBus.Error.Spawn."):
+            explained = _DBUS["org.freedesktop.DBus.Error.ServiceUnknown"]
     elif isinstance(error, PermissionError):
-        known = _DENIED
+        explained = _DENIED
     elif isinstance(error, FileNotFoundError | ConnectionRefusedError):
-        known = SourceError(
+        explained = SourceError(
             "there is no D-Bus here, through which Bluetooth is reached",
             f"Run: {_SERVICE} (in a container, share the host's /run/dbus with it).",
         )
     elif isinstance(error, BleakError) and "adapter '" in str(error):
-        known = SourceError(f"Bluetooth {error}", "`bluetoothctl list` names the adapters; leave ?adapter= out.")
+        explained = SourceError(f"Bluetooth {error}", "`bluetoothctl list` names the adapters; leave ?adapter= out.")
     elif isinstance(error, TimeoutError):
-        known = SourceError(f"cannot {doing}: no answer in time", "Bring it nearer, or switch it off and on.")
+        explained = SourceError(f"cannot {doing}: no answer in time", "Bring it nearer, or switch it off and on.")
     cause = error.dbus_error if isinstance(error, BleakDBusError) else type(error).__name__
-    if known is not None:
+    if explained is not None:
         # One error for all that have the same remedy.
-        return SourceError(str(known), known.remedy, cause=known.cause or cause)
+        return SourceError(str(explained), explained.remedy, cause=explained.cause or cause)
     return SourceError(
         f"cannot {doing}: {_brief(error)}",
         "Bring it nearer, or switch it off and on; `treadlink scan` lists what is in range.",

@@ -63,19 +63,19 @@ def has_frames(data: bytes) -> bool:
 
 def unpack(data: bytes, first_ns: int) -> Iterator[BusFrame]:
     """Yield the frames in bytes; what is cut off or damaged at the end is left out."""
-    at = 0
-    while at + _HEAD.size <= len(data):
-        after_us, number, length, flags = _HEAD.unpack_from(data, at)
-        at += _HEAD.size
-        if length > _MAX_DATA or at + length > len(data):
+    offset = 0
+    while offset + _HEAD.size <= len(data):
+        after_us, number, length, flags = _HEAD.unpack_from(data, offset)
+        offset += _HEAD.size
+        if length > _MAX_DATA or offset + length > len(data):
             return
         yield BusFrame(
             first_ns + after_us * 1000,
             number & _ID_MASK,
             bool(number & _EXTENDED),
-            data[at : at + length],
+            data[offset : offset + length],
             bool(flags & _FD),
             bool(number & _REMOTE),
             bool(number & _ERROR),
         )
-        at += length
+        offset += length

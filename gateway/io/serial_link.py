@@ -198,8 +198,8 @@ def present_ports() -> list[str]:
 
     ports = []
     for port in sorted(list_ports.comports()):
-        known = port.description if port.description not in (None, "", "n/a") else ""
-        ports.append(f"{port.device} ({known})" if known else port.device)
+        description = port.description if port.description not in (None, "", "n/a") else ""
+        ports.append(f"{port.device} ({description})" if description else port.device)
     return ports
 
 

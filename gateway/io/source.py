@@ -245,15 +245,15 @@ def source_kind(scheme: str) -> SourceKind | None:
     """
     if scheme in SOURCES:
         return SOURCES[scheme]
-    found = load(PluginGroup.SOURCES, scheme, SOURCES, plugin_fault)
-    return found if isinstance(found, SourceKind) else None
+    loaded = load(PluginGroup.SOURCES, scheme, SOURCES, plugin_fault)
+    return loaded if isinstance(loaded, SourceKind) else None
 
 
-def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+def plugin_fault(_plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in is no source, None when it is one."""
-    if not isinstance(found, SourceKind):
+    if not isinstance(loaded, SourceKind):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.io.source.SourceKind")
-    return missing_factory(found.factory)
+    return missing_factory(loaded.factory)
 
 
 # Addresses without a scheme, as other programs take them: a port with its baud rate, and host:port.

@@ -37,7 +37,7 @@ class Keepalive(NamedTuple):
     probes: int = 3
 
 
-class Place(NamedTuple):
+class HostPort(NamedTuple):
     """Host and port of a TCP server."""
 
     host: str
@@ -47,7 +47,7 @@ class Place(NamedTuple):
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
 
-def parse_place(address: SourceAddress) -> Place:
+def parse_host_port(address: SourceAddress) -> HostPort:
     """Return host and port of a source's address.
 
     Raises:
@@ -59,7 +59,7 @@ def parse_place(address: SourceAddress) -> Place:
     for name in address.options:
         if name not in ("rate", "silence"):
             raise SourceError(f"tcp has no option '{name}'", "Give tcp://host:port, or tcp://host:port?rate=9600.")
-    return Place(match["host"].strip("[]"), int(match["port"]))
+    return HostPort(match["host"].strip("[]"), int(match["port"]))
 
 
 def open_tcp(address: SourceAddress, clock: Clock) -> Source:
@@ -71,34 +71,36 @@ def open_tcp(address: SourceAddress, clock: Clock) -> Source:
     Raises:
         SourceError: no host and port, or an option is not known or not allowed.
     """
-    place, rate_hz = parse_place(address), rate_option(address.options)
+    host_port, rate_hz = parse_host_port(address), rate_option(address.options)
     silence_s = silence_option(address.options)
-    return ReconnectingSource(f"tcp:{place}", lambda: TcpLink(place), clock, rate_hz=rate_hz, silence_s=silence_s)
+    return ReconnectingSource(
+        f"tcp:{host_port}", lambda: TcpLink(host_port), clock, rate_hz=rate_hz, silence_s=silence_s
+    )
 
 
-def connect(place: Place) -> socket.socket:
+def connect(host_port: HostPort) -> socket.socket:
     """Return a connection to the first address of the host that accepts one.
 
     Raises:
         SourceError: the host is not known, or no address of it accepts a connection.
     """
     try:
-        return socket.create_connection(place, CONNECT_TIMEOUT_S)
+        return socket.create_connection(host_port, CONNECT_TIMEOUT_S)
     except _NO_HOST as error:
         raise SourceError(
-            f"cannot connect to {place}: there is no host '{place.host}'",
+            f"cannot connect to {host_port}: there is no host '{host_port.host}'",
             "Check the name, or give the address in numbers.",
             cause=type(error).__name__,
         ) from error
     except TimeoutError as error:
         raise SourceError(
-            f"cannot connect to {place}: no answer for {CONNECT_TIMEOUT_S:g} s",
+            f"cannot connect to {host_port}: no answer for {CONNECT_TIMEOUT_S:g} s",
             "Is the hub on, and is it in the same network?",
             cause=errno.ETIMEDOUT,
         ) from error
     except OSError as error:
         raise SourceError(
-            f"cannot connect to {place}: {_brief(error)}",
+            f"cannot connect to {host_port}: {_brief(error)}",
             "Is the hub on, and are host and port right?",
             cause=error.errno or 0,
         ) from error
@@ -107,14 +109,14 @@ def connect(place: Place) -> socket.socket:
 class TcpLink:
     """A `Link` of `gateway.io.reconnect` over a socket: every byte from the moment the peer accepts it."""
 
-    def __init__(self, place: Place, keepalive: Keepalive | None = None) -> None:
+    def __init__(self, host_port: HostPort, keepalive: Keepalive | None = None) -> None:
         """Describe the connection.
 
         Args:
-            place: host and port.
+            host_port: host and port.
             keepalive: probes of an idle connection.
         """
-        self._place = place
+        self._host_port = host_port
         self._keepalive = keepalive if keepalive is not None else Keepalive()
         self._socket: socket.socket | None = None
 
@@ -124,7 +126,7 @@ class TcpLink:
         Raises:
             SourceError: it cannot be opened now.
         """
-        self._socket = connect(self._place)
+        self._socket = connect(self._host_port)
         set_keepalive(self._socket, self._keepalive)
 
     def read(self, timeout_s: float) -> bytes:
@@ -135,7 +137,7 @@ class TcpLink:
         """
         connection = self._socket
         if connection is None:
-            raise LinkLostError(f"{self._place} is not connected")
+            raise LinkLostError(f"{self._host_port} is not connected")
         connection.settimeout(timeout_s)
         try:
             data = connection.recv(_READ_BYTES)
@@ -144,14 +146,14 @@ class TcpLink:
             if error.errno is None:
                 return b""
             raise LinkLostError(
-                f"{self._place} does not answer any more", "Is the hub still on, and in the network?"
+                f"{self._host_port} does not answer any more", "Is the hub still on, and in the network?"
             ) from error
         except OSError as error:
             raise LinkLostError(
-                f"{self._place} broke the connection: {_brief(error)}", "Is the hub still on?"
+                f"{self._host_port} broke the connection: {_brief(error)}", "Is the hub still on?"
             ) from error
         if not data:
-            raise LinkLostError(f"{self._place} closed the connection", "Is the hub still on?")
+            raise LinkLostError(f"{self._host_port} closed the connection", "Is the hub still on?")
         return data
 
     def write(self, data: bytes) -> None:
@@ -162,12 +164,12 @@ class TcpLink:
         """
         connection = self._socket
         if connection is None:
-            raise LinkLostError(f"{self._place} is not connected")
+            raise LinkLostError(f"{self._host_port} is not connected")
         try:
             connection.sendall(data)
         except OSError as error:
             raise LinkLostError(
-                f"{self._place} broke the connection: {_brief(error)}", "Is the hub still on?"
+                f"{self._host_port} broke the connection: {_brief(error)}", "Is the hub still on?"
             ) from error
 
     def close(self) -> None:

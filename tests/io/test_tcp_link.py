@@ -14,7 +14,7 @@ from gateway.clock import ManualClock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io import tcp_link
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, open_source
-from gateway.io.tcp_link import Keepalive, Place, TcpLink
+from gateway.io.tcp_link import HostPort, Keepalive, TcpLink
 from tests.testkit.hub_ends import TIMEOUT_S, Reader, TcpHub
 
 Read = Callable[[Source], Reader]
@@ -69,7 +69,7 @@ def test_reset_connection_is_a_lost_link(tcp_hub: TcpHub, read: Read) -> None:
 
 
 def test_vanished_peer_is_found_by_keepalive(tcp_hub: TcpHub) -> None:
-    link = TcpLink(Place("127.0.0.1", tcp_hub.port), Keepalive(idle_s=1, interval_s=1, probes=1))
+    link = TcpLink(HostPort("127.0.0.1", tcp_hub.port), Keepalive(idle_s=1, interval_s=1, probes=1))
     link.open()
     hub = tcp_hub.accept()
     try:
@@ -90,7 +90,7 @@ def test_peer_without_answers_is_a_lost_link(monkeypatch: pytest.MonkeyPatch) ->
         def recv(self, *_: object) -> bytes:  # type: ignore[override]
             raise OSError(errno.ETIMEDOUT, "Connection timed out")
 
-    link = TcpLink(Place("h", 1))
+    link = TcpLink(HostPort("h", 1))
     with Unanswered() as unanswered:
         monkeypatch.setattr(tcp_link, "connect", lambda _: unanswered)
         link.open()
@@ -102,7 +102,7 @@ def test_idle_connections_are_probed(tcp_hub: TcpHub, monkeypatch: pytest.Monkey
     opened: list[socket.socket] = []
     connect = tcp_link.connect
     monkeypatch.setattr(tcp_link, "connect", lambda place: opened.append(connect(place)) or opened[0])
-    link = TcpLink(Place("127.0.0.1", tcp_hub.port))
+    link = TcpLink(HostPort("127.0.0.1", tcp_hub.port))
     link.open()
     assert opened[0].getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
     if hasattr(socket, "TCP_KEEPIDLE"):
@@ -128,7 +128,7 @@ def test_silent_host_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(socket, "create_connection", silent)
     with pytest.raises(SourceError, match="no answer for 5 s") as caught:
-        TcpLink(Place("10.0.0.1", 5000)).open()
+        TcpLink(HostPort("10.0.0.1", 5000)).open()
     assert caught.value.cause == errno.ETIMEDOUT
 
 
