@@ -37,7 +37,7 @@ class EdgeJitter:
         self._from = 0
         self._shifts = np.empty((0, 2))
 
-    def place(self, angle_rad: FloatArray, edges_rad: tuple[float, float], time_s: FloatArray) -> FloatArray:
+    def shifted(self, angle_rad: FloatArray, edges_rad: tuple[float, float], time_s: FloatArray) -> FloatArray:
         """Return the angles at which to evaluate the undisturbed shape. Calls must go forward in angle.
 
         Args:
@@ -65,10 +65,10 @@ class EdgeJitter:
 
     def _draw(self, first: int, last: int) -> None:
         """Draw the shifts of revolutions `first` to `last` and drop earlier ones."""
-        known = self._from + len(self._shifts)
+        drawn_until = self._from + len(self._shifts)
         if not len(self._shifts):
-            self._from = known = first
-        fresh = self._rng.standard_normal((max(0, last + 1 - known), 2)) * self._deviations
+            self._from = drawn_until = first
+        fresh = self._rng.standard_normal((max(0, last + 1 - drawn_until), 2)) * self._deviations
         self._shifts = np.concatenate([self._shifts[first - self._from :], fresh])
         self._from = first
 

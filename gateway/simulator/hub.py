@@ -180,9 +180,9 @@ class _Pending:
         fresh = self._wheel.advance(until_s)
         counts = np.concatenate([self._counts, fresh.counts])
         full = len(counts) // self._size * self._size
-        for at in range(0, full, self._size):
-            first = self._first + at
-            block = SampleBlock(first & _MASK, self._axes, counts[at : at + self._size])
+        for offset in range(0, full, self._size):
+            first = self._first + offset
+            block = SampleBlock(first & _MASK, self._axes, counts[offset : offset + self._size])
             ready_s = (first + self._size - 1) / rate
             yield _Due(ready_s, self._wheel.plan.wheel, tick(first / rate), MessageType.SAMPLES, block)
         self._first += full

@@ -56,30 +56,30 @@ def frame_pieces(chunks: Iterable[Chunk]) -> Iterator[tuple[str, int, list[Piece
 def cut(data: bytes) -> tuple[list[Piece], bytes]:
     """Return the pieces of `data`, and the bytes at its end that may begin a frame."""
     pieces: list[Piece] = []
-    start = at = 0
-    while (at := data.find(wire.SYNC, at)) >= 0:
-        if at + wire.LENGTH_KNOWN_BYTES > len(data):
+    start = offset = 0
+    while (offset := data.find(wire.SYNC, offset)) >= 0:
+        if offset + wire.LENGTH_KNOWN_BYTES > len(data):
             break
-        length = data[at + wire.LENGTH_OFFSET]
-        end = at + wire.OVERHEAD_BYTES + length
+        length = data[offset + wire.LENGTH_OFFSET]
+        end = offset + wire.OVERHEAD_BYTES + length
         if length > wire.MAX_PAYLOAD_BYTES:
-            at += 1
+            offset += 1
             continue
         if end > len(data):
             break
-        if zlib.crc32(data[at:end]) != wire.CRC_RESIDUE:
-            at += 1
+        if zlib.crc32(data[offset:end]) != wire.CRC_RESIDUE:
+            offset += 1
             continue
-        if at > start:
-            pieces.append(Piece(data[start:at], False))
-        pieces.append(Piece(data[at:end], True))
-        start = at = end
-    if at < 0:
-        at = len(data) - 1 if data.endswith(wire.SYNC[:1]) else len(data)
-        at = max(at, start)
-    if at > start:
-        pieces.append(Piece(data[start:at], False))
-    return pieces, data[at:]
+        if offset > start:
+            pieces.append(Piece(data[start:offset], False))
+        pieces.append(Piece(data[offset:end], True))
+        start = offset = end
+    if offset < 0:
+        offset = len(data) - 1 if data.endswith(wire.SYNC[:1]) else len(data)
+        offset = max(offset, start)
+    if offset > start:
+        pieces.append(Piece(data[start:offset], False))
+    return pieces, data[offset:]
 
 
 _HEADER = struct.Struct(wire.HEADER_FORMAT)
@@ -304,8 +304,8 @@ def _drop(fault: Fault, frame: bytes) -> list[bytes]:
         fault.counts.bytes_dropped += len(frame)
         return []
     fault.counts.bytes_dropped += lost
-    at = int(fault.rng.integers(len(frame) - lost + 1))
-    return [frame[:at] + frame[at + lost :]]
+    offset = int(fault.rng.integers(len(frame) - lost + 1))
+    return [frame[:offset] + frame[offset + lost :]]
 
 
 def _duplicate(fault: Fault, frame: bytes) -> list[bytes]:
@@ -314,9 +314,9 @@ def _duplicate(fault: Fault, frame: bytes) -> list[bytes]:
 
 
 def _truncate(fault: Fault, frame: bytes) -> list[bytes]:
-    kept = int(fault.rng.integers(1, len(frame)))
-    fault.counts.bytes_dropped += len(frame) - kept
-    return [frame[:kept]]
+    length = int(fault.rng.integers(1, len(frame)))
+    fault.counts.bytes_dropped += len(frame) - length
+    return [frame[:length]]
 
 
 def _insert(fault: Fault, frame: bytes) -> list[bytes]:
@@ -382,8 +382,8 @@ def _split(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
         first = size or int(fault.rng.integers(1, len(chunk.data)))
         step = size or len(chunk.data)
         yield Chunk(chunk.link, chunk.host_ns, chunk.data[:first])
-        for at in range(first, len(chunk.data), step):
-            yield Chunk(chunk.link, chunk.host_ns, chunk.data[at : at + step])
+        for offset in range(first, len(chunk.data), step):
+            yield Chunk(chunk.link, chunk.host_ns, chunk.data[offset : offset + step])
 
 
 def _delay(fault: Fault, chunks: Iterable[Chunk]) -> Iterator[Chunk]:

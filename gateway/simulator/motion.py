@@ -71,8 +71,8 @@ class WheelRotation:
         omega_dot = rolling.acceleration_mps2 * per_m
         share, order = self.ripple.amplitude, self.ripple.order
         if share:
-            place = order * angle + self.ripple.phase_rad
-            cosine, sine = np.cos(place), np.sin(place)
+            ripple_phase_rad = order * angle + self.ripple.phase_rad
+            cosine, sine = np.cos(ripple_phase_rad), np.sin(ripple_phase_rad)
             omega_dot = omega_dot * (1.0 + share * cosine) - share * order * omega * omega * sine
             angle = angle + share / order * sine
             omega = omega * (1.0 + share * cosine)
@@ -159,11 +159,11 @@ class MotionProfile:
             # Rounding may put the end of a lap just beyond it, where a lap that ends at standstill never gets.
             within = np.clip(distance_m - laps * total, 0.0, total)
         segment = np.clip(np.searchsorted(self._distances, within, side="left") - 1, 0, len(self._slopes) - 1)
-        left = within - self._distances[segment]
+        remaining_m = within - self._distances[segment]
         speed, slope = self._speeds[segment], self._slopes[segment]
-        # v t + a t^2 / 2 = left, in the form that also holds for a = 0.
-        root = np.sqrt(np.maximum(speed**2 + 2.0 * slope * left, 0.0))
+        # v t + a t^2 / 2 = remaining_m, in the form that also holds for a = 0.
+        root = np.sqrt(np.maximum(speed**2 + 2.0 * slope * remaining_m, 0.0))
         with np.errstate(divide="ignore", invalid="ignore"):
-            since = np.where(left > 0.0, 2.0 * left / (speed + root), 0.0)
+            since = np.where(remaining_m > 0.0, 2.0 * remaining_m / (speed + root), 0.0)
         reached = within <= total
         return np.where(reached, self._times[segment] + since + laps * self._period_s, np.inf)

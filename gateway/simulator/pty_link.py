@@ -78,9 +78,9 @@ class PtyPort:
                 return
             self.sent += written
             self._waiting_bytes -= written
-            left = self._waiting.popleft()[written:]
-            if left:
-                self._waiting.appendleft(left)
+            unsent = self._waiting.popleft()[written:]
+            if unsent:
+                self._waiting.appendleft(unsent)
 
     def close(self) -> None:
         """Close the line; the reader sees it disappear. May be called twice."""

@@ -20,12 +20,12 @@ _SUFFIX = ".toml"
 
 def builtin_scenarios() -> dict[str, str]:
     """Return the built-in scenarios: name and description, its first comment."""
-    found = {}
+    descriptions = {}
     for entry in sorted(resources.files("gateway.simulator").joinpath("scenarios").iterdir(), key=lambda e: e.name):
         if entry.name.endswith(_SUFFIX):
             first = entry.read_text(encoding="utf-8").partition("\n")[0]
-            found[entry.name.removesuffix(_SUFFIX)] = first.lstrip("# ")
-    return found
+            descriptions[entry.name.removesuffix(_SUFFIX)] = first.lstrip("# ")
+    return descriptions
 
 
 def load_scenario(name: str) -> Scenario:
@@ -40,12 +40,12 @@ def load_scenario(name: str) -> Scenario:
         return parse_scenario(builtin.read_text(encoding="utf-8"), f"scenario {name}")
     path = Path(name)
     if not path.is_file():
-        known = builtin_scenarios()
-        guess = nearest(name, known)
+        scenarios = builtin_scenarios()
+        guess = nearest(name, scenarios)
         hint = f"did you mean {guess}? " if guess else ""
         raise SourceError(
             f"there is no scenario '{name}', neither built in nor a file",
-            f"{hint}Built in: {', '.join(known)}. See `treadlink simulate --list`.",
+            f"{hint}Built in: {', '.join(scenarios)}. See `treadlink simulate --list`.",
         )
     return parse_scenario(read_text(path, "the scenario"), str(path))
 

@@ -30,26 +30,26 @@ def _repeated(table: str, key: str, values: Sequence[str], allowed: str) -> Iter
 
 
 def _section_faults(where: str, table: Mapping[str, Any], data: Mapping[str, Any]) -> Iterator[Fault]:
-    own = {name: _table(table.get(name)) for name in ("sensor", "tire", "motion", "defect")}
-    merged = {name: {**_table(data.get(name)), **items} for name, items in own.items()}
+    overrides = {name: _table(table.get(name)) for name in ("sensor", "tire", "motion", "defect")}
+    merged = {name: {**_table(data.get(name)), **items} for name, items in overrides.items()}
     sensor, tire, motion = merged["sensor"], merged["tire"], merged["motion"]
     bandwidth, rate = _number(sensor.get("bandwidth_hz")), _number(sensor.get("rate_hz", 9600.0))
-    if _given(own["sensor"], "bandwidth_hz", "rate_hz") and bandwidth > 0.45 * rate:
+    if _given(overrides["sensor"], "bandwidth_hz", "rate_hz") and bandwidth > 0.45 * rate:
         allowed = f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}; leave it out for full bandwidth"
         yield Fault(f"{where}sensor.bandwidth_hz", show(bandwidth), allowed)
     loose = _number(merged["defect"].get("loose_hz"))
-    if (_given(own["sensor"], "rate_hz") or _given(own["defect"], "loose_hz")) and loose > 0.45 * rate:
+    if (_given(overrides["sensor"], "rate_hz") or _given(overrides["defect"], "loose_hz")) and loose > 0.45 * rate:
         yield Fault(f"{where}defect.loose_hz", show(loose), f"allowed: up to 0.45 of rate_hz, {0.45 * rate:g}")
     wear, thickness = _number(tire.get("wear_mm", 0.0)), _number(tire.get("ring_thickness_mm", 15.0))
-    if _given(own["tire"], "wear_mm", "ring_thickness_mm") and wear > 0.8 * thickness:
+    if _given(overrides["tire"], "wear_mm", "ring_thickness_mm") and wear > 0.8 * thickness:
         allowed = f"allowed: up to 0.8 of ring_thickness_mm, {0.8 * thickness:g}"
         yield Fault(f"{where}tire.wear_mm", show(wear), allowed)
     drum, radius = _number(tire.get("drum_radius_mm")), _number(tire.get("radius_mm", 320.0))
-    if _given(own["tire"], "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
+    if _given(overrides["tire"], "drum_radius_mm", "radius_mm") and -radius <= drum <= 0.0:
         allowed = f"allowed: above 0, or below -radius_mm = {-radius:g} for an inner drum"
         yield Fault(f"{where}tire.drum_radius_mm", show(drum), allowed)
     speed = motion.get("speed_kmh")
-    stated = _given(own["motion"], "repeat", "speed_kmh") and motion.get("repeat") is True
+    stated = _given(overrides["motion"], "repeat", "speed_kmh") and motion.get("repeat") is True
     if stated and isinstance(speed, list) and len(speed) > 1:
         ends = [point[1] for point in (speed[0], speed[-1]) if isinstance(point, list) and len(point) == 2]
         if len(ends) == 2 and ends[0] != ends[1]:

@@ -112,5 +112,5 @@ class Scenario(Section):
         return tuple(described.get(number) or Hub(hub=number) for number in numbers)
 
 
-def _filled(base: SectionT, own: SectionT) -> SectionT:
-    return base.model_copy(update={name: getattr(own, name) for name in own.model_fields_set})
+def _filled(base: SectionT, overrides: SectionT) -> SectionT:
+    return base.model_copy(update={name: getattr(overrides, name) for name in overrides.model_fields_set})

@@ -93,7 +93,7 @@ class WheelSimulator:
         the block's begin to that of its end. Of camber only gravity is felt.
         """
         turning = self._rotation.at(time_s)
-        angle = self._jitter.place(turning.angle_rad, self._edges_rad, time_s)
+        angle = self._jitter.shifted(turning.angle_rad, self._edges_rad, time_s)
         camber = self.plan.camber_rad.at_times(time_s)
         gravity = STANDARD_GRAVITY_MPS2 * np.cos(camber) + self._hub(turning)
         if self._ride is not None:
@@ -124,16 +124,16 @@ class WheelSimulator:
         """Return the waveform of the tire under the given conditions, cached while they do not change."""
         plan = self.plan
         omega = float(plan.motion.at(np.array([time_s])).speed_mps[0]) / plan.radius_m
-        at = (
+        conditions = (
             plan.load_n.at(time_s),
             plan.pressure_pa.at(time_s),
             omega if self._table.depends_on_speed else 0.0,
             plan.slip_angle_rad.at(time_s),
         )
-        if at != self._conditions:
-            self._conditions = at
-            self._edges_rad = self._table.edges_rad(*at[:3])
+        if conditions != self._conditions:
+            self._conditions = conditions
+            self._edges_rad = self._table.edges_rad(*conditions[:3])
             if self._ride is not None:
-                self._loads_n, self._by_load = self._table.by_load(*at[1:])
-            return self._table.waveform(*at)
+                self._loads_n, self._by_load = self._table.by_load(*conditions[1:])
+            return self._table.waveform(*conditions)
         return self._waveform

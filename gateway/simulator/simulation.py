@@ -54,12 +54,12 @@ class Simulation:
         parts: list[bytes] = []
         slot, last_ns = 0, start_ns
         for frame in self._frames():
-            at = int(frame.time_s / interval_s)
-            if at != slot:
+            frame_slot = int(frame.time_s / interval_s)
+            if frame_slot != slot:
                 if parts:
                     last_ns = max(last_ns, self._arrival_ns(start_ns, (slot + 1) * interval_s, jitter_s))
                     yield Chunk(link, last_ns, b"".join(parts))
-                slot, parts = at, []
+                slot, parts = frame_slot, []
             parts.append(frame.data)
         if parts:
             last_ns = max(last_ns, self._arrival_ns(start_ns, (slot + 1) * interval_s, jitter_s))

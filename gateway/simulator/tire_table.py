@@ -126,8 +126,8 @@ class TireTable:
         self._lateral = np.empty((points * len(self._slips), TABLE_ANGLES + 1), np.float32)
         self._edges = np.empty((points, 2))
         near: RingSolution | None = None
-        for row, place in enumerate(np.ndindex(*shape)):
-            load, pressure, omega = (float(axis[i]) for axis, i in zip(self._axes, place, strict=True))
+        for row, indices in enumerate(np.ndindex(*shape)):
+            load, pressure, omega = (float(axis[i]) for axis, i in zip(self._axes, indices, strict=True))
             point = self._point(load, pressure, omega, near)
             near = point.ring
             self._planar[row] = point.planar.reshape(-1)
@@ -190,10 +190,10 @@ class TireTable:
         leading, trailing = self._weights((load_n, pressure_pa, omega_radps)) @ self._edges
         return float(leading), float(trailing)
 
-    def _weights(self, at: tuple[float, float, float]) -> FloatArray:
+    def _weights(self, conditions: tuple[float, float, float]) -> FloatArray:
         """Return the weight of every solved point."""
         weights = np.ones(1)
-        for axis, value in zip(self._axes, at, strict=True):
+        for axis, value in zip(self._axes, conditions, strict=True):
             weights = np.outer(weights, _held(axis, value)).reshape(-1)
         return weights
 
@@ -209,13 +209,15 @@ def tire_table(
 def look_up(table: WaveformTable, angle_rad: FloatArray) -> WaveformTable:
     """Return (n, COLUMNS) of a waveform at any material angles, by linear interpolation between its rows."""
     turns = angle_rad * (1.0 / (2.0 * math.pi)) + 0.5
-    place = (turns - np.floor(turns)) * TABLE_ANGLES
-    row = place.astype(np.int64)
+    position = (turns - np.floor(turns)) * TABLE_ANGLES
+    row = position.astype(np.int64)
     # An angle that rounds up to a full turn lies on the last row, which has no successor.
     np.minimum(row, TABLE_ANGLES - 1, out=row)
     before = table.take(row, axis=0)
-    found: WaveformTable = before + (place - row).astype(np.float32)[:, None] * (table.take(row + 1, axis=0) - before)
-    return found
+    waveform: WaveformTable = before + (position - row).astype(np.float32)[:, None] * (
+        table.take(row + 1, axis=0) - before
+    )
+    return waveform
 
 
 def _mixed(weights: FloatArray, tables: WaveformTable) -> WaveformTable:

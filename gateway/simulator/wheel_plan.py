@@ -113,12 +113,12 @@ def _ring(tire: Tire) -> RingParameters:
         rotary_inertia_kgm=tire.rotary_inertia_kgm,
     )
     # Belt and tread bend as one plate: EI and its damping are proportional to the cube of the remaining thickness.
-    left = 1.0 - tire.wear_mm / tire.ring_thickness_mm
+    remaining_share = 1.0 - tire.wear_mm / tire.ring_thickness_mm
     return replace(
         new,
-        bending_stiffness_nm2=new.bending_stiffness_nm2 * left**3,
-        bending_damping_nm2s=new.bending_damping_nm2s * left**3,
-        mass_kgpm=new.mass_kgpm * left,
+        bending_stiffness_nm2=new.bending_stiffness_nm2 * remaining_share**3,
+        bending_damping_nm2s=new.bending_damping_nm2s * remaining_share**3,
+        mass_kgpm=new.mass_kgpm * remaining_share,
     )
 
 

@@ -98,8 +98,8 @@ class BluezService:
         """Drop BlueZ's objects of a peripheral, as it does some time after the last advertisement."""
         if peripheral.connected:
             await self._link_lost(peripheral)
-        if peripheral.known:
-            peripheral.known = False
+        if peripheral.discovered:
+            peripheral.discovered = False
             path = peripheral.path(self.adapter)
             if peripheral.explored:
                 peripheral.explored = False
@@ -149,7 +149,7 @@ class BluezService:
         if path == self.adapter and message.interface == ADAPTER:
             return self._adapter_call(message)
         for device_path, peripheral in self._peripherals.items():
-            if peripheral.known and path.startswith(device_path):
+            if peripheral.discovered and path.startswith(device_path):
                 handler = self._calls().get(call)
                 if handler is not None:
                     self._spawn(handler(message, peripheral))
@@ -187,8 +187,8 @@ class BluezService:
             for path, peripheral in list(self._peripherals.items()):
                 if not peripheral.advertising or peripheral.connected:
                     continue
-                if not peripheral.known:
-                    peripheral.known = True
+                if not peripheral.discovered:
+                    peripheral.discovered = True
                     await self._added(path, peripheral.device(self.adapter))
                 else:
                     await self._changed(path, DEVICE, {"RSSI": Variant("n", peripheral.rssi_dbm)})
@@ -288,7 +288,7 @@ class BluezService:
     def _objects(self) -> dict[str, Interfaces]:
         objects = {self.adapter: self._adapter_interfaces()} if self.adapter else {}
         for path, peripheral in self._peripherals.items():
-            if peripheral.known:
+            if peripheral.discovered:
                 objects[path] = peripheral.device(self.adapter)
                 if peripheral.explored:
                     objects |= peripheral.attributes(self.adapter)

@@ -39,7 +39,7 @@ class Peripheral:
         on_write: called with the bytes that a client writes.
         on_notifying: called when clients subscribe or unsubscribe.
         advertising: whether it can be found.
-        known: whether BlueZ has an object for it.
+        discovered: whether BlueZ has an object for it.
         connected: whether a client is connected.
         resolved: whether its services are known in this connection.
         explored: whether BlueZ has objects for its services; they outlast a connection.
@@ -60,7 +60,7 @@ class Peripheral:
     on_write: Callable[[bytes], None] | None = None
     on_notifying: Callable[[bool], None] | None = None
     advertising: bool = True
-    known: bool = False
+    discovered: bool = False
     connected: bool = False
     resolved: bool = False
     explored: bool = False

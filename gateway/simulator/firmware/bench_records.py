@@ -133,21 +133,21 @@ class Counters(NamedTuple):
     tick_us: int
 
 
-def record(kind: Kind, payload: bytes = b"", place: int = 0) -> bytes:
-    """Return a record; `place` is that of the wheel in the provisioning."""
-    body = bytes((kind, place, len(payload))) + payload
+def record(kind: Kind, payload: bytes = b"", wheel_index: int = 0) -> bytes:
+    """Return a record; `wheel_index` counts the wheels of the provisioning from 0."""
+    body = bytes((kind, wheel_index, len(payload))) + payload
     return bytes((SYNC,)) + body + bytes((sum(body) & 0xFF,))
 
 
-def samples(place: int, tick_us: int, counts: NDArray[np.int16]) -> bytes:
+def samples(wheel_index: int, tick_us: int, counts: NDArray[np.int16]) -> bytes:
     """Return the record of at most MOST_WORDS raw words: (n, channels) `counts` from `tick_us` on."""
     if counts.size > MOST_WORDS:
         raise ValueError(f"a record has at most {MOST_WORDS} words, not {counts.size}")
-    return record(Kind.SAMPLES, _TICK.pack(tick_us & _MASK) + counts.astype("<i2").tobytes(), place)
+    return record(Kind.SAMPLES, _TICK.pack(tick_us & _MASK) + counts.astype("<i2").tobytes(), wheel_index)
 
 
 def environment(
-    place: int, tick_us: int, pressure_pa: float | None, temperature_degc: float | None, supply_v: float | None
+    wheel_index: int, tick_us: int, pressure_pa: float | None, temperature_degc: float | None, supply_v: float | None
 ) -> bytes:
     """Return the record of a wheel's slow quantities."""
     values = (
@@ -155,7 +155,7 @@ def environment(
         wire.NONE_I16 if temperature_degc is None else round(temperature_degc * 100.0),
         wire.NONE_U16 if supply_v is None else round(supply_v * 1000.0),
     )
-    return record(Kind.ENVIRONMENT, _ENVIRONMENT.pack(tick_us & _MASK, *values), place)
+    return record(Kind.ENVIRONMENT, _ENVIRONMENT.pack(tick_us & _MASK, *values), wheel_index)
 
 
 def number(kind: Kind, value: int) -> bytes:
@@ -165,7 +165,7 @@ def number(kind: Kind, value: int) -> bytes:
 
 def from_gateway(data: bytes) -> bytes:
     """Return the records that bring bytes of the gateway, where the link itself does not."""
-    pieces = [data[at : at + _MOST_PAYLOAD] for at in range(0, len(data), _MOST_PAYLOAD)]
+    pieces = [data[offset : offset + _MOST_PAYLOAD] for offset in range(0, len(data), _MOST_PAYLOAD)]
     return b"".join(record(Kind.LINK, piece) for piece in pieces)
 
 
@@ -180,7 +180,7 @@ def provisioning(hub: HubData, wheels: list[WheelData]) -> bytes:
         raise ValueError(f"a collector has 1 to {MOST_WHEELS} wheels, not {len(wheels)}")
     return (
         record(Kind.HUB, _hub(hub, len(wheels)))
-        + b"".join(record(Kind.WHEEL, _wheel(wheel), place) for place, wheel in enumerate(wheels))
+        + b"".join(record(Kind.WHEEL, _wheel(wheel), wheel_index) for wheel_index, wheel in enumerate(wheels))
         + record(Kind.START)
     )
 

@@ -52,11 +52,11 @@ class EmulatedBoard:
         with ExitStack() as ends:
             descriptors = []
             for number in range(MOST_WHEELS):
-                own, other = socket.socketpair()
-                self._sensors.append(self._stack.enter_context(own))
-                own.settimeout(_TIMEOUT_S)
-                own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-                descriptors.append(ends.enter_context(other).fileno())
+                sensor_socket, board_socket = socket.socketpair()
+                self._sensors.append(self._stack.enter_context(sensor_socket))
+                sensor_socket.settimeout(_TIMEOUT_S)
+                sensor_socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+                descriptors.append(ends.enter_context(board_socket).fileno())
                 command += ["-chardev", f"socket,id=sensor{number},fd={descriptors[-1]},mux=on"]
                 command += ["-serial", f"chardev:sensor{number}"]
             self._process = self._stack.enter_context(
@@ -87,14 +87,14 @@ class EmulatedBoard:
         self.send(0, provisioning(hub, wheels))
         self.wait_for_starts(1)
 
-    def send(self, place: int, data: bytes) -> None:
+    def send(self, wheel_index: int, data: bytes) -> None:
         """Send records on the line of a wheel's sensor.
 
         Raises:
             LinkLostError: QEMU has ended, or does not take them.
         """
         try:
-            self._sensors[place].sendall(data.replace(_ESCAPE, _ESCAPE * 2))
+            self._sensors[wheel_index].sendall(data.replace(_ESCAPE, _ESCAPE * 2))
         except OSError as error:
             raise LinkLostError("the emulated board has stopped") from error
 

@@ -28,13 +28,13 @@ class TimedRecord(NamedTuple):
 
     Attributes:
         time_s: true time at which the sensor hands it over.
-        place: of the wheel.
+        wheel_index: of the wheel in the provisioning, from 0.
         data: the record.
         samples: number of samples in it.
     """
 
     time_s: float
-    place: int
+    wheel_index: int
     data: bytes
     samples: int
 
@@ -83,32 +83,32 @@ class SensorFeed:
             begin_s = block * BLOCK_S
             block += 1
             until_s = block * BLOCK_S if duration_s is None else min(block * BLOCK_S, duration_s)
-            found = [*self._environment(begin_s, until_s)]
-            for place, wheel in enumerate(self._simulation.wheels):
-                found += self._samples(place, wheel, until_s)
-            yield from sorted(found, key=lambda item: item.time_s)
+            records = [*self._environment(begin_s, until_s)]
+            for wheel_index, wheel in enumerate(self._simulation.wheels):
+                records += self._samples(wheel_index, wheel, until_s)
+            yield from sorted(records, key=lambda record: record.time_s)
 
     def _tick(self, time_s: float) -> int:
         return round(time_s * self._clock_rate)
 
-    def _samples(self, place: int, wheel: WheelSimulator, until_s: float) -> Iterator[TimedRecord]:
+    def _samples(self, wheel_index: int, wheel: WheelSimulator, until_s: float) -> Iterator[TimedRecord]:
         fresh, rate = wheel.advance(until_s), wheel.plan.sample_rate_hz
         most = MOST_WORDS // wheel.chain.channels
-        for at in range(0, len(fresh.counts), most):
-            counts = fresh.counts[at : at + most]
-            first = fresh.first + at
-            data = bench_records.samples(place, self._tick(first / rate), counts)
-            yield TimedRecord((first + len(counts)) / rate, place, data, len(counts))
+        for offset in range(0, len(fresh.counts), most):
+            counts = fresh.counts[offset : offset + most]
+            first = fresh.first + offset
+            data = bench_records.samples(wheel_index, self._tick(first / rate), counts)
+            yield TimedRecord((first + len(counts)) / rate, wheel_index, data, len(counts))
 
     def _environment(self, begin_s: float, until_s: float) -> Iterator[TimedRecord]:
         for time_s in np.arange(np.ceil(begin_s), until_s, _ENVIRONMENT_PERIOD_S):
-            for place, wheel in enumerate(self._simulation.wheels):
+            for wheel_index, wheel in enumerate(self._simulation.wheels):
                 pressure_pa = wheel.plan.told_pressure_pa(time_s)
                 temperature_degc = wheel.plan.temperature_degc.at(time_s)
                 data = bench_records.environment(
-                    place, self._tick(time_s), pressure_pa, temperature_degc, SENSOR_SUPPLY_V
+                    wheel_index, self._tick(time_s), pressure_pa, temperature_degc, SENSOR_SUPPLY_V
                 )
-                yield TimedRecord(float(time_s), place, data, 0)
+                yield TimedRecord(float(time_s), wheel_index, data, 0)
 
 
 class Played(NamedTuple):
@@ -140,7 +140,7 @@ def play(feed: SensorFeed, board: EmulatedBoard, speed: float, clock: Clock, sto
         due_ns = start_ns + round(record.time_s / speed * 1e9)
         if clock.sleep_until_ns(due_ns, stop):
             break
-        board.send(record.place, record.data)
+        board.send(record.wheel_index, record.data)
         late_s = max(late_s, (clock.now_ns() - due_ns) * 1e-9)
         time_s = record.time_s
         samples += record.samples
