@@ -36,8 +36,8 @@ def chosen(names: tuple[str, ...]) -> dict[str, Callable[[Figure], str]]:
     Raises:
         ConfigError: unknown name.
     """
-    known = all_figures()
-    unknown = [name for name in names if name not in known]
+    figures = all_figures()
+    unknown = [name for name in names if name not in figures]
     if unknown:
-        raise ConfigError(f"no figure '{unknown[0]}'", f"Known figures: {', '.join(known)}.")
-    return {name: known[name] for name in names} if names else known
+        raise ConfigError(f"no figure '{unknown[0]}'", f"Known figures: {', '.join(figures)}.")
+    return {name: figures[name] for name in names} if names else figures

@@ -55,18 +55,18 @@ def figures() -> Mapping[str, Callable[[Figure], str]]:
 def _fig_7(figure: Figure) -> str:
     """Radial acceleration over several revolutions and its spectrum at three speeds."""
     upper, lower = figure.subplots(2, 1, height_ratios=(1, 2))
-    found = {speed: _spectrum(speed) for speed in _SPEEDS_KMH}
-    block = found[65.0].block_mps2[2][: 4 * GRID_SIZE]
+    spectra = {speed: _spectrum(speed) for speed in _SPEEDS_KMH}
+    block = spectra[65.0].block_mps2[2][: 4 * GRID_SIZE]
     upper.plot(np.arange(len(block)) / GRID_SIZE, block, color="black", linewidth=0.8, label="65 km/h")
     upper.set(xlim=(0, 4), xlabel="revolutions", ylabel="radial\n(inward), m/s²")
     upper.legend(loc="upper right", fontsize=8.0)
     shares = []
     between = 0.0
-    for speed, one in found.items():
-        amplitude = 1e3 * one.fine_mps2[2] / _omega(speed) ** 2
-        share, std = 100.0 * one.integer_share[2], 100.0 * one.integer_share_std[2]
+    for speed, spectrum in spectra.items():
+        amplitude = 1e3 * spectrum.fine_mps2[2] / _omega(speed) ** 2
+        share, std = 100.0 * spectrum.integer_share[2], 100.0 * spectrum.integer_share_std[2]
         shares.append(f"{share:.3f} ± {std:.3f} % at {speed:.0f} km/h")
-        lower.plot(one.fine_order[1:], amplitude[1:], linewidth=0.9, label=f"{speed:.0f} km/h: {share:.3f} %")
+        lower.plot(spectrum.fine_order[1:], amplitude[1:], linewidth=0.9, label=f"{speed:.0f} km/h: {share:.3f} %")
         off = np.arange(len(amplitude)) % BLOCK_REVOLUTIONS != 0
         between = max(between, float(np.nanmax(amplitude[off]) / np.nanmax(amplitude[1:])))
     lower.set(
@@ -89,11 +89,13 @@ def _fig_9(figure: Figure) -> str:
     tire = new_tire()
     ring, half = tire.ring, tire.half_angle_rad
     uniform = modal_force(_ORDERS, ring.load_n, RADIUS_M, half)
-    own = _own_force(ring)
+    exact_force = _exact_force(ring)
     force.plot(_ORDERS, 1e-3 * uniform, color="#D55E00", label="Eq. 23, uniform")
-    force.plot(_ORDERS, 1e-3 * own, ":", color="black", label="exact ring")
+    force.plot(_ORDERS, 1e-3 * exact_force, ":", color="black", label="exact ring")
     force.set(xlabel="mode number n", ylabel="modal force αn, kN/m")
-    true, fitted = (modal_number(_ORDERS, numbers) for numbers in (TABLE_3_NUMBERS, tire.found["ring-paper"].tolist()))
+    true, fitted = (
+        modal_number(_ORDERS, numbers) for numbers in (TABLE_3_NUMBERS, tire.estimates["ring-paper"].tolist())
+    )
     model.plot(_ORDERS, -fitted, color="#D55E00", label="fitted")
     model.plot(_ORDERS, -true, ":", color="black", label="true numbers")
     model.set(xlabel="mode number n", ylabel="modal tire model -An p0", yscale="log")
@@ -104,13 +106,13 @@ def _fig_9(figure: Figure) -> str:
     for axes in (force, model, signal):
         axes.legend(fontsize=7.5)
     zero = math.pi / half
-    own_zero = float(np.interp(0.0, -own[: round(2 * zero)], _ORDERS[: round(2 * zero)]))
-    error = float(np.linalg.norm(uniform - own) / np.linalg.norm(own))
+    ring_zero = float(np.interp(0.0, -exact_force[: round(2 * zero)], _ORDERS[: round(2 * zero)]))
+    error = float(np.linalg.norm(uniform - exact_force) / np.linalg.norm(exact_force))
     return (
         f"Reproduced: the modal force falls from Q / R = {1e-3 * ring.load_n / RADIUS_M:.1f} kN/m, the modal tire "
         f"model has its largest value at n = {_ORDERS[np.argmax(-true)]}, and their product fits the sensor's orders. "
         f"The uniform pressure of Eq. 22 first vanishes at n = π / θr = {zero:.1f}; the pressure of the exact ring at "
-        f"{own_zero:.1f}. The two forces differ by {error:.0%} rms over orders 1 to 60. Orders from there up show the "
+        f"{ring_zero:.1f}. The two forces differ by {error:.0%} rms over orders 1 to 60. Orders from there up show the "
         "shape of the contact pressure, not the tire."
     )
 
@@ -131,9 +133,9 @@ def _fig_10(figure: Figure) -> str:
     signal_axes.set(xlabel="mode number n", ylabel="change of s / Ω² by the number's logarithm, mm", yscale="log")
     signal_axes.set_ylim(1e-3, None)
     share_axes.legend(fontsize=8.0)
-    largest = [RING_NUMBERS[place] for place in shares.argmax(axis=1)]
+    largest = [RING_NUMBERS[column] for column in shares.argmax(axis=1)]
     ranges = ", ".join(
-        f"{name} at {_range([int(order) for order, one in zip(n, largest, strict=True) if one == name])}"
+        f"{name} at {_range([int(order) for order, number in zip(n, largest, strict=True) if number == name])}"
         for name in RING_NUMBERS
         if name in largest
     )
@@ -173,17 +175,17 @@ def _spectrum(speed_kmh: float) -> OrderStatistics:
         # A revolution begins at angle 0, in the middle of the grid.
         axes[2] = wave + np.roll(part, GRID_SIZE // 2)
         total.add(index, axes, omega, highest_order(samples))
-    found = total.statistics()
-    if found is None:
+    statistics = total.statistics()
+    if statistics is None:
         raise ValueError("no revolution was added")
-    return found
+    return statistics
 
 
 def _omega(speed_kmh: float) -> float:
     return speed_kmh / 3.6 / RADIUS_M
 
 
-def _own_force(ring: RingSolution) -> FloatArray:
+def _exact_force(ring: RingSolution) -> FloatArray:
     """Return the modal force of the exact ring's own contact pressure, N/m: the vertical push of `modal_force`."""
     n = _ORDERS[:, np.newaxis]
     kernel = (

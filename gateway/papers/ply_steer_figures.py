@@ -66,19 +66,19 @@ def figures() -> Mapping[str, Callable[[Figure], str]]:
 def _fig_2(figure: Figure) -> str:
     """Lateral acceleration at zero, left and right slip."""
     axes = figure.subplots()
-    found = {}
+    peaks = {}
     for slip_deg in (-1.0, 0.0, 1.0):
         shape = _shape(slip_deg)
         wave = shape.lateral_mps2
-        found[slip_deg] = _large_extrema(wave)
+        peaks[slip_deg] = _large_extrema(wave)
         axes.plot(np.degrees(shape.theta_rad), wave, label=f"slip {slip_deg:+.0f}°")
     axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
     axes.legend()
     zero = _shape(0.0).lateral_mps2
     return (
         f"Reproduced: at zero slip the acceleration does not vanish ({zero.max():.0f} and {zero.min():.0f} m/s² at the "
-        f"contact edges). At 1° slip in one direction it has {_counted(found[-1.0])}, in the other "
-        f"{_counted(found[1.0])}, as measured. Which direction has which depends on the order of the plies; the sizes "
+        f"contact edges). At 1° slip in one direction it has {_counted(peaks[-1.0])}, in the other "
+        f"{_counted(peaks[1.0])}, as measured. Which direction has which depends on the order of the plies; the sizes "
         "follow from assumed belt stiffnesses."
     )
 
@@ -105,14 +105,14 @@ def _fig_11(figure: Figure) -> str:
     """Lateral acceleration at zero slip, exact and from the orders that the estimator uses."""
     axes = figure.subplots()
     exact = _shape(0.0).lateral_mps2
-    kept = _ring().omega_radps ** 2 * lateral_waveform(_coefficients(0.0), ORDERS, GRID_SIZE)
+    wave = _ring().omega_radps ** 2 * lateral_waveform(_coefficients(0.0), ORDERS, GRID_SIZE)
     axes.plot(np.degrees(_ring().theta_rad), exact, label="belt model")
-    axes.plot(np.degrees(angle_grid()), kept, "--", label=f"its orders {ORDERS.start} to {ORDERS.stop - 1}")
+    axes.plot(np.degrees(angle_grid()), wave, "--", label=f"its orders {ORDERS.start} to {ORDERS.stop - 1}")
     axes.set(xlim=(-60, 60), xlabel="angle from contact centre, °", ylabel="lateral acceleration, m/s²")
     axes.legend()
     return (
         f"Reproduced: a positive peak where the contact begins ({exact.max():.0f} m/s²) and a negative peak where it "
-        f"ends ({exact.min():.0f} m/s²). Orders up to {ORDERS.stop - 1} keep {100 * kept.max() / exact.max():.0f} % of "
+        f"ends ({exact.min():.0f} m/s²). Orders up to {ORDERS.stop - 1} keep {100 * wave.max() / exact.max():.0f} % of "
         "the positive peak. The paper prints the measured curve without numbers, so only its shape and order of "
         "magnitude are compared."
     )
@@ -131,16 +131,16 @@ def _fig_13(figure: Figure) -> str:
     axes.plot(np.degrees(angles), 1e3 * (exact - exact[centre]), label="belt model")
     axes.plot(np.degrees(angles), 1e3 * (integrated - integrated[centre]), label=f"from {_REVOLUTIONS} revolutions")
     edges = (ring.leading_edge_rad, ring.trailing_edge_rad)
-    found, true = _slopes(noisy, edges), _slopes(clean, edges)
-    for definition, slope in zip(DEFINITIONS, found.values_rad, strict=True):
+    measured, true = _slopes(noisy, edges), _slopes(clean, edges)
+    for definition, slope in zip(DEFINITIONS, measured.values_rad, strict=True):
         line = slope * RADIUS_M * np.array(edges)
         axes.plot(np.degrees(edges), 1e3 * line, ":", label=f"{definition}: {math.degrees(slope):.3f}°")
     for edge in edges:
         axes.axvline(math.degrees(edge), color="0.8")
     axes.set(xlim=(-180, 180), xlabel="angle from contact centre, °", ylabel="lateral deformation, mm (mean unknown)")
     axes.legend()
-    error = np.degrees(np.abs(found.values_rad - true.values_rad).max())
-    low, high = np.degrees([np.abs(found.values_rad).min(), np.abs(found.values_rad).max()])
+    error = np.degrees(np.abs(measured.values_rad - true.values_rad).max())
+    low, high = np.degrees([np.abs(measured.values_rad).min(), np.abs(measured.values_rad).max()])
     return (
         f"Reproduced: integrated twice over orders {ORDERS.start} to {ORDERS.stop - 1} from {_REVOLUTIONS} revolutions "
         f"at {_NOISE_MG_PER_RTHZ:.0f} mg/√Hz, the slopes are recovered within {error:.4f}°, and their size is the "
@@ -168,16 +168,16 @@ def _fig_14(figure: Figure) -> str:
 
 def _fig_15(figure: Figure) -> str:
     """Angle and side force against load: Table II, laws and belt model."""
-    left, right = figure.subplots(1, 2, gridspec_kw={"wspace": 0.4})
-    model, ahead, best, flat = _against("load", left)
-    left.set(xlabel="load, kg", ylabel="ply steer angle, °")
-    left.legend()
+    left_axes, right_axes = figure.subplots(1, 2, gridspec_kw={"wspace": 0.4})
+    model, ahead, best, flat = _against("load", left_axes)
+    left_axes.set(xlabel="load, kg", ylabel="ply steer angle, °")
+    left_axes.legend()
     loads = np.array([300.0, 400.0, 500.0])
     forces = [-_model(kg * STANDARD_GRAVITY_MPS2, 2.1e5)[1].side_force_n for kg in loads]
-    right.plot(loads, TABLE_FORCE_N, "ko", label="measured")
-    right.plot(loads, forces, "x-", label="belt model")
-    right.set(xlabel="load, kg", ylabel="side force at zero slip, N")
-    right.legend()
+    right_axes.plot(loads, TABLE_FORCE_N, "ko", label="measured")
+    right_axes.plot(loads, forces, "x-", label="belt model")
+    right_axes.set(xlabel="load, kg", ylabel="side force at zero slip, N")
+    right_axes.legend()
     measured = TABLE_ANGLE_DEG[5] / TABLE_ANGLE_DEG[4]
     exponents = [math.log(f[2] / f[0]) / math.log(loads[2] / loads[0]) for f in (TABLE_FORCE_N, forces)]
     return (
@@ -201,11 +201,11 @@ def _laminate(figure: Figure) -> str:
         slope = law.slope(RADIUS_M)
         shape = solve_lateral_belt(ring, LateralBelt(coupling_length_m=law.length_m.value))
         clean = lateral_coefficients(shape.lateral_m, ORDERS)
-        found = _slopes(clean + _noise_m() * rng.normal(size=len(clean)), edges)
+        slopes = _slopes(clean + _noise_m() * rng.normal(size=len(clean)), edges)
         stated.append(math.degrees(slope.value))
         stds.append(math.degrees(slope.std))
-        peaks.append(math.degrees(found.values_rad[0]))
-        noise_stds.append(math.degrees(_noise_m() * float(np.linalg.norm(found.rows[0]))))
+        peaks.append(math.degrees(slopes.values_rad[0]))
+        noise_stds.append(math.degrees(_noise_m() * float(np.linalg.norm(slopes.rows[0]))))
     axes.errorbar(stated, peaks, xerr=stds, yerr=noise_stds, fmt="ko", label="measured peak")
     line = np.array([0.0, max(stated) * 1.15])
     axes.plot(line, line, ":", label="equal")
@@ -261,18 +261,18 @@ def _against(what: str, axes: object) -> tuple[float, float, float, float]:
     """Plot Table I or II with laws and model; return how much peak, slope ahead, best law and Eq. 18 change."""
     points, angle = table_points()
     chosen = [0, 1, 2, 3] if what == "pressure" else [4, 1, 5]
-    place = [(TABLE_PRESSURE_BAR if what == "pressure" else TABLE_LOAD_KG)[i] for i in chosen]
+    abscissa = [(TABLE_PRESSURE_BAR if what == "pressure" else TABLE_LOAD_KG)[i] for i in chosen]
     results = {result.name: result for result in compare(points, angle)}
     peaks, leans = [], []
     for i in chosen:
         sampled = _sampled(*_model(float(points.load_n[i]), float(points.pressure_pa[i])))
-        found = _slopes(*sampled)
-        peaks.append(found.values_rad[0])
-        leans.append(float(found.ahead_row @ sampled[0]))
+        slopes = _slopes(*sampled)
+        peaks.append(slopes.values_rad[0])
+        leans.append(float(slopes.ahead_row @ sampled[0]))
     # One coupling length is fitted to the slope ahead; that of the peak is the nominal one.
     scale = float(np.mean(np.radians([TABLE_ANGLE_DEG[i] for i in chosen]) / np.abs(leans)))
     plot = axes.plot  # type: ignore[attr-defined]
-    plot(place, [TABLE_ANGLE_DEG[i] for i in chosen], "ko", label="measured")
+    plot(abscissa, [TABLE_ANGLE_DEG[i] for i in chosen], "ko", label="measured")
     factors = []
     for values, label in (
         (np.array(peaks), "belt model, peak"),
@@ -280,7 +280,7 @@ def _against(what: str, axes: object) -> tuple[float, float, float, float]:
         (results[_BEST_LAW].fitted_rad[chosen], "K a/√p"),
         (results[_EQUATION_18].fitted_rad[chosen], "Eq. 18"),
     ):
-        plot(place, np.degrees(values), "x-", label=label)
+        plot(abscissa, np.degrees(values), "x-", label=label)
         ends = (values[0], values[-1]) if what == "pressure" else (values[-1], values[0])
         factors.append(float(ends[0] / ends[1]))
     return factors[0], factors[1], factors[2], factors[3]

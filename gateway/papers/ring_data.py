@@ -49,13 +49,13 @@ class Condition:
         wear_mm: reduction of the ring's thickness.
         ring: the true ring in equilibrium.
         average: average of the noisy revolutions.
-        found: (4,) Bs, Cw, Rs, Ts by estimator; NaN where it gives none.
+        estimates: (4,) Bs, Cw, Rs, Ts by estimator; NaN where it gives none.
     """
 
     wear_mm: float
     ring: RingSolution
     average: AngleAverage
-    found: Mapping[str, FloatArray]
+    estimates: Mapping[str, FloatArray]
 
     @property
     def half_angle_rad(self) -> float:
@@ -86,16 +86,16 @@ def condition(wear_mm: float, pressure_pa: float, load_n: float) -> Condition:
     seed = round(wear_mm * 10) * 10_000 + round(pressure_pa * 1e-4) * 100 + round(load_n * 1e-3)
     revolution, average = _averaged(solved, seed)
     stated = TireConditions(RADIUS_M, load_n, pressure_pa)
-    found = {}
+    estimates = {}
     for name in ESTIMATORS:
-        estimates = {e.name: e.value for e in make_estimator(name).update(revolution, average, stated)}
-        found[name] = np.array([estimates[number] for number in RING_NUMBERS])
-    return Condition(wear_mm, solved, average, found)
+        values = {e.name: e.value for e in make_estimator(name).update(revolution, average, stated)}
+        estimates[name] = np.array([values[number] for number in RING_NUMBERS])
+    return Condition(wear_mm, solved, average, estimates)
 
 
 def table_1() -> list[Condition]:
     """Return the 27 conditions of Table 1."""
-    return [condition(*place) for place in itertools.product(WEAR_MM, PRESSURES_PA, LOADS_N)]
+    return [condition(*parameters) for parameters in itertools.product(WEAR_MM, PRESSURES_PA, LOADS_N)]
 
 
 def new_tire() -> Condition:
@@ -115,7 +115,7 @@ def fitted_orders(tire: Condition) -> FloatArray:
     """Return the same coefficients by Eq. 27 with the numbers of Eq. 28, m."""
     return signal_orders(
         np.arange(1, ORDER_COUNT),
-        tire.found["ring-paper"].tolist(),
+        tire.estimates["ring-paper"].tolist(),
         load_n=tire.ring.load_n,
         pressure_pa=tire.ring.pressure_pa,
         radius_m=RADIUS_M,

@@ -76,10 +76,10 @@ def _fig_11(figure: Figure) -> str:
     axes.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
     axes.set(xlim=(0, 60), xlabel="standing-wave mode number n", ylabel="cosine coefficient of s / Ω², mm")
     axes.legend()
-    left = _relative_residual(measured, fitted)
-    ratios = tire.found["ring-paper"] / tire.truth
+    misfit = _relative_residual(measured, fitted)
+    ratios = tire.estimates["ring-paper"] / tire.truth
     return (
-        f"Reproduced: Eq. 27 fits the orders of an exact ring (5000 N, 2.1 bar, new) with a residual of {left:.0%}, "
+        f"Reproduced: Eq. 27 fits the orders of an exact ring (5000 N, 2.1 bar, new) with a residual of {misfit:.0%}, "
         f"the good fit that the paper reports. Yet the fitted Bs, Cw, Rs, Ts are {_listed(ratios)} of the true ones. A "
         "good fit of the orders does not make the numbers right: a loaded belt loses tension in the contact, and a "
         "linear ring does not."
@@ -121,10 +121,10 @@ def _fig_13(figure: Figure) -> str:
     axes.set(xlabel="wear number (h0 - h) / R", ylabel="bending stiffness number Bs, 10⁻³", ylim=(0, None))
     axes.legend()
     means = [
-        np.mean([tire.found["ring-paper"][0] for tire in grid if tire.wear_mm == wear])
+        np.mean([tire.estimates["ring-paper"][0] for tire in grid if tire.wear_mm == wear])
         for wear in sorted({tire.wear_mm for tire in grid})
     ]
-    worst = max(abs(tire.found["weak-form"][0] / tire.truth[0] - 1.0) for tire in grid)
+    worst = max(abs(tire.estimates["weak-form"][0] / tire.truth[0] - 1.0) for tire in grid)
     return (
         f"Reproduced: Bs falls with wear for every estimator (means of Eq. 28: {_listed(1e3 * np.array(means))}, times "
         "10⁻³). At constant wear Eq. 28 varies with load and pressure. The weak form stays within "
@@ -134,18 +134,18 @@ def _fig_13(figure: Figure) -> str:
 
 def _fig_14(figure: Figure) -> str:
     """Contact width number against pressure number."""
-    left, right = _two_tires(figure)
+    left_axes, right_axes = _two_tires(figure)
     grid = table_1()
     numbers = [_pressure_number(tire) for tire in grid]
-    _draw(left, grid, numbers, "Cw")
-    other = _draw_readings(right, "Cw")
-    for axes, places in ((left, numbers), (right, [one.pressure_number for one in readings(_OTHER)])):
+    _draw(left_axes, grid, numbers, "Cw")
+    other = _draw_readings(right_axes, "Cw")
+    for axes, places in ((left_axes, numbers), (right_axes, [reading.pressure_number for reading in readings(_OTHER)])):
         ends = np.array([min(places), max(places)])
         axes.plot(ends, ends, ":", color="0.5", label="slope 1 (Eq. 32)")
         axes.set(xlabel="pressure number Pn = Q / (2 p0 θr R²)", ylim=(0, None))
-    left.set_ylabel("contact width number Cw")
-    left.legend(fontsize=8.0)
-    paper, weak = (_trend(numbers, [tire.found[name][1] for tire in grid]) for name in ("ring-paper", "weak-form"))
+    left_axes.set_ylabel("contact width number Cw")
+    left_axes.legend(fontsize=8.0)
+    paper, weak = (_trend(numbers, [tire.estimates[name][1] for tire in grid]) for name in ("ring-paper", "weak-form"))
     return (
         "Not reproduced by a tire of constant width (left): the weak form estimates b as constant (slope "
         f"{weak[0]:+.3f}), and with Eq. 28 Cw falls with Pn (slope {paper[0]:+.2f}, r {paper[1]:+.2f}); in the paper "
@@ -167,22 +167,24 @@ def _fig_16(figure: Figure) -> str:
 
 
 def _against_angle(figure: Figure, number: str, label: str, in_paper: str) -> str:
-    left, right = _two_tires(figure)
+    left_axes, right_axes = _two_tires(figure)
     grid, index = table_1(), RING_NUMBERS.index(number)
     angles = [math.degrees(tire.half_angle_rad) for tire in grid]
-    _draw(left, grid, angles, number)
-    other = _draw_readings(right, number)
-    for axes in (left, right):
+    _draw(left_axes, grid, angles, number)
+    other = _draw_readings(right_axes, number)
+    for axes in (left_axes, right_axes):
         axes.set(xlabel="contact half angle, °", ylim=(0, None))
-    left.set_ylabel(label)
-    left.legend(fontsize=8.0)
+    left_axes.set_ylabel(label)
+    left_axes.legend(fontsize=8.0)
     truth = _trend(angles, [tire.truth[index] for tire in grid])
-    paper = _trend(angles, [tire.found["ring-paper"][index] for tire in grid])
-    error = np.array([tire.found["weak-form"][index] / tire.truth[index] - 1.0 for tire in grid])
-    found = "rises" if paper[0] > 0.0 else "falls"
-    verdict = "Reproduced, but not caused by the tire" if found == in_paper else "Not reproduced by a soft tread (left)"
+    paper = _trend(angles, [tire.estimates["ring-paper"][index] for tire in grid])
+    error = np.array([tire.estimates["weak-form"][index] / tire.truth[index] - 1.0 for tire in grid])
+    direction = "rises" if paper[0] > 0.0 else "falls"
+    verdict = (
+        "Reproduced, but not caused by the tire" if direction == in_paper else "Not reproduced by a soft tread (left)"
+    )
     return (
-        f"{verdict}: in the paper {number} {in_paper} with the contact angle; here the estimate of Eq. 28 {found} "
+        f"{verdict}: in the paper {number} {in_paper} with the contact angle; here the estimate of Eq. 28 {direction} "
         f"(r {paper[1]:+.2f}), while the true {number} changes with pressure only (r {truth[1]:+.2f} with the angle). "
         f"The weak form follows the truth within {np.sqrt(np.mean(error**2)):.1%} rms. {_other_tire(other)} A trend of "
         "Eq. 28 with the contact angle is no evidence of a trend in the tire."
@@ -194,32 +196,32 @@ _OTHER: Final = ASSUMPTIONS[-1]
 
 
 def _two_tires(figure: Figure) -> tuple[Axes, Axes]:
-    left, right = figure.subplots(1, 2, sharey=True)
-    left.set_title("constant width, tread 70 MN/m²", fontsize=9.0)
-    right.set_title("width of MF-Tyre, tread 150 MN/m²,\nedges at the steepest slope", fontsize=9.0)
-    return left, right
+    left_axes, right_axes = figure.subplots(1, 2, sharey=True)
+    left_axes.set_title("constant width, tread 70 MN/m²", fontsize=9.0)
+    right_axes.set_title("width of MF-Tyre, tread 150 MN/m²,\nedges at the steepest slope", fontsize=9.0)
+    return left_axes, right_axes
 
 
 def _draw_readings(axes: Axes, number: str) -> Trend:
     """Draw truth and estimates of the other tire; return the trend of Eq. 28."""
-    found, index = readings(_OTHER), RING_NUMBERS.index(number)
-    places = [one.pressure_number if number == "Cw" else math.degrees(one.half_angle_rad) for one in found]
+    series, index = readings(_OTHER), RING_NUMBERS.index(number)
+    places = [reading.pressure_number if number == "Cw" else math.degrees(reading.half_angle_rad) for reading in series]
     for name, values in (
-        ("truth", [one.solution.numbers[index] for one in found]),
-        ("ring-paper", [one.numbers[index] for one in found]),
-        ("weak-form", [one.weak_form[index] for one in found]),
+        ("truth", [reading.solution.numbers[index] for reading in series]),
+        ("ring-paper", [reading.numbers[index] for reading in series]),
+        ("weak-form", [reading.weak_form[index] for reading in series]),
     ):
         axes.plot(places, values, linestyle="none", alpha=0.85, **_STYLES[name])
-    return trend(number, found)
+    return trend(number, series)
 
 
-def _other_tire(found: Trend) -> str:
+def _other_tire(paper_trend: Trend) -> str:
     """Return the sentence on the right panel."""
-    worst = max(one.residual_share for one in readings(_OTHER))
+    worst = max(reading.residual_share for reading in readings(_OTHER))
     return (
         "Reproduced by Eq. 28 (right) where the tread is twice as stiff, so that the contact presses at its edges, the "
         "edges are taken at the steepest slope, and the width grows as in MF-Tyre (exponent "
-        f"{found.exponent:+.2f}, r {found.correlation:+.2f}, residual up to {worst:.0%})."
+        f"{paper_trend.exponent:+.2f}, r {paper_trend.correlation:+.2f}, residual up to {worst:.0%})."
     )
 
 
@@ -227,13 +229,13 @@ def _trends(figure: Figure) -> str:
     """Trends of Figs. 14 to 16 under each assumption."""
     panels = figure.subplots(1, len(IN_PAPER), sharey=True)
     places = -np.arange(len(ASSUMPTIONS))
-    found = [readings(assumption) for assumption in ASSUMPTIONS]
+    series = [readings(assumption) for assumption in ASSUMPTIONS]
     labels = {"Cw": "Cw over Pn (Fig. 14)", "Rs": "Rs over angle (Fig. 15)", "Ts": "Ts over angle (Fig. 16)"}
     for axes, (number, sign) in zip(panels, IN_PAPER.items(), strict=True):
-        by_eq_28 = [trend(number, one) for one in found]
-        weak = [trend(number, one, weak_form=True) for one in found]
+        by_eq_28 = [trend(number, tire_readings) for tire_readings in series]
+        weak = [trend(number, tire_readings, weak_form=True) for tire_readings in series]
         for name, values in (("ring-paper", by_eq_28), ("weak-form", weak)):
-            axes.plot([one.exponent for one in values], places, linestyle="none", **_STYLES[name])
+            axes.plot([line.exponent for line in values], places, linestyle="none", **_STYLES[name])
         axes.axvline(0.0, color="0.4", linewidth=0.8)
         low, high = axes.get_xlim()
         low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
@@ -245,11 +247,11 @@ def _trends(figure: Figure) -> str:
     panels[0].set_yticks(places, [assumption.name for assumption in ASSUMPTIONS], fontsize=8.0)
     panels[0].set(ylim=(places[-1] - 1.9, 0.6), ylabel="assumption")
     panels[0].legend(fontsize=7.0, loc="lower left")
-    base = found[0]
-    agreeing = [one.name for one, values in zip(ASSUMPTIONS, found, strict=True) if agrees(values)]
+    base = series[0]
+    agreeing = [assumption.name for assumption, values in zip(ASSUMPTIONS, series, strict=True) if agrees(values)]
     by_name = {
-        one.name: (trend("Cw", values).exponent, trend("Cw", values, weak_form=True).exponent)
-        for one, values in zip(ASSUMPTIONS, found, strict=True)
+        assumption.name: (trend("Cw", values).exponent, trend("Cw", values, weak_form=True).exponent)
+        for assumption, values in zip(ASSUMPTIONS, series, strict=True)
     }
     return (
         "Of the signs of the paper's trends, Eq. 28 on the tire of constant width gives none (exponents "
@@ -270,7 +272,7 @@ def _draw(
     """Draw truth and estimates; `spread` is the horizontal distance between estimators."""
     index = RING_NUMBERS.index(number)
     for shift, (name, style) in zip((0.0, -spread, spread), _STYLES.items(), strict=True):
-        values = [scale * (tire.truth if name == "truth" else tire.found[name])[index] for tire in grid]
+        values = [scale * (tire.truth if name == "truth" else tire.estimates[name])[index] for tire in grid]
         axes.plot(np.array(places) + shift, values, linestyle="none", alpha=0.85, **style)
 
 

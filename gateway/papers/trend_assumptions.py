@@ -172,14 +172,16 @@ IN_PAPER: Final = {"Cw": 1.0, "Rs": -1.0, "Ts": 1.0}
 @lru_cache(maxsize=16)
 def readings(assumption: Assumption) -> tuple[Reading, ...]:
     """Return the readings at the nine conditions, by pressure and load."""
-    return tuple(_reading(assumption, *place) for place in itertools.product(PRESSURES_PA, LOADS_N))
+    return tuple(
+        _reading(assumption, *pressure_and_load) for pressure_and_load in itertools.product(PRESSURES_PA, LOADS_N)
+    )
 
 
-def trend(number: str, found: Sequence[Reading], *, weak_form: bool = False) -> Trend:
+def trend(number: str, series: Sequence[Reading], *, weak_form: bool = False) -> Trend:
     """Return the trend of Eq. 28's number, or the weak form's: Cw over Pn, the others over the contact half angle."""
     index = RING_NUMBERS.index(number)
-    x = np.array([one.pressure_number if number == "Cw" else one.half_angle_rad for one in found])
-    y = np.array([(one.weak_form if weak_form else one.numbers)[index] for one in found])
+    x = np.array([reading.pressure_number if number == "Cw" else reading.half_angle_rad for reading in series])
+    y = np.array([(reading.weak_form if weak_form else reading.numbers)[index] for reading in series])
     positive = np.maximum(y, 1e-6 * float(np.abs(y).max()))
     return Trend(
         slope=float(np.polyfit(x, y, 1)[0]),
@@ -188,9 +190,9 @@ def trend(number: str, found: Sequence[Reading], *, weak_form: bool = False) -> 
     )
 
 
-def agrees(found: Sequence[Reading]) -> bool:
+def agrees(series: Sequence[Reading]) -> bool:
     """Return whether all three trends of Eq. 28 have the signs of the paper."""
-    return all(trend(number, found).correlation * sign > 0.0 for number, sign in IN_PAPER.items())
+    return all(trend(number, series).correlation * sign > 0.0 for number, sign in IN_PAPER.items())
 
 
 def edge_pressure(solution: RingSolution) -> float:
@@ -263,8 +265,8 @@ def _solved(ring: Callable[[float, float], RingParameters], load_n: float, press
 @lru_cache(maxsize=128)
 def _weak_form(ring: Callable[[float, float], RingParameters], load_n: float, pressure_pa: float) -> FloatArray:
     revolution, average = quiet_average(_solved(ring, load_n, pressure_pa))
-    found = make_estimator("weak-form").update(revolution, average, TireConditions(RADIUS_M, load_n, pressure_pa))
-    values = {estimate.name: estimate.value for estimate in found}
+    estimates = make_estimator("weak-form").update(revolution, average, TireConditions(RADIUS_M, load_n, pressure_pa))
+    values = {estimate.name: estimate.value for estimate in estimates}
     return np.array([values[number] for number in RING_NUMBERS])
 
 
