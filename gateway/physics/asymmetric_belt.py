@@ -99,8 +99,8 @@ def curvature_from_signal(signal: ComplexArray, offset: float) -> FloatArray:
         read = measured * (1.0 - offset * float(np.square(curvature).mean()))
         # The root that tends to `read` as the offset tends to 0; the maximum keeps an impossible peak from being NaN.
         curvature = 2.0 * read / (1.0 + np.sqrt(np.maximum(1.0 - 4.0 * offset * read, 0.0)))
-    found: FloatArray = WAVES @ curvature * (2.0 / STEPS) / float(curvature.mean())
-    return found
+    curvature_orders: FloatArray = WAVES @ curvature * (2.0 / STEPS) / float(curvature.mean())
+    return curvature_orders
 
 
 def asymmetric_shape(orders: FloatArray, level_rad: float) -> AsymmetricShape:
@@ -151,8 +151,8 @@ def integral(values: ComplexArray) -> ComplexArray:
     """Return the integral from theta = 0 of fields (..., STEPS); exact if they are band-limited."""
     spectrum = np.fft.fft(values, axis=-1)
     mean = spectrum[..., :1] / STEPS
-    found = np.fft.ifft(spectrum * _INVERSE, axis=-1)
-    result: ComplexArray = found - found[..., :1] + mean * ANGLES_RAD
+    antiderivative = np.fft.ifft(spectrum * _INVERSE, axis=-1)
+    result: ComplexArray = antiderivative - antiderivative[..., :1] + mean * ANGLES_RAD
     return result
 
 

@@ -95,8 +95,8 @@ def solve_brush_on_belt(
         sticking = diags_array((state == 0.0).astype(np.float64))
         sliding = diags_array(np.abs(state))
         system = block_array([[belt, push], [sticking @ follow, sticking @ chain + sliding]], format="csc")
-        found = splu(system).solve(np.concatenate([load_n, np.where(state == 0.0, creep, state * bound_m)]))
-        unknowns, deflection = found[:size], np.where(state == 0.0, found[size:], state * bound_m)
+        solution = splu(system).solve(np.concatenate([load_n, np.where(state == 0.0, creep, state * bound_m)]))
+        unknowns, deflection = solution[:size], np.where(state == 0.0, solution[size:], state * bound_m)
         # Deflection of each bristle if it stuck to the road, starting from its neighbour's deflection.
         trial = creep - follow @ unknowns + np.append(0.0, deflection[:-1])
         wanted = np.where(np.abs(trial) > bound_m, np.sign(trial), 0.0)

@@ -56,7 +56,7 @@ class Ply:
         """Return the plane-stress stiffness in the belt's axes, (3, 3), Pa, for (eps_x, eps_y, gamma_xy)."""
         minor = self.poisson_ratio * self.across_pa / self.along_pa
         denominator = 1.0 - self.poisson_ratio * minor
-        own = np.array(
+        cord_stiffness = np.array(
             [
                 [self.along_pa, self.poisson_ratio * self.across_pa, 0.0],
                 [self.poisson_ratio * self.across_pa, self.across_pa, 0.0],
@@ -66,7 +66,7 @@ class Ply:
         c, s = math.cos(self.angle_rad), math.sin(self.angle_rad)
         # Strain in the cords' axes from strain in the belt's axes, engineering shear.
         turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2.0 * c * s, 2.0 * c * s, c * c - s * s]])
-        result: FloatArray = turn.T @ own @ turn / denominator
+        result: FloatArray = turn.T @ cord_stiffness @ turn / denominator
         return result
 
 

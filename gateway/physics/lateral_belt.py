@@ -130,7 +130,7 @@ def solve_lateral_belt(
     if rolling:
         touching = np.flatnonzero(ring.in_contact)
         contact = np.arange(touching[0], touching[-1] + 1)
-        found, brush = solve_brush_on_belt(
+        unknowns, brush = solve_brush_on_belt(
             stiffness,
             load,
             np.arange(contact[0] - 1, contact[-1] + 1),
@@ -143,8 +143,8 @@ def solve_lateral_belt(
         deflection[contact] = brush.deflection_m
         sliding[contact] = brush.sliding
     else:
-        found = splu(stiffness).solve(load)
-    shape = found[:nodes]
+        unknowns = splu(stiffness).solve(load)
+    shape = unknowns[:nodes]
     first_derivative, second_derivative = angle_derivatives(shape.astype(np.complex128))
     force = belt.tread_stiffness_npm2 * step * deflection
     return LateralSolution(
@@ -179,12 +179,12 @@ def _assemble(ring: RingSolution, belt: LateralBelt, step: float) -> tuple[csc_a
     Linear elements with the shear evaluated at their middle, which avoids shear locking.
     """
     nodes = len(ring.theta_rad)
-    here = np.arange(nodes)
-    after = np.roll(here, -1)
+    node = np.arange(nodes)
+    after = np.roll(node, -1)
     change = 0.5 * (ring.curvature_pm + ring.curvature_pm[after]) - 1.0 / ring.ring.radius_m
     shear, tension = belt.shear_stiffness_n, ring_tension(ring)
     # Derivatives of each element's strains y' - psi, psi' and y' by its four unknowns.
-    unknowns = np.stack([here, after, nodes + here, nodes + after])
+    unknowns = np.stack([node, after, nodes + node, nodes + after])
     sheared = np.array([-1.0 / step, 1.0 / step, -0.5, -0.5])
     bent = np.array([0.0, 0.0, -1.0 / step, 1.0 / step])
     pulled = np.array([-1.0 / step, 1.0 / step, 0.0, 0.0])
@@ -196,7 +196,7 @@ def _assemble(ring: RingSolution, belt: LateralBelt, step: float) -> tuple[csc_a
     matrix = coo_array(
         (
             np.concatenate([blocks.ravel(), ground]),
-            (np.concatenate([rows.ravel(), here]), np.concatenate([columns.ravel(), here])),
+            (np.concatenate([rows.ravel(), node]), np.concatenate([columns.ravel(), node])),
         ),
         shape=(2 * nodes, 2 * nodes),
     ).tocsc()

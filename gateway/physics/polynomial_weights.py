@@ -18,7 +18,7 @@ def polynomial_weights(nodes: FloatArray, values: FloatArray | float) -> FloatAr
         (..., n).
     """
     # Row i of the differences, with its own entry replaced by 1, holds the factors of weight i.
-    own = np.eye(len(nodes), dtype=bool)
-    weights: FloatArray = np.where(own, 1.0, np.asarray(values)[..., None, None] - nodes).prod(axis=-1)
-    weights /= np.where(own, 1.0, nodes[:, None] - nodes).prod(axis=-1)
+    diagonal = np.eye(len(nodes), dtype=bool)
+    weights: FloatArray = np.where(diagonal, 1.0, np.asarray(values)[..., None, None] - nodes).prod(axis=-1)
+    weights /= np.where(diagonal, 1.0, nodes[:, None] - nodes).prod(axis=-1)
     return weights

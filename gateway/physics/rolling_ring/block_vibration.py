@@ -213,8 +213,8 @@ def _parts(belt: LoadedBelt) -> _Parts:
     nodes, dof = belt.state.shape
     length = law.radius_m * grid.step_rad
 
-    def tangent(at: BeltLaw) -> FloatArray:
-        return belt_balance(at, grid, belt.state, belt.height_m, belt.traction).blocks
+    def tangent(varied_law: BeltLaw) -> FloatArray:
+        return belt_balance(varied_law, grid, belt.state, belt.height_m, belt.traction).blocks
 
     rest = belt_balance(law, grid, belt.state, belt.height_m, belt.traction)
     inertia = tangent(replace(law, mass_kgpm=1.0)) - rest.blocks
@@ -233,7 +233,7 @@ def _parts(belt: LoadedBelt) -> _Parts:
         passing[1, 1 + offset : 6 + offset] += rate * bending @ turn
     for offset, weight in zip(range(-_STENCIL, _STENCIL + 1), _FIRST, strict=True):
         passing[2, _REACH + offset] += weight / grid.step_rad * tread[_STENCIL]
-    wide = [_widened(one) for one in (rest.blocks, inertia, sidewall, bending, tread)]
+    wide = [_widened(blocks) for blocks in (rest.blocks, inertia, sidewall, bending, tread)]
     losses = np.stack(wide[2:])
     by_node = np.stack([wide[1], *losses, *passing]).transpose(2, 0, 3, 1, 4)
     acting = by_node.reshape(nodes, by_node.shape[1] * dof, -1)
@@ -274,14 +274,14 @@ def _moving(radius_m: float, grid: Grid, count: float) -> tuple[ComplexArray, Co
     With it the second difference of the steady shape's inertia becomes one of fourth order. (7,) each, by neighbour.
     """
     length = radius_m * grid.step_rad
-    here = np.zeros(2 * _REACH + 1, dtype=np.complex128)
-    by_count = np.zeros_like(here)
+    weights = np.zeros(2 * _REACH + 1, dtype=np.complex128)
+    by_count = np.zeros_like(weights)
     near = slice(_REACH - _STENCIL, _REACH + _STENCIL + 1)
-    here[near] = length * (2j * count / grid.step_rad * _FIRST + _FOURTH / (12.0 * grid.step_rad**2))
+    weights[near] = length * (2j * count / grid.step_rad * _FIRST + _FOURTH / (12.0 * grid.step_rad**2))
     by_count[near] = length * (2j / grid.step_rad * _FIRST)
-    here[_REACH] += length * count**2
+    weights[_REACH] += length * count**2
     by_count[_REACH] += 2.0 * length * count
-    return here, by_count
+    return weights, by_count
 
 
 class _Solver:
@@ -303,11 +303,11 @@ class _Solver:
         """Return the solutions for right sides (k, N, d)."""
         from scipy.linalg.lapack import zgbtrs
 
-        half, place = self._layout.half, self._layout.unknown.reshape(-1)
+        half, unknown = self._layout.half, self._layout.unknown.reshape(-1)
         columns = np.empty((self._size, len(sides)), dtype=np.complex128, order="F")
-        columns[place] = sides.reshape(len(sides), -1).T
-        found, _ = zgbtrs(self._factors, half, half, columns, self._pivots, overwrite_b=True)
-        return np.ascontiguousarray(found[place].T).reshape(sides.shape)
+        columns[unknown] = sides.reshape(len(sides), -1).T
+        solutions, _ = zgbtrs(self._factors, half, half, columns, self._pivots, overwrite_b=True)
+        return np.ascontiguousarray(solutions[unknown].T).reshape(sides.shape)
 
 
 @lru_cache(maxsize=64)

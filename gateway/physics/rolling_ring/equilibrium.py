@@ -204,8 +204,8 @@ def solve_rolling_ring(
     _check(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m)
     law = _law(ring, load_n, pressure_pa, omega_radps, nodes, drum_radius_m, axle_torque_nm)
     grid = ring_grid(nodes)
-    found = find_equilibrium(law, grid, resting_state(law, grid) if start is None else _warm(law, grid, start))
-    return _solution(ring, law, grid, found, sensor_offset_m)
+    equilibrium = find_equilibrium(law, grid, resting_state(law, grid) if start is None else _warm(law, grid, start))
+    return _solution(ring, law, grid, equilibrium, sensor_offset_m)
 
 
 def nearby_solutions(
@@ -244,10 +244,13 @@ def nearby_solutions(
     grid, law = ring_grid(nodes), _law(solution.ring, *conditions, drum_radius_m, axle_torque_nm)
     laws = [_law(ring, *conditions, drum, torque) for ring, drum, torque in zip(rings, drums, torques, strict=True)]
     try:
-        found = first_order_changes(law, grid, _warm(law, grid, solution), laws)
+        equilibria = first_order_changes(law, grid, _warm(law, grid, solution), laws)
     except (FloatingPointError, np.linalg.LinAlgError) as error:
         raise RingNotConvergedError(f"no derivatives of the ring's equilibrium: {error}") from error
-    return [_solution(*one, sensor_offset_m) for one in zip(rings, laws, [grid] * len(laws), found, strict=True)]
+    return [
+        _solution(*arguments, sensor_offset_m)
+        for arguments in zip(rings, laws, [grid] * len(laws), equilibria, strict=True)
+    ]
 
 
 def loaded_belt(solution: RingSolution, drum_radius_m: float = math.inf) -> LoadedBelt:
@@ -262,8 +265,8 @@ def loaded_belt(solution: RingSolution, drum_radius_m: float = math.inf) -> Load
     nodes = len(solution.theta_rad)
     # Torque and load are met by the solution; the vibration is at a fixed height of the axle.
     law = _law(ring, solution.load_n, solution.pressure_pa, solution.omega_radps, nodes, drum_radius_m, None)
-    at = _warm(law, ring_grid(nodes), solution)
-    return LoadedBelt(law, at.state, at.height_m, -solution.longitudinal_force_n / solution.load_n)
+    equilibrium = _warm(law, ring_grid(nodes), solution)
+    return LoadedBelt(law, equilibrium.state, equilibrium.height_m, -solution.longitudinal_force_n / solution.load_n)
 
 
 def _law(
@@ -353,15 +356,17 @@ def _warm(law: BeltLaw, grid: Grid, start: RingSolution) -> NewtonState:
     return NewtonState(state, start.axle_height_m, traction, 0)
 
 
-def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState, offset_m: float) -> RingSolution:
+def _solution(
+    ring: RingParameters, law: BeltLaw, grid: Grid, equilibrium: NewtonState, offset_m: float
+) -> RingSolution:
     """Convert a Newton state into a solution."""
-    position = found.state[:, :2].copy()
-    road = road_push(law, grid, position, found.height_m, found.traction)
+    position = equilibrium.state[:, :2].copy()
+    road = road_push(law, grid, position, equilibrium.height_m, equilibrium.traction)
     theta = grid.theta_rad
     if law.dof == 3:
-        section = theta + found.state[:, 2]
-        turn = found.state[:, 2]
-        # Keep only the belt's own share of the section's turn from the tangent; the rest is the grid's.
+        section = theta + equilibrium.state[:, 2]
+        turn = equilibrium.state[:, 2]
+        # Use only the belt's share of the section's turn from the tangent; the rest is the grid's.
         share = law.shear_n / ring.shear_stiffness_n
         section = section - (1.0 - share) * _turn_from_tangent(position, section)
         curvature = (1.0 + (np.roll(turn, -1) - np.roll(turn, 1)) / (2.0 * grid.step_rad)) / law.radius_m
@@ -388,11 +393,11 @@ def _solution(ring: RingParameters, law: BeltLaw, grid: Grid, found: NewtonState
         in_contact=road.pressure_npm > 0.0,
         leading_edge_rad=leading,
         trailing_edge_rad=trailing,
-        axle_height_m=found.height_m,
+        axle_height_m=equilibrium.height_m,
         longitudinal_force_n=-length * float(road.force_npm[:, 0].sum()),
         axle_torque_nm=-length * float(lever.sum()),
         sensor=waveform,
-        iterations=found.iterations,
+        iterations=equilibrium.iterations,
     )
 
 
@@ -415,13 +420,13 @@ def _edges(theta: FloatArray, unclipped: FloatArray) -> tuple[float, float]:
 
 def _zero(values: FloatArray) -> float:
     """Return the zero, between 0 and 1, of the cubic through values at -1, 0, 1, 2; the value at 0 is positive."""
-    before, here, after, beyond = (float(value) for value in values)
+    before, origin, after, beyond = (float(value) for value in values)
     low, high = 0.0, 1.0
     for _ in range(40):
         x = 0.5 * (low + high)
         value = (
             -before * x * (x - 1.0) * (x - 2.0) / 6.0
-            + here * (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
+            + origin * (x + 1.0) * (x - 1.0) * (x - 2.0) / 2.0
             - after * (x + 1.0) * x * (x - 2.0) / 2.0
             + beyond * (x + 1.0) * x * (x - 1.0) / 6.0
         )

@@ -274,20 +274,20 @@ def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: Floa
         if rate:
             moment = moment + rate * (following(moment) - preceding(moment))
         shear = (moment - following(moment)) / length
-        own = 2.0 * stiffness / length
+        shear_slope = 2.0 * stiffness / length
     else:
         section = state[:, 2]
         slip = turn - 0.5 * (section + following(section))
         shear = law.shear_n * rest * slip / length
-        own = law.shear_n * rest / length
-    own_block = (
+        shear_slope = law.shear_n * rest / length
+    segment_block = (
         (law.extension_n / rest) * outer(tangent, tangent)
-        + outer(tension[:, None] * normal - shear[:, None] * tangent + own[:, None] * normal, turn_by)
+        + outer(tension[:, None] * normal - shear[:, None] * tangent + shear_slope[:, None] * normal, turn_by)
         - outer((shear / length)[:, None] * normal, tangent)
     )
     force = tension[:, None] * tangent + shear[:, None] * normal
     residual[:, :2] += force - preceding(force)
-    _add_by_span(blocks, 0, own_block)
+    _add_by_span(blocks, 0, segment_block)
     if law.dof == 2:
         # V_i by the turn of segment i + o, times the length.
         damped = stiffness * rate
@@ -320,19 +320,19 @@ def _add_belt_forces(law: BeltLaw, grid: Grid, state: FloatArray, residual: Floa
 
 
 def _around(blocks: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the views of the derivatives by the positions of the nodes before, here and after, (N, 2, 2) each."""
-    here = len(blocks) // 2
-    return blocks[here - 1, :, :2, :2], blocks[here, :, :2, :2], blocks[here + 1, :, :2, :2]
+    """Return the views of the derivatives by the positions of the previous, this and the next node, (N, 2, 2) each."""
+    centre = len(blocks) // 2
+    return blocks[centre - 1, :, :2, :2], blocks[centre, :, :2, :2], blocks[centre + 1, :, :2, :2]
 
 
 def _add_by_span(blocks: FloatArray, offset: int, slope: FloatArray) -> None:
     """Add what F_i - F_(i-1) gains when F_i changes by slope (N, 2, 2) times span_(i+o) = X_(i+o+1) - X_(i+o)."""
     flat = blocks[:, :, :2, :2]
-    here = len(blocks) // 2 + offset
+    index = len(blocks) // 2 + offset
     before = preceding(slope)
-    flat[here + 1] += slope
-    flat[here] -= slope + before
-    flat[here - 1] += before
+    flat[index + 1] += slope
+    flat[index] -= slope + before
+    flat[index - 1] += before
 
 
 def _add_pressure_and_inertia(
@@ -344,9 +344,9 @@ def _add_pressure_and_inertia(
     residual[:, :2] += (ahead - behind) @ push.T
     inertia = law.mass_kgpm * law.radius_m * law.omega_radps**2 / grid.step_rad
     residual[:, :2] -= inertia * (ahead - 2.0 * position + behind)
-    before, here, after = _around(blocks)
+    before, centre, after = _around(blocks)
     after += push - inertia * np.eye(2)
-    here += 2.0 * inertia * np.eye(2)
+    centre += 2.0 * inertia * np.eye(2)
     before -= push + inertia * np.eye(2)
 
 
@@ -354,7 +354,7 @@ def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: Floa
     """Add the elastic foundation on the rim: stiffens with deflection, damped in the rim's frame."""
     length = law.radius_m * grid.step_rad
     out = position - law.radius_m * grid.radial
-    before, here, after = _around(blocks)
+    before, centre, after = _around(blocks)
     for stiffness, damping, axis in (
         (law.radial_npm2, law.radial_damping_nspm2, grid.radial),
         (law.tangential_npm2, law.tangential_damping_nspm2, grid.along),
@@ -363,7 +363,7 @@ def _add_sidewall(law: BeltLaw, grid: Grid, position: FloatArray, residual: Floa
         u = np.einsum("ia,ia->i", out, axis)
         growth = law.stiffening_pm * np.abs(u)
         pull = stiffness * u * (1.0 + growth)
-        here -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
+        centre -= length * (stiffness * (1.0 + 2.0 * growth))[:, None, None] * outer(axis, axis)
         if rate:
             pull = pull + rate * (following(u) - preceding(u))
             after -= length * rate * outer(axis, following(axis))

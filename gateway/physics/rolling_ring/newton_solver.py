@@ -86,7 +86,9 @@ def _newton(law: BeltLaw, grid: Grid, start: NewtonState) -> NewtonState:
     raise RingNotConvergedError(f"still moving by {size:.1e} m after {_MAX_ITERATIONS} iterations")
 
 
-def first_order_changes(law: BeltLaw, grid: Grid, at: NewtonState, others: Sequence[BeltLaw]) -> list[NewtonState]:
+def first_order_changes(
+    law: BeltLaw, grid: Grid, equilibrium: NewtonState, others: Sequence[BeltLaw]
+) -> list[NewtonState]:
     """Return equilibria under laws that differ little from one whose equilibrium is known, to first order.
 
     One factorisation of the tangent stiffness serves all of them.
@@ -94,15 +96,22 @@ def first_order_changes(law: BeltLaw, grid: Grid, at: NewtonState, others: Seque
     Raises:
         FloatingPointError: the tangent stiffness is singular.
     """
-    here = belt_balance(law, grid, at.state, at.height_m, at.traction)
-    there = [belt_balance(other, grid, at.state, at.height_m, at.traction) for other in others]
+    balance = belt_balance(law, grid, equilibrium.state, equilibrium.height_m, equilibrium.traction)
+    balances = [
+        belt_balance(other, grid, equilibrium.state, equilibrium.height_m, equilibrium.traction) for other in others
+    ]
     changes, borders = solve_bordered(
-        here,
-        np.stack([here.residual - one.residual for one in there]),
-        np.stack([here.border - one.border for one in there]),
+        balance,
+        np.stack([balance.residual - changed.residual for changed in balances]),
+        np.stack([balance.border - changed.border for changed in balances]),
     )
     return [
-        NewtonState(at.state + change, at.height_m + border[0], at.traction + sum(border[1:]), at.iterations)
+        NewtonState(
+            equilibrium.state + change,
+            equilibrium.height_m + border[0],
+            equilibrium.traction + sum(border[1:]),
+            equilibrium.iterations,
+        )
         for change, border in zip(changes, borders.tolist(), strict=True)
     ]
 
@@ -129,8 +138,8 @@ class FoldedBand(NamedTuple):
 def folded_band(nodes: int, dof: int, reach: int) -> FoldedBand:
     """Return the layout for `nodes` nodes of `dof` unknowns, each coupled to `reach` neighbours on either side."""
     index = np.arange(nodes)
-    place = np.where(index < (nodes + 1) // 2, 2 * index, 2 * (nodes - 1 - index) + 1)
-    unknown = place[:, None] * dof + np.arange(dof)
+    position = np.where(index < (nodes + 1) // 2, 2 * index, 2 * (nodes - 1 - index) + 1)
+    unknown = position[:, None] * dof + np.arange(dof)
     half = 2 * reach * dof + dof - 1
     columns = np.stack([np.roll(unknown, -offset, axis=0) for offset in range(-reach, reach + 1)])
     row = unknown[None, :, :, None]
