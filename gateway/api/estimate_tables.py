@@ -22,8 +22,10 @@ from gateway.api.column_table import (
     utc_array,
 )
 from gateway.estimators.estimator import Status
+from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
 from gateway.nearest_name import did_you_mean
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
+from gateway.quantity_catalogue import quantity_of
 from gateway.types import BoolArray, FloatArray
 from gateway.views.wording import joined, text
 
@@ -84,6 +86,31 @@ class Estimates(ColumnTable):
             wanted_status = {Status(one).value for one in ([status] if isinstance(status, str) else status)}
             chosen &= np.isin(self.status.astype(str), sorted(wanted_status))
         return self._selected(chosen)
+
+    def mean(self, name: str, *, wheel: str | None = None) -> MeanEstimate:
+        """Return the mean of a quantity over its valid revolutions, with its uncertainty in the terms of JCGM 100.
+
+        The mean of the column is not it: revolutions share most of their error, which no averaging makes smaller.
+
+        Args:
+            name: of the quantity.
+            wheel: whose; None where the table has one wheel with this quantity.
+
+        Raises:
+            KeyError: the table has no such quantity or wheel, or no valid value of it.
+            ValueError: several wheels have it.
+        """
+        rows = self.select(name, wheel=wheel)
+        wheels = list(dict.fromkeys(rows.wheel.tolist()))
+        if len(wheels) > 1:
+            raise ValueError(f"'{name}' is that of several wheels: choose wheel, one of {', '.join(wheels)}")
+        mean = WeightedMean()
+        valid: BoolArray = (rows.status == Status.VALID.value) & np.isfinite(rows.value)
+        for value, std in zip(rows.value[valid].tolist(), rows.std[valid].tolist(), strict=True):
+            mean.add(value, std)
+        if not mean.count:
+            raise KeyError(f"no revolution of {wheels[0]} has a valid '{name}'")
+        return mean_estimate(mean, quantity_of(name).memory_revolutions)
 
     def plot(self, *names: str) -> Figure:
         """Return a matplotlib figure of quantities against time, with bands of their standard errors.

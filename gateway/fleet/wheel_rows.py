@@ -10,6 +10,7 @@ from dataclasses import asdict
 from typing import Final
 
 from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.weighted_mean import WeightedMean
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
@@ -22,58 +23,6 @@ _TAKEN: Final = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
 # Share of the revolutions that are valid where a row is, and scatter over the standard error that errors explain.
 _LEAST_VALID_SHARE: Final = 0.5
 _UNEXPLAINED: Final = 3.0
-
-
-class WeightedMean:
-    """Mean of values with standard errors, weighted by these, in constant memory.
-
-    Revolutions share most of their error: a running average, the belt radius, the load. Its standard error is therefore
-    the weighted mean of the errors, sum(w s) / sum(w) with w = 1 / s^2, as for errors that are fully correlated.
-
-    Attributes:
-        count: number of values.
-    """
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._weight = self._weighted = self._weighted_std = 0.0
-        self._mean = self._squares = 0.0
-        self._has_errors = True
-
-    def add(self, value: float, std: float) -> None:
-        """Take a finite value; one without a usable error makes the mean an unweighted one without error."""
-        self.count += 1
-        step = value - self._mean
-        self._mean += step / self.count
-        self._squares += step * (value - self._mean)
-        if std > 0.0 and math.isfinite(std):
-            weight = 1.0 / (std * std)
-            self._weight += weight
-            self._weighted += weight * value
-            self._weighted_std += weight * std
-        else:
-            self._has_errors = False
-
-    @property
-    def value(self) -> float | None:
-        """The mean, None without a value."""
-        if not self.count:
-            return None
-        found = self._weighted / self._weight if self._has_errors and self._weight > 0.0 else self._mean
-        return found if math.isfinite(found) else None
-
-    @property
-    def std(self) -> float | None:
-        """Standard error of the mean, None when it is not known."""
-        if not self.count or not self._has_errors or not self._weight > 0.0:
-            return None
-        found = self._weighted_std / self._weight
-        return found if math.isfinite(found) else None
-
-    @property
-    def scatter(self) -> float | None:
-        """Standard deviation between the values, None of less than two."""
-        return math.sqrt(self._squares / (self.count - 1)) if self.count > 1 else None
 
 
 class _Quantity:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 import math
@@ -158,6 +159,19 @@ def test_estimates_are_selected_by_status_and_wheel(recording):
         table.select("speed")
     with pytest.raises(ValueError, match="good"):
         table.select(status="good")
+
+
+def test_mean_is_of_the_valid_revolutions_of_one_wheel(recording):
+    table = recording.estimates()
+    speed = table.select("speed_mps", wheel="FL", status="valid")
+    mean = table.mean("speed_mps", wheel="FL")
+    assert mean.count == len(speed)
+    assert mean.value == pytest.approx(np.average(speed.value, weights=speed.std**-2.0))
+    assert speed.std.min() <= mean.constant_std <= mean.std
+    with pytest.raises(ValueError, match="several wheels"):
+        table.mean("speed_mps")
+    with pytest.raises(KeyError, match="no revolution of FL has a valid"):
+        dataclasses.replace(table, status=np.full(len(table), "provisional", object)).mean("speed_mps", wheel="FL")
 
 
 def test_other_estimators_are_chosen_at_the_call(recording):

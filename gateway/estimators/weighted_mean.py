@@ -1,0 +1,135 @@
+"""Mean of an estimate over revolutions, with its standard uncertainty in the terms of JCGM 100."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+class WeightedMean:
+    """Mean of values with standard errors, weighted by these, in constant memory.
+
+    Revolutions share most of their error: a running average, the belt radius, the load. Its standard error is therefore
+    the weighted mean of the errors, sum(w s) / sum(w) with w = 1 / s^2, as for errors that are fully correlated.
+
+    Attributes:
+        count: number of values.
+    """
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._weight = self._weighted = self._weighted_std = 0.0
+        self._mean = self._squares = 0.0
+        self._has_errors = True
+
+    def add(self, value: float, std: float) -> None:
+        """Take a finite value; one without a usable error makes the mean an unweighted one without error."""
+        self.count += 1
+        step = value - self._mean
+        self._mean += step / self.count
+        self._squares += step * (value - self._mean)
+        if std > 0.0 and math.isfinite(std):
+            weight = 1.0 / (std * std)
+            self._weight += weight
+            self._weighted += weight * value
+            self._weighted_std += weight * std
+        else:
+            self._has_errors = False
+
+    @property
+    def value(self) -> float | None:
+        """The mean, None without a value."""
+        if not self.count:
+            return None
+        mean = self._weighted / self._weight if self._has_errors and self._weight > 0.0 else self._mean
+        return mean if math.isfinite(mean) else None
+
+    @property
+    def std(self) -> float | None:
+        """Standard error of the mean, None when it is not known."""
+        if not self.count or not self._has_errors or not self._weight > 0.0:
+            return None
+        std = self._weighted_std / self._weight
+        return std if math.isfinite(std) else None
+
+    @property
+    def scatter(self) -> float | None:
+        """Standard deviation between the values, None of less than two."""
+        return math.sqrt(self._squares / (self.count - 1)) if self.count > 1 else None
+
+
+@dataclass(frozen=True, slots=True)
+class MeanEstimate:
+    """Mean of a quantity over revolutions.
+
+    Attributes:
+        value: weighted mean.
+        std: combined standard uncertainty of the mean.
+        constant_std: its part that averaging does not make smaller: the weighted mean of the errors of the revolutions,
+            which share nearly all of them (radius, load, gains, a running average).
+        scatter_std: its part from the scatter of the revolutions (type A), `scatter` over the root of `independent`.
+        scatter: standard deviation of one revolution.
+        count: number of revolutions.
+        independent: how many independent values these are; a running average hands on most of a value.
+        freedom: effective degrees of freedom of `std` (Welch and Satterthwaite, JCGM 100 G.4.1); infinite where the
+            shared part rules.
+    """
+
+    value: float
+    std: float
+    constant_std: float
+    scatter_std: float
+    scatter: float
+    count: int
+    independent: float
+    freedom: float
+
+    def expanded(self, probability: float = 0.95) -> tuple[float, float]:
+        """Return the expanded uncertainty of the mean, and its coverage factor.
+
+        Args:
+            probability: that the interval value +- uncertainty contains the quantity.
+
+        Returns:
+            (uncertainty, factor): the factor is Student's t of `freedom` (JCGM 100 G.3).
+
+        Raises:
+            ValueError: the probability is not within 0 and 1.
+        """
+        if not 0.0 < probability < 1.0:
+            raise ValueError(f"a coverage probability is within 0 and 1, not {probability}")
+        from scipy.stats import norm, t
+
+        tail = 0.5 * (1.0 + probability)
+        factor = float(t.ppf(tail, self.freedom) if math.isfinite(self.freedom) else norm.ppf(tail))
+        return factor * self.std, factor
+
+
+def mean_estimate(mean: WeightedMean, memory_revolutions: float = 0.0) -> MeanEstimate:
+    """Return the mean with its uncertainty.
+
+    Args:
+        mean: of at least one value.
+        memory_revolutions: time constant of the running average that the values come from, 0 without one.
+
+    Returns:
+        NaN for parts that are not known: without errors, or of a single value.
+    """
+    independent = max(mean.count / max(2.0 * memory_revolutions, 1.0), 1.0)
+    scatter = math.nan if mean.scatter is None else mean.scatter
+    constant_std = math.nan if mean.std is None else mean.std
+    scatter_std = scatter / math.sqrt(independent)
+    std = math.hypot(constant_std, 0.0 if math.isnan(scatter_std) else scatter_std)
+    freedom = math.inf
+    if independent > 1.0 and scatter_std > 0.0:
+        freedom = (std / scatter_std) ** 4 * (independent - 1.0)
+    return MeanEstimate(
+        value=math.nan if mean.value is None else mean.value,
+        std=std,
+        constant_std=constant_std,
+        scatter_std=scatter_std,
+        scatter=scatter,
+        count=mean.count,
+        independent=independent,
+        freedom=freedom,
+    )

@@ -1,0 +1,60 @@
+"""Mean over revolutions: which part of its uncertainty averaging makes smaller."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
+
+
+def mean_of(values: np.ndarray, std: float, memory: float = 0.0) -> MeanEstimate:
+    mean = WeightedMean()
+    for value in values.tolist():
+        mean.add(value, std)
+    return mean_estimate(mean, memory)
+
+
+def test_interval_contains_the_truth_as_often_as_stated() -> None:
+    """Values with an error that all share and one of each, ten at a time."""
+    rng = np.random.default_rng(5)
+    hits = {0.68: 0, 0.95: 0, 0.99: 0}
+    for _ in range(2000):
+        mean = mean_of(7.0 + rng.normal(0.0, 0.2) + rng.normal(0.0, 1.0, 10), 0.2)
+        for probability in hits:
+            hits[probability] += abs(mean.value - 7.0) < mean.expanded(probability)[0]
+    for probability, count in hits.items():
+        assert count / 2000 == pytest.approx(probability, abs=0.025)
+
+
+def test_shared_error_does_not_fall_with_the_number_of_revolutions() -> None:
+    rng = np.random.default_rng(1)
+    many = mean_of(rng.normal(3.0, 0.1, 10_000), 0.5)
+    assert many.constant_std == pytest.approx(0.5)
+    assert many.std == pytest.approx(0.5, rel=1e-3)
+    assert many.expanded(0.95)[1] == pytest.approx(1.96, abs=0.001)
+
+
+def test_running_average_counts_as_few_values() -> None:
+    """Values smoothed over 20 revolutions: the scatter of their mean over many series is what is stated."""
+    rng = np.random.default_rng(2)
+    memory, means, stated = 20.0, [], []
+    for _ in range(300):
+        smooth, series = rng.normal(0.0, math.sqrt(1.0 / 39.0)), []
+        for noise in rng.normal(0.0, 1.0, 1000).tolist():
+            smooth += (noise - smooth) / memory
+            series.append(smooth)
+        mean = mean_of(np.array(series), 1e-9, memory)
+        means.append(mean.value)
+        stated.append(mean.scatter_std)
+    assert np.median(stated) == pytest.approx(float(np.std(means)), rel=0.15)
+
+
+def test_a_single_value_has_its_own_error_and_no_scatter() -> None:
+    one = mean_of(np.array([2.0]), 0.3)
+    assert (one.value, one.std, one.count, one.freedom) == (2.0, 0.3, 1, math.inf)
+    assert math.isnan(one.scatter)
+    with pytest.raises(ValueError, match="within 0 and 1"):
+        one.expanded(95.0)
