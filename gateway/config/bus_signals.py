@@ -53,13 +53,13 @@ class VehicleSignals(Section):
         """Return the signals for the pipeline."""
         return tuple(
             SignalSetup(
-                one.quantity,
-                one.message,
-                one.signal,
-                one.wheel,
-                one.unit,
-                one.factor,
-                None if one.std_percent is None else one.std_percent * 1e-2,
+                signal.quantity,
+                signal.message,
+                signal.signal,
+                signal.wheel,
+                signal.unit,
+                signal.factor,
+                None if signal.std_percent is None else signal.std_percent * 1e-2,
             )
-            for one in self.signal
+            for signal in self.signal
         )

@@ -135,8 +135,8 @@ def _axles(data: Mapping[str, Any], wheels: list[tuple[int, Mapping[str, Any]]])
                 continue
             if name not in by_position:
                 guess = nearest(name, by_position)
-                known = ", ".join(by_position) or "none"
-                allowed = f"no wheel has this position; {f'did you mean {guess}?' if guess else f'known: {known}'}"
+                positions = ", ".join(by_position) or "none"
+                allowed = f"no wheel has this position; {f'did you mean {guess}?' if guess else f'known: {positions}'}"
                 yield Fault(key, show(name), allowed)
             elif "load_n" in by_position[name]:
                 yield Fault(

@@ -38,16 +38,16 @@ Range = tuple[float, float]
 
 # Differences with which subtracting would be wrong, and what they are.
 _REFUSED: Final[Mapping[Code, Callable[[Reason], str]]] = {
-    Code.EFFECTS_OF_OTHER_OFFSET: lambda found: (
-        f"were found with the sensor {_mm(found['found_m'])} mm below the neutral layer, but the configuration states "
-        f"{_mm(found['offset_m'])} mm"
+    Code.EFFECTS_OF_OTHER_OFFSET: lambda reason: (
+        f"were found with the sensor {_mm(reason['found_m'])} mm below the neutral layer, but the configuration states "
+        f"{_mm(reason['offset_m'])} mm"
     ),
-    Code.EFFECTS_OF_OTHER_RADIUS: lambda found: (
-        f"were found with a belt radius of {_mm(found['found_m'])} mm, but the configuration states "
-        f"{_mm(found['radius_m'])} mm"
+    Code.EFFECTS_OF_OTHER_RADIUS: lambda reason: (
+        f"were found with a belt radius of {_mm(reason['found_m'])} mm, but the configuration states "
+        f"{_mm(reason['radius_m'])} mm"
     ),
-    Code.EFFECTS_OF_OTHER_SENSOR: lambda found: (
-        f"belong to sensor {found['found_on']}, but the configuration names {found['sensor']}"
+    Code.EFFECTS_OF_OTHER_SENSOR: lambda reason: (
+        f"belong to sensor {reason['found_on']}, but the configuration names {reason['sensor']}"
     ),
 }
 
@@ -96,9 +96,9 @@ class _EffectsFile(Section):
         cosine, sine = np.array(table.cosine_mps2, dtype=np.float64), np.array(table.sine_mps2, dtype=np.float64)
         if cosine.shape != sine.shape:
             raise ValueError(f"table: the shapes of cosine_mps2 {cosine.shape} and sine_mps2 {sine.shape} differ")
-        for name, found in self.valid:
-            if found is not None and not found[0] <= found[1]:
-                raise ValueError(f"valid.{name}: {found[0]:g} to {found[1]:g} is not a range")
+        for name, limits in self.valid:
+            if limits is not None and not limits[0] <= limits[1]:
+                raise ValueError(f"valid.{name}: {limits[0]:g} to {limits[1]:g} is not a range")
         return CorrectionTable(
             position=self.wheel,
             omega_radps=np.array(table.omega_radps, dtype=np.float64),
@@ -107,8 +107,13 @@ class _EffectsFile(Section):
                 CorrectedEffect(
                     effect.name,
                     tuple(
-                        EffectParameter(one.name, one.value, math.nan if one.std is None else one.std, one.unit)
-                        for one in effect.parameters
+                        EffectParameter(
+                            parameter.name,
+                            parameter.value,
+                            math.nan if parameter.std is None else parameter.std,
+                            parameter.unit,
+                        )
+                        for parameter in effect.parameters
                     ),
                 )
                 for effect in self.effects
@@ -153,12 +158,12 @@ def effects_text(table: CorrectionTable) -> str:
                 "name": effect.name,
                 "parameters": [
                     {
-                        "name": one.name,
-                        "value": rounded(one.value),
-                        "std": rounded(one.std) if math.isfinite(one.std) else None,
-                        "unit": one.unit,
+                        "name": parameter.name,
+                        "value": rounded(parameter.value),
+                        "std": rounded(parameter.std) if math.isfinite(parameter.std) else None,
+                        "unit": parameter.unit,
                     }
-                    for one in effect.parameters
+                    for parameter in effect.parameters
                 ],
             }
             for effect in table.effects
@@ -219,9 +224,9 @@ def check_effects(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | No
     for table in tables:
         name = table.position
         if vehicle is None or name not in wheels:
-            known = f"the configuration has {', '.join(wheels)}" if wheels else "there is no configuration"
+            configured = f"the configuration has {', '.join(wheels)}" if wheels else "there is no configuration"
             raise ConfigError(
-                f"the effects belong to wheel {name}, but {known}",
+                f"the effects belong to wheel {name}, but {configured}",
                 "Give the configuration of the diagnosis with --config.",
             )
         if name in seen:
@@ -253,8 +258,8 @@ def _differences(table: CorrectionTable, vehicle: VehicleConfig) -> tuple[Reason
 
 def with_effects(setups: Iterable[WheelSetup], tables: Sequence[CorrectionTable]) -> tuple[WheelSetup, ...]:
     """Return the wheels, each with the table of its effects where there is one."""
-    known = {table.position: table for table in tables}
-    return tuple(replace(setup, correction=known.get(setup.position)) for setup in setups)
+    by_position = {table.position: table for table in tables}
+    return tuple(replace(setup, correction=by_position.get(setup.position)) for setup in setups)
 
 
 def effects_doubts(tables: Sequence[CorrectionTable], vehicle: VehicleConfig | None) -> list[Notice]:

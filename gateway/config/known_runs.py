@@ -65,12 +65,12 @@ def _faults(data: Mapping[str, Any]) -> Iterator[Fault]:
                 )
 
 
-def _overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+def _overlap(run: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
     """Return whether two runs have revolutions in common, which would count twice."""
-    if any(one.get(key) != other.get(key) for key in ("recording", "wheel")):
+    if any(run.get(key) != other.get(key) for key in ("recording", "wheel")):
         return False
-    begin, begin_other = one.get("from_s", 0.0), other.get("from_s", 0.0)
-    end, end_other = one.get("to_s", math.inf), other.get("to_s", math.inf)
+    begin, begin_other = run.get("from_s", 0.0), other.get("from_s", 0.0)
+    end, end_other = run.get("to_s", math.inf), other.get("to_s", math.inf)
     if not all(isinstance(time, int | float) for time in (begin, begin_other, end, end_other)):
         return False
     return bool(max(begin, begin_other) < min(end, end_other))

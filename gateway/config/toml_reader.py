@@ -55,14 +55,14 @@ def parse_toml(text: str, origin: str) -> dict[str, Any]:
 
 def _check(document: dict[str, Any], origin: str) -> None:
     """Check depth and integers without recursion, which a deep document would exhaust."""
-    left: list[tuple[Any, int, str]] = [(document, 0, "")]
-    while left:
-        value, depth, key = left.pop()
+    pending: list[tuple[Any, int, str]] = [(document, 0, "")]
+    while pending:
+        value, depth, key = pending.pop()
         if isinstance(value, dict | list):
             if depth > _MAX_DEPTH:
                 raise _too_deep(origin)
             parts = value.items() if isinstance(value, dict) else ((key, part) for part in value)
-            left += [(part, depth + 1, name) for name, part in parts]
+            pending += [(part, depth + 1, name) for name, part in parts]
         elif isinstance(value, int) and value not in _INTEGERS:
             raise ConfigError(
                 f"{origin}: not valid TOML: the number of '{key}' needs more than 64 bits", "Correct the number."
@@ -76,5 +76,5 @@ def _too_deep(origin: str, where: str = "") -> ConfigError:
     )
 
 
-def _line(text: str, at: int) -> int:
-    return text.count("\n", 0, at) + 1
+def _line(text: str, offset: int) -> int:
+    return text.count("\n", 0, offset) + 1

@@ -40,17 +40,17 @@ class Fault:
 
     Attributes:
         key: dotted key.
-        found: the value as TOML shows it, None when it is missing.
+        value: the value as TOML shows it, None when it is missing.
         problem: what is wrong, or what is allowed.
     """
 
     key: str
-    found: str | None
+    value: str | None
     problem: str
 
     def __str__(self) -> str:
         """Return `key: value found, problem`, or `key: missing, problem`."""
-        return f"{self.key}: {'missing' if self.found is None else f'{self.found} found'}, {self.problem}"
+        return f"{self.key}: {'missing' if self.value is None else f'{self.value} found'}, {self.problem}"
 
 
 # Unit suffix of a key -> (factor, unit): if value * factor is allowed, the user probably wrote it in that unit.
@@ -125,8 +125,10 @@ def parse_document(
     except ValidationError as error:
         # A fault without location comes from the model's own call of the checks across keys; `more` reports it better.
         # "too short" counts only the valid items of a list, so it is reported only if the list is empty.
-        found = [item for item in error.errors() if item["loc"] and not (item["type"] == "too_short" and item["input"])]
-        faults += [_fault(model, data, dict(item)) for item in found[: _LISTED_FAULTS + 1]]
+        reported = [
+            item for item in error.errors() if item["loc"] and not (item["type"] == "too_short" and item["input"])
+        ]
+        faults += [_fault(model, data, dict(item)) for item in reported[: _LISTED_FAULTS + 1]]
     faults += itertools.islice(more(data), _LISTED_FAULTS)
     if parsed is None or faults:
         lines = list(dict.fromkeys(f"{origin}: {fault}" for fault in faults))
@@ -199,7 +201,7 @@ def model_in(annotation: object) -> type[BaseModel] | None:
     """Return the model of a table within an annotation, such as `Tire | None` or `tuple[Wheel, ...]`."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    return next((found for part in get_args(annotation) if (found := model_in(part))), None)
+    return next((model for part in get_args(annotation) if (model := model_in(part))), None)
 
 
 def _bounds(field: FieldInfo) -> tuple[float | None, float | None, bool]:
