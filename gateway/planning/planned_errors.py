@@ -254,10 +254,10 @@ def _truths(truth: WheelTruth, wear_mm: float) -> dict[str, float]:
 def _errors(drives: Sequence[Sequence[RevolutionResult]], truths: Mapping[str, float]) -> Iterator[PlannedError]:
     for name, truth in truths.items():
         for count in AFTER:
-            found = [given for drive in drives if (given := _estimate(drive, name, count)) is not None]
-            if len(found) < 2:
+            estimates = [given for drive in drives if (given := _estimate(drive, name, count)) is not None]
+            if len(estimates) < 2:
                 continue
-            values = np.array([value for value, _, _ in found])
+            values = np.array([value for value, _, _ in estimates])
             scatter = float(values.std(ddof=1))
             yield PlannedError(
                 quantity=name,
@@ -265,10 +265,10 @@ def _errors(drives: Sequence[Sequence[RevolutionResult]], truths: Mapping[str, f
                 scatter=scatter,
                 stays=float(values.mean()) - truth,
                 stays_std=scatter / math.sqrt(len(values)),
-                stated=float(np.median([std for _, std, _ in found])),
+                stated=float(np.median([std for _, std, _ in estimates])),
                 truth=truth,
                 wheels=len(values),
-                valid_share=sum(valid for _, _, valid in found) / len(found),
+                valid_share=sum(valid for _, _, valid in estimates) / len(estimates),
             )
 
 

@@ -92,12 +92,12 @@ class Ledger:
     def counter(self, identity: str, check_value: str) -> Counter:
         """Return the counter of a sensor or hub under the key with this check value; changes to it are kept here."""
         name = _entry(identity, check_value)
-        found = self._counters.get(name)
-        if found is None:
+        counter = self._counters.get(name)
+        if counter is None:
             # Files of earlier versions name the identity alone.
             saved = max(self._saved.get(name, -1), self._saved.get(identity, -1))
-            found = self._counters[name] = Counter(saved)
-        return found
+            counter = self._counters[name] = Counter(saved)
+        return counter
 
     def highest(self) -> dict[str, int]:
         """Return the counters as they are now, for `save`."""
@@ -137,11 +137,11 @@ class Ledger:
         if self._path is None:
             return
         with locked(self._path):
-            there = _read(self._path)
-            kept = {name: highest for name, highest in there.items() if not _is_of(name, identity)}
-            if kept != there:
-                write_private(self._path, _text(kept))
-        self._saved = kept
+            saved = _read(self._path)
+            remaining = {name: highest for name, highest in saved.items() if not _is_of(name, identity)}
+            if remaining != saved:
+                write_private(self._path, _text(remaining))
+        self._saved = remaining
 
 
 def _entry(identity: str, check_value: str) -> str:

@@ -69,7 +69,7 @@ _CODES: Final = {
 }
 
 
-class Place(NamedTuple):
+class ConfiguredWheel(NamedTuple):
     """A wheel of the configuration.
 
     Attributes:
@@ -134,10 +134,10 @@ class _Sender:
         (seq,) = _SEQ.unpack_from(frame, 8)
         if self.verifier.boot_count < self.counter.boot_count:
             return Verdict.EARLIER_START
-        found = self.counter.take(self.verifier.boot_count << 32 | seq)
-        if found is Freshness.SEEN:
+        freshness = self.counter.take(self.verifier.boot_count << 32 | seq)
+        if freshness is Freshness.SEEN:
             return Verdict.REPLAYED
-        return Verdict.TOO_LATE if found is Freshness.OLD else Verdict.VERIFIED
+        return Verdict.TOO_LATE if freshness is Freshness.OLD else Verdict.VERIFIED
 
 
 class Guard:
@@ -151,7 +151,7 @@ class Guard:
 
     def __init__(
         self,
-        places: Mapping[tuple[int, int], Place],
+        wheels: Mapping[tuple[int, int], ConfiguredWheel],
         keys: Mapping[str, Key],
         ledger: Ledger,
         *,
@@ -160,30 +160,32 @@ class Guard:
         """Set up the checks.
 
         Args:
-            places: wheels of the configuration by hub and wheel number.
+            wheels: wheels of the configuration by hub and wheel number.
             keys: by identity of sensor or hub.
             ledger: counters; saved by the caller.
             requires: whether to refuse frames that are not verified.
         """
         self.requires = requires
         self.ledger = ledger
-        self.places = places
-        self.owners = {place.sensor: place.position for place in places.values() if place.sensor is not None}
+        self.wheels = wheels
+        self.owners = {
+            configured.sensor: configured.position for configured in wheels.values() if configured.sensor is not None
+        }
         self._keys = keys
         self._check_values = {identity: key.check_value() for identity, key in keys.items()}
         self._notices: list[Notice] = []
         self._gates: dict[str, LinkGate] = {}
         missing = Code.KEY_MISSING_FRAMES_IGNORED if requires else Code.KEY_MISSING_FRAMES_NOT_VERIFIED
-        for place in places.values():
-            if place.sensor is not None and place.sensor not in keys:
-                self.report(Notice(place.position, Reason(missing, sensor=place.sensor), Level.WARNING))
+        for configured in wheels.values():
+            if configured.sensor is not None and configured.sensor not in keys:
+                self.report(Notice(configured.position, Reason(missing, sensor=configured.sensor), Level.WARNING))
 
     def gate(self, link: str) -> LinkGate:
         """Return the gate of a link, one per name."""
-        found = self._gates.get(link)
-        if found is None:
-            found = self._gates[link] = LinkGate(self, link)
-        return found
+        gate = self._gates.get(link)
+        if gate is None:
+            gate = self._gates[link] = LinkGate(self, link)
+        return gate
 
     def sender(self, identity: str, boot_count: int) -> _Sender | None:
         """Return a sensor or hub in one of its starts, None without its key."""
@@ -283,25 +285,25 @@ class LinkGate:
         return Verdict.EARLY
 
     def _note_earlier(self, source: bytes, sender: _Sender, hub: str) -> None:
-        known = self._earlier_starts.get(source)
-        if known is None or hub:
+        earlier_start = self._earlier_starts.get(source)
+        if earlier_start is None or hub:
             self._earlier_starts[source] = _EarlierStart(
                 sender.identity, hub, sender.verifier.boot_count, sender.counter.boot_count
             )
 
     def _presumed(self, source: bytes) -> _Sender | None:
         """Return the sender there in former sessions, as far as the configuration names it."""
-        place = self._guard.places.get((source[0], source[1]))
-        if place is None or place.sensor is None:
+        configured = self._guard.wheels.get((source[0], source[1]))
+        if configured is None or configured.sensor is None:
             return None
-        latest = self._guard.counter(place.sensor).boot_count
-        return self._guard.sender(place.sensor, latest) if latest >= 0 else None
+        latest = self._guard.counter(configured.sensor).boot_count
+        return self._guard.sender(configured.sensor, latest) if latest >= 0 else None
 
     def _hello(self, source: bytes, frame: bytes) -> Verdict:
         if frame[wire.VERSION_OFFSET] != wire.VERSION_BYTE or frame[wire.LENGTH_OFFSET] != _HELLO_BYTES:
             # Of a layout that this version cannot read: it introduces no sender.
-            known = self._senders.get(source)
-            return Verdict.EARLY if known is None else known.judge(frame)
+            previous = self._senders.get(source)
+            return Verdict.EARLY if previous is None else previous.judge(frame)
         hub_id, sensor_id, boot_count = _HELLO_IDS.unpack_from(frame, _HELLO_IDS_AT)
         identity = sensor_identity(sensor_id)
         sender = self._senders.get(source)
@@ -313,8 +315,8 @@ class LinkGate:
             return Verdict.NO_KEY
         if not sender.verifier.is_genuine(frame):
             return Verdict.FORGED
-        place = self._guard.places.get((source[0], source[1]))
-        if place is None or place.sensor not in (None, identity):
+        configured = self._guard.wheels.get((source[0], source[1]))
+        if configured is None or configured.sensor not in (None, identity):
             self._unknown[source] = identity
             sender.refused = Verdict.NOT_ADMITTED
             if source not in self._senders or self._senders[source].refused:
@@ -334,8 +336,8 @@ class LinkGate:
 
     def _introduce_hub(self, source: bytes, identity: str, boot_count: int) -> None:
         """Learn the identity of the hub from a genuine hello of its sensor."""
-        known = self._senders.get(source)
-        if known is not None and known.identity == identity and known.verifier.boot_count == boot_count:
+        previous = self._senders.get(source)
+        if previous is not None and previous.identity == identity and previous.verifier.boot_count == boot_count:
             return
         sender = self._guard.sender(identity, boot_count)
         if sender is None:
@@ -374,15 +376,17 @@ class _RefusalReports:
             return
         self._due[key] = number * _REPEAT_FACTOR
         hub, wheel = source
-        place = self._guard.places.get((hub, wheel))
-        at = place.position if place else f"hub {hub}" + ("" if wheel == HUB_ITSELF else f" wheel {wheel}")
+        configured = self._guard.wheels.get((hub, wheel))
+        subject = (
+            configured.position if configured else f"hub {hub}" + ("" if wheel == HUB_ITSELF else f" wheel {wheel}")
+        )
         consequence = Reason(Code.FRAMES_USED if passes else Code.FRAMES_IGNORED)
-        reason = self._reason(place, verdict, claimed, number, earlier, consequence)
-        self._guard.report(Notice(f"{self._link}, {at}", reason, Level.SECURITY))
+        reason = self._reason(configured, verdict, claimed, number, earlier, consequence)
+        self._guard.report(Notice(f"{self._link}, {subject}", reason, Level.SECURITY))
 
     def _reason(
         self,
-        place: Place | None,
+        configured: ConfiguredWheel | None,
         verdict: Verdict,
         claimed: str | None,
         count: int,
@@ -391,10 +395,10 @@ class _RefusalReports:
     ) -> Reason:
         if verdict is Verdict.EARLIER_START and earlier is not None:
             signer = _signer(earlier.identity)
-            at = Reason(Code.SIGNER_AT_HUB, signer=signer, hub=earlier.hub) if earlier.hub else signer
+            origin = Reason(Code.SIGNER_AT_HUB, signer=signer, hub=earlier.hub) if earlier.hub else signer
             return Reason(
                 Code.FRAME_EARLIER_START,
-                signer=at,
+                signer=origin,
                 start=earlier.start,
                 latest=earlier.latest,
                 identity=earlier.identity,
@@ -411,10 +415,10 @@ class _RefusalReports:
             return Reason(
                 Code.SENSOR_NOT_ADMITTED_SWAPPED, sensor=sensor, owner=owner, count=count, consequence=consequence
             )
-        if place is None or place.sensor is None:
+        if configured is None or configured.sensor is None:
             return Reason(Code.SENSOR_NOT_ADMITTED_UNCONFIGURED, sensor=sensor, count=count, consequence=consequence)
         return Reason(
-            Code.SENSOR_NOT_ADMITTED, sensor=sensor, expected=place.sensor, count=count, consequence=consequence
+            Code.SENSOR_NOT_ADMITTED, sensor=sensor, expected=configured.sensor, count=count, consequence=consequence
         )
 
 
@@ -450,14 +454,14 @@ def open_guard(vehicle: VehicleConfig | None, key_file: Path | None, *, remember
     for key in keys.values():
         begin_mac(key)  # raises now, rather than at the first frame, when the package is missing
         break
-    places = {
-        (wheel.hub, wheel.wheel): Place(
+    wheels = {
+        (wheel.hub, wheel.wheel): ConfiguredWheel(
             wheel.position, None if wheel.sensor_number is None else sensor_identity(wheel.sensor_number)
         )
         for wheel in vehicle.wheel
     }
     ledger = Ledger(counters_file(path) if remembers else None)
-    guard = Guard(places, keys, ledger, requires=vehicle.security.policy is Policy.REQUIRE)
+    guard = Guard(wheels, keys, ledger, requires=vehicle.security.policy is Policy.REQUIRE)
     if not keys:
         guard.report(Notice("", Reason(Code.NO_KEYS, file=str(path)), Level.WARNING))
     return guard

@@ -139,10 +139,10 @@ class KeyFile:
         write_private(self.path, _HEADER + "".join(lines))
 
     def _refuse_known(self, identities: list[str], *, replace: bool) -> None:
-        known = [identity for identity in identities if identity in self.keys]
-        if known and not replace:
+        present = [identity for identity in identities if identity in self.keys]
+        if present and not replace:
             raise SecurityError(
-                f"'{self.path}' already has a key for {', '.join(known)}",
+                f"'{self.path}' already has a key for {', '.join(present)}",
                 "Nothing was changed. --replace stores the new key instead; the old one is then lost.",
             )
 
@@ -164,7 +164,7 @@ def parse_keys(text: str, origin: str) -> Iterator[tuple[str, Key]]:
     Raises:
         SecurityError: it names the first invalid line, but not its content, which may be a key.
     """
-    known: set[str] = set()
+    identities: set[str] = set()
     for number, line in enumerate(text.splitlines(), 1):
         content = line.partition("#")[0].strip()
         if not content:
@@ -176,9 +176,9 @@ def parse_keys(text: str, origin: str) -> Iterator[tuple[str, Key]]:
                 "A line is the serial number of a sensor (up to 8 hexadecimal digits) or hub (16), and its key (32).",
             )
         identity = parse_identity(match[1])
-        if identity in known:
+        if identity in identities:
             raise SecurityError(f"{origin}, line {number}: {identity} has a key already", "Keep one of them.")
-        known.add(identity)
+        identities.add(identity)
         yield identity, Key(bytes.fromhex(match[2]))
 
 

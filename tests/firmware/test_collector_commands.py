@@ -25,7 +25,7 @@ from firmware_protocol.messages import (
 )
 from gateway.security.cmac import Key
 from gateway.security.freshness import Ledger
-from gateway.security.guard import Guard, Place
+from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.simulator.firmware import bench_records
 from gateway.simulator.firmware.bench_records import Kind, record
@@ -73,7 +73,10 @@ def test_signed_frames_pass_the_guard(run: Run) -> None:
         sensor_identity(0xA001): Key(SENSOR_KEY),
         sensor_identity(0xA002): Key(bytes(16)),
     }
-    places = {(0, 0): Place("FL", sensor_identity(0xA001)), (0, 1): Place("FR", sensor_identity(0xA002))}
+    places = {
+        (0, 0): ConfiguredWheel("FL", sensor_identity(0xA001)),
+        (0, 1): ConfiguredWheel("FR", sensor_identity(0xA002)),
+    }
     guard = Guard(places, keys, Ledger(), requires=True)
     decoder = FrameDecoder(guard.gate("link"))
     frames = decoder.feed(data)

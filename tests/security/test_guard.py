@@ -13,7 +13,7 @@ from firmware_protocol.messages import HUB_ITSELF
 from gateway.reasons import Code, Level, Reason
 from gateway.security.cmac import Key
 from gateway.security.freshness import WINDOW, Ledger
-from gateway.security.guard import Guard, Place, Verdict
+from gateway.security.guard import ConfiguredWheel, Guard, Verdict
 from gateway.security.key_file import counters_file, hub_identity
 from gateway.views.wording import notice_text
 from tools.generators.security_attacks import (
@@ -273,7 +273,9 @@ def test_unknown_sensor_is_ignored_until_admitted() -> None:
     (notice,) = with_key.take_notices()
     assert notice.reason.code is Code.SENSOR_NOT_ADMITTED
     assert (notice.reason["sensor"], notice.reason["expected"]) == ("0000beef", "0000a001")
-    admitted = Guard({(0, 0): Place("FL", "0000beef")}, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True)
+    admitted = Guard(
+        {(0, 0): ConfiguredWheel("FL", "0000beef")}, {**KEYS, "0000beef": KEYS["0000a001"]}, Ledger(), requires=True
+    )
     assert all(map(admitted.gate("link"), [unknown.hello(), unknown.samples()]))
 
 

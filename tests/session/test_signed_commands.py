@@ -28,7 +28,7 @@ from gateway.io.source import Chunk, open_source
 from gateway.reasons import Code
 from gateway.security.cmac import Key, mac
 from gateway.security.freshness import Ledger
-from gateway.security.guard import Guard, Place
+from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.key_file import hub_identity, sensor_identity
 from gateway.session.command_signing import command_frame
 from gateway.session.commands import CommandedSource, Executed, TwoWaySource, execute
@@ -153,7 +153,7 @@ def test_older_protocol_is_reported_once() -> None:
 def test_reflected_command_is_no_frame_of_the_hub() -> None:
     """A command is signed with the same key; returned to the gateway it must not use up a counter."""
     hub = Hub()
-    guard = Guard({(0, 0): Place("FL", sensor_identity(SENSOR_ID))}, KEYS, Ledger(), requires=True)
+    guard = Guard({(0, 0): ConfiguredWheel("FL", sensor_identity(SENSOR_ID))}, KEYS, Ledger(), requires=True)
     gate = guard.gate("test")
     assert gate(hub.hello())
     reflected = hub.sign(command_frame(SetStream(False), 5, 0))

@@ -11,14 +11,14 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.messages import HUB_ITSELF, Coupling, Frame, Hello, HubStatus, Message, MessageType, SampleBlock
 from gateway.security.cmac import FrameSigner, Key
 from gateway.security.freshness import Ledger
-from gateway.security.guard import Guard, Place
+from gateway.security.guard import ConfiguredWheel, Guard
 from gateway.security.key_file import hub_identity, sensor_identity
 
 SENSORS = {0: 0xA001, 1: 0xA002}
 HUB = 0x5452_4541_4400_0000
 PLACES = {
-    (0, 0): Place("FL", sensor_identity(SENSORS[0])),
-    (0, 1): Place("FR", sensor_identity(SENSORS[1])),
+    (0, 0): ConfiguredWheel("FL", sensor_identity(SENSORS[0])),
+    (0, 1): ConfiguredWheel("FR", sensor_identity(SENSORS[1])),
 }
 KEYS = {
     sensor_identity(SENSORS[0]): Key(bytes(range(16))),
