@@ -88,6 +88,7 @@ class Watch:
         notable: change from which it is a finding, in `unit`.
         trend: how it is made.
         is_logarithm: whether the series is the logarithm in percent.
+        falls_with_wear: whether the wear of the tread lowers it as a bending stiffness.
         is_over_pressure: whether it is a stiffness over the pressure, so that its drift is that of the product.
         worse: sign of the changes that are faults; 0 for both.
         is_drawn: whether pages draw it.
@@ -101,6 +102,7 @@ class Watch:
     factor: float = 1.0
     trend: Trend = Trend.LINE
     is_logarithm: bool = False
+    falls_with_wear: bool = False
     is_over_pressure: bool = False
     worse: float = 0.0
     is_drawn: bool = False

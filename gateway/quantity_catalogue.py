@@ -73,6 +73,8 @@ def _ring_number(name: str, description: str, bus: OnBus, *, is_over_pressure: b
             notable=5.0,
             trend=Trend.STIFFNESS,
             is_logarithm=True,
+            # EI falls with the cube of the thickness.
+            falls_with_wear=name == "Bs",
             is_over_pressure=is_over_pressure,
             is_drawn=True,
             shifted_by=_BY_RADIUS_AND_LOAD,

@@ -508,9 +508,9 @@ def _stiffness(tire: _Tire, series: Series) -> None:
     rate = _rate(quantity, "%/month", line)
     drift = rate
     if (
-        name == "Bs"
+        watch.falls_with_wear
         and rate.status is not Status.INVALID
-        and (worn := _softened_by_wear(tire, line, _slope_after(line))) is not None
+        and (worn := _softened_by_wear(tire, name, line, _slope_after(line))) is not None
     ):
         slope, slope_std = worn
         share = Reason(Code.TREND_WEAR_SOFTENS, share=slope / 100.0, std=slope_std / 100.0)
@@ -531,17 +531,15 @@ def _stiffness(tire: _Tire, series: Series) -> None:
         )
 
 
-def _softened_by_wear(tire: _Tire, line: _Line, along: FloatArray) -> tuple[float, float] | None:
-    """Return a combination (p,) of the coefficients of ln(Bs p) that the measured wear makes in percent, and its error.
+def _softened_by_wear(tire: _Tire, name: str, line: _Line, along: FloatArray) -> tuple[float, float] | None:
+    """Return a combination (p,) of the coefficients of ln(stiffness) that the wear makes in percent, and its error.
 
-    None without wear.
-
-    A wear that decreases is none: a bending stiffness that rises is the rubber's.
+    None without wear. A wear that decreases is none: a bending stiffness that rises is the rubber's.
     """
     history = tire.history
     thickness_mm, wear_mm = 1e3 * history.column("ring_thickness_m")[line.places], history.column("wear_mm")
-    # Statements that only the wear rests on shift it: their levels are fitted beside those of Bs.
-    more = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, "Bs"))
+    # Statements that only the wear rests on shift it: their levels are fitted beside those of the stiffness.
+    more = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, name))
     design = np.column_stack([line.design, *_levels(line.places, sorted(more))])
     with np.errstate(invalid="ignore"):
         left = 1.0 - wear_mm[line.places] / thickness_mm
@@ -778,7 +776,7 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Reason]:
     if change is None:
         return
     size, std = _size_of_change(line)
-    explained = _softened_by_wear(tire, line, _size_of_change_at(line)) if name == "Bs" else None
+    explained = _softened_by_wear(tire, name, line, _size_of_change_at(line)) if watch.falls_with_wear else None
     if explained is not None:
         size, std = size - explained[0], math.hypot(std, explained[1])
     if size * (watch.worse or size) <= 0.0:

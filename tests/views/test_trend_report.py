@@ -84,7 +84,7 @@ def test_json_has_values_units_errors_and_codes(trends):
 
 def test_csv_has_one_row_for_each_number(trends):
     rows = list(csv.DictReader(io.StringIO(trends_csv(trends).decode())))
-    assert len(rows) == sum(len(tire.numbers) for tire in trends.tires) == 44
+    assert len(rows) == sum(len(tire.numbers) for tire in trends.tires)
     assert rows[-1]["vehicle"] == "'=car"  # not a formula
     loss = next(row for row in rows if row["quantity"] == "pressure_loss")
     assert float(loss["value"]) == pytest.approx(4.0, abs=0.3)
