@@ -44,13 +44,12 @@ class Hub:
         self.last_us = tick_us if self.last_us is None else unwrap(self.last_us, tick_us)
         return self.last_us
 
-    def stamp_all(self, ticks_us: NDArray[np.uint32], hosts_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Take the ticks and arrivals of frames, (n,) each, n > 0; return their hub times without wraps."""
+    def stamp_all(self, ticks_us: NDArray[np.uint32], hosts_ns: NDArray[np.int64] | None) -> NDArray[np.int64]:
+        """Take the ticks and any arrivals of frames, (n,) each, n > 0; return their hub times without wraps."""
         first = self.unwrap(int(ticks_us[0]))
         steps = np.diff(ticks_us).astype(np.int32).astype(np.int64)
         unwrapped = first + np.concatenate(([0], np.cumsum(steps)))
-        # A dump has no arrival times.
-        if hosts_ns.any():
+        if hosts_ns is not None:
             self.host.stamp_all(unwrapped, hosts_ns)
         self.last_us = int(unwrapped[-1])
         return unwrapped
@@ -105,11 +104,10 @@ class FrameRouter(Generic[WheelT]):
         self._make = make
         self._hubs: dict[tuple[str, int], Hub] = {}
 
-    def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> None:
-        """Take a block of decoded frames that arrived on `link` at `host_ns`, (frames,)."""
+    def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64] | None) -> None:
+        """Take a block of decoded frames that arrived on `link` at `host_ns`, (frames,), None where that is unknown."""
         groups = _Groups(batch, lambda hub, wheel: self.limit.admits(link, hub, wheel))
         slow = np.flatnonzero(batch.type != MessageType.SAMPLES).tolist()
-        has_arrivals = bool(host_ns.any())
         begin = 0
         # Split at every slow frame, so that a hello or a pressure takes effect exactly where it does live. In between,
         # wheels are independent, and each wheel's blocks are processed at once.
@@ -120,7 +118,7 @@ class FrameRouter(Generic[WheelT]):
                     self._group(link, group, part, ticks_us[group.frame_index[part] - begin])
             if stop < len(batch.type) and self.limit.admits(link, int(batch.hub[stop]), int(batch.wheel[stop])):
                 hub, number, message = int(batch.hub[stop]), int(batch.wheel[stop]), batch.message(stop)
-                arrived_ns = int(host_ns[stop]) if has_arrivals else None
+                arrived_ns = int(host_ns[stop]) if host_ns is not None else None
                 self.slow(link, hub, number, int(batch.tick_us[stop]), message, arrived_ns)
             begin = stop + 1
 
@@ -169,15 +167,21 @@ class FrameRouter(Generic[WheelT]):
         return self.wheels[key]
 
     def _stamp(
-        self, link: str, batch: FrameBatch, part: slice, is_used: NDArray[np.bool_], host_ns: NDArray[np.int64]
+        self,
+        link: str,
+        batch: FrameBatch,
+        part: slice,
+        is_used: NDArray[np.bool_],
+        host_ns: NDArray[np.int64] | None,
     ) -> NDArray[np.int64]:
         """Unwrap the hub time of a run of sample frames and update the hubs' clocks; unused frames change nothing."""
-        hubs, arrivals_ns = np.asarray(batch.hub[part]), host_ns[part]
+        hubs = np.asarray(batch.hub[part])
         ticks = np.asarray(batch.tick_us[part]).astype(np.uint32)
         unwrapped = np.empty(len(ticks), np.int64)
         for number in np.unique(hubs[is_used]).tolist():
             own = np.flatnonzero((hubs == number) & is_used)
-            unwrapped[own] = self.hub(link, number).stamp_all(ticks[own], arrivals_ns[own])
+            arrivals_ns = host_ns[part][own] if host_ns is not None else None
+            unwrapped[own] = self.hub(link, number).stamp_all(ticks[own], arrivals_ns)
         return unwrapped
 
     def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> None:

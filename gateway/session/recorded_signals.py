@@ -190,7 +190,8 @@ def signals(recording: OpenedRecording, *, wheels: Collection[str] | None = None
 
     router = FrameRouter(positions(recording.vehicle), made)
     for link, batch, arrivals_ns in recording.verified_blocks():
-        router.batch(link, batch, arrivals_ns)
+        # A dump has no arrival times.
+        router.batch(link, batch, arrivals_ns if arrivals_ns.any() else None)
         arrivals.take()
         yield from arrivals.items
         arrivals.items.clear()

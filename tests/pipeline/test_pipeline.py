@@ -193,6 +193,13 @@ def test_lost_frame_loses_no_revolution(roll, to_frames):
         assert abs(speeds / speeds.mean() - 1).max() < 0.02
 
 
+def test_times_of_a_dump_advance(roll, to_frames) -> None:
+    packets = [(data, 0) for data, _ in stream(to_frames(roll(65.0, 2.0).radial_mps2))]
+    for run in (run_live, run_batch):
+        results, _ = run(packets)
+        assert np.diff([result.host_ns for result in results]).min() > 0
+
+
 def test_late_frame_is_inserted(roll, to_frames):
     frames = to_frames(roll(65.0, 3.0).radial_mps2)
     clean, _ = run_live(stream(frames))
