@@ -91,14 +91,13 @@ class Bench:
 
     def in_library(self, number: int, rng: np.random.Generator) -> Case:
         """Return a case of a kind in the library in another form."""
-        belt = belt_causes()
-        kinds = len(belt) + len(chain_causes(np.random.default_rng(0)))
-        which = number % kinds
-        if which >= len(belt):
-            cause = chain_causes(rng)[which - len(belt)]
+        belt, chain = belt_causes(), chain_causes(rng)
+        which = number % (len(belt) + len(chain))
+        if which < len(chain):
+            cause = chain[which]
             orders = [through(cause.fault, o, h) for o, h in zip(self._plain, self._here, strict=True)]
             return Case(cause.name, cause.law, cause.size, orders)
-        one = belt[which]
+        one = belt[which - len(chain)]
         sensor, factor = int(rng.integers(SENSORS)), rng.uniform(0.4, 1.0)
         orders = []
         for plain, here in zip(self._plain, self._here, strict=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
@@ -87,7 +88,14 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     "effects_path",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Write the identified effects to this file, for --effects of live, record, replay and estimate.",
+    help="Write the identified effects and laws to this file, for --effects of live, record, replay and estimate.",
+)
+@click.option(
+    "--law-plugin",
+    "plugin_path",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Write a law that was found, as a plug-in that adds it to the catalogue, to this new directory.",
 )
 @click.option(
     "--effects",
@@ -136,6 +144,7 @@ def diagnose(
     html_path: Path | None,
     empirical: bool,
     effects_path: Path | None,
+    plugin_path: Path | None,
     known_path: Path | None,
     folds: int,
     jobs: int | None,
@@ -170,8 +179,10 @@ def diagnose(
       treadlink diagnose other.mcap --effects fl.effects.json
       treadlink diagnose ahead.mcap back.mcap --reverse back.mcap
     """
-    if known_path is not None and (html_path is not None or effects_path is not None or empirical):
-        raise click.UsageError("--effects only compares: leave out --html, --save-effects and --empirical.")
+    if known_path is not None and (html_path or effects_path or plugin_path or empirical):
+        raise click.UsageError(
+            "--effects only compares: leave out --html, --save-effects, --law-plugin and --empirical."
+        )
     if known_path is not None and (wheel is not None or budget_s is not None):
         raise click.UsageError(
             "--effects states the wheel, and nothing is searched for: leave out --wheel and --budget."
@@ -222,6 +233,8 @@ def diagnose(
     for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
         say(clean(line))
     _write(diagnosis, json_path, html_path, effects_path, say, force=force)
+    if plugin_path is not None:
+        _write_plugin(diagnosis, plugin_path, say)
     say.finish()
 
 
@@ -320,6 +333,27 @@ def _write(
         click.echo(clean(f"{other}. {other.remedy}"), err=True)
     if failed:
         raise failed[0]
+
+
+def _write_plugin(diagnosis: Diagnosis, path: Path, say: SummaryOutput) -> None:
+    """Write a law as a package.
+
+    Raises:
+        TreadlinkError: there is no law, or the directory exists.
+    """
+    from gateway.closure.laws.law_plugin import plugin_files
+
+    law = next((one for one in diagnosis.laws if one.certain), None)
+    if law is None:
+        raise TreadlinkError(f"'{path}' is not written: no law was found", "A clue is no law: see its reasons.")
+    if path.exists():
+        raise TreadlinkError(f"'{path}' exists", "Name a new directory: a plug-in is several files.")
+    name = re.sub(r"\W+", "_", path.name.lower()).strip("_")
+    for part, text in plugin_files(law, name or "law").items():
+        target = path / part
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(target, text)
+    say(clean(f"written: {path}, a plug-in: pip install {path}"))
 
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:

@@ -76,33 +76,24 @@ def _area(window: FloatArray) -> float:
 
 def belt_causes() -> tuple[BeltCause, ...]:
     """Return the changes of the belt that are simulated."""
-    stiff, soft, wide = 0.5 * _box(0.03), -0.25 * _arch(0.08), 0.3 * _ramp(0.05)
-    weight, patch = 0.4 * _box(0.04), 0.25 * _arch(0.1)
-    ply, weak = 0.3 * _box(0.12), -0.15 * _ramp(0.2)
-    nail, strip = 6e-5 * _box(0.02), 4e-5 * _arch(0.09)
-    flat = -5e-5 * _ramp(0.08)
+    stiff, wide = 0.25 * _box(0.04), -0.2 * _ramp(0.08)
+    weight, ply = 0.4 * _box(0.04), 0.25 * _box(0.12)
+    nail, strip = 6e-5 * _box(0.02), -4e-5 * _arch(0.09)
     return (
-        BeltCause("splice, stiff box", "law: local bending stiffness", _area(stiff), LocalChange(bending=stiff)),
-        BeltCause("soft arch", "law: local bending stiffness", _area(soft), LocalChange(bending=soft)),
-        BeltCause("splice, ramp", "law: local bending stiffness", _area(wide), LocalChange(bending=wide)),
+        BeltCause("splice, box", "law: local bending stiffness", _area(stiff), LocalChange(bending=stiff)),
         BeltCause("weight, box", "law: local mass", _area(weight), LocalChange(mass=weight)),
-        BeltCause("repair, arch", "law: local mass", _area(patch), LocalChange(mass=patch)),
-        BeltCause("ply end, box", "law: local sidewall stiffness", _area(ply), LocalChange(sidewall=ply)),
-        BeltCause("weak sidewall, ramp", "law: local sidewall stiffness", _area(weak), LocalChange(sidewall=weak)),
         BeltCause("nail, box", "law: local tread height", _area(nail), LocalChange(tread_m=nail)),
-        BeltCause("tread strip, arch", "law: local tread height", _area(strip), LocalChange(tread_m=strip)),
-        BeltCause("flat spot, ramp", "law: local tread height", _area(flat), LocalChange(tread_m=flat)),
         BeltCause("bent rim, arch", "law: bent rim", 1.5e-4 * 0.75 * 0.5, LocalChange(axle_m=_bump(1.5e-4, 0.5))),
-        BeltCause("dented rim, arch", "law: bent rim", -2e-4 * 0.75 * 0.9, LocalChange(axle_m=_bump(-2e-4, 0.9))),
+        BeltCause("ply end, box", "law: local sidewall stiffness", _area(ply), LocalChange(sidewall=ply)),
         BeltCause(
-            "oval rim", "law: axle height of order 2", 1.5e-4,
+            "oval rim",
+            "law: axle height of order 2",
+            1.5e-4,
             LocalChange(axle_m=lambda angle: 1.5e-4 * np.cos(2.0 * angle)),
         ),
-        BeltCause(
-            "soft tread block and nail", "law: local tread height", math.nan,
-            LocalChange(tread_m=nail, tread_stiffness=-0.1 * _box(0.06)),
-        ),
-    )  # fmt: skip
+        BeltCause("soft belt, ramp", "law: local bending stiffness", _area(wide), LocalChange(bending=wide)),
+        BeltCause("worn tread, arch", "law: local tread height", _area(strip), LocalChange(tread_m=strip)),
+    )
 
 
 def simulated(change: LocalChange | None, conditions: Rolling, depth_m: float, cache: Path, name: str) -> ComplexArray:

@@ -30,15 +30,15 @@ from gateway.physics.rolling_ring.force_balance import (
     segment_turn,
 )
 from gateway.physics.rolling_ring.newton_solver import FoldedBand, folded_band
-from gateway.types import FloatArray
+from gateway.types import FloatArray, IntArray
 
 NODES: Final = 720
-STEPS: Final = 1440
-"""Steps of a revolution: two for each node that enters the contact."""
+STEPS: Final = 1080
+"""Steps of a revolution: three for each two nodes that enter the contact."""
 
 _REVOLUTIONS: Final = 3
-_NEWTON: Final = 12
-_DONE_M: Final = 1e-9
+_NEWTON: Final = 4
+_DONE_M: Final = 1e-8
 # Slight loss at frequencies that the grid does not resolve.
 _GAMMA, _BETA = 0.55, 0.2756
 _SPIN: Final = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -131,7 +131,8 @@ class _Belt:
         z = self.change.axle_m(angle_rad + step * np.array([-1.0, 0.0, 1.0]))
         acceleration = self.omega**2 * float(z[0] - 2.0 * z[1] + z[2]) / step**2
         up = np.array([math.sin(angle_rad), math.cos(angle_rad)])
-        return -self.mass_kg[:, None] * acceleration * up
+        force: FloatArray = -self.mass_kg[:, None] * acceleration * up
+        return force
 
 
 def last_revolution(conditions: Rolling, change: LocalChange) -> FloatArray:
@@ -211,10 +212,11 @@ def _solved(factors: tuple[FloatArray, FloatArray], right: FloatArray, layout: F
     side = np.empty(2 * NODES)
     side[layout.unknown] = right
     found, _ = dgbtrs(factors[0], layout.half, layout.half, side, factors[1])
-    return found[layout.unknown]
+    result: FloatArray = found[layout.unknown]
+    return result
 
 
-def read_by(positions_m: FloatArray, nodes: FloatArray, depth_m: float) -> FloatArray:
+def read_by(positions_m: FloatArray, nodes: IntArray, depth_m: float) -> FloatArray:
     """Return what sensors below nodes read over omega^2, radial and along, (k, 2, STEPS) from theta = -pi on.
 
     A sensor's axes follow the belt as it lies at the time, not the node's path.

@@ -106,9 +106,9 @@ SHAPES: Final = (
 
 
 class Response(NamedTuple):
-    """Orders of the readings of all patterns over omega^2, for each kind, m.
+    """Orders of the readings of all patterns over omega^2, m.
 
-    Of an amplitude a, order n is a ahead_n + conj(a) behind_n. Each (kinds, PATTERNS, 2 * ORDERS), radial, then
+    Of an amplitude a, order n is a ahead_n + conj(a) behind_n. Each (PATTERNS, 2 * ORDERS), radial, then
     circumferential.
     """
 
@@ -120,33 +120,42 @@ class Responses:
     """Responses of belts, each of the first one that was seen under its conditions.
 
     A fit that moves the tire's parameters by some percent moves the response by as much of itself; kept, it does not
-    jump as the contact's edges pass nodes. `renew` has it worked out again.
+    jump as the contact's edges pass nodes. `renew` has it worked out again. A scan needs all kinds, which share a
+    factorisation; a fit needs one.
     """
 
     def __init__(self) -> None:
-        """Start empty."""
-        self._kept: dict[tuple[float, ...], Response] = {}
+        """Start empty, for a scan."""
+        self._kept: dict[tuple[float, ...], dict[Change, Response]] = {}
+        self._wanted = tuple(Change)
 
-    def renew(self) -> None:
-        """Forget all responses."""
+    def renew(self, change: Change) -> None:
+        """Forget all responses, for a fit of one kind."""
         self._kept.clear()
+        self._wanted = (change,)
 
-    def at(self, belt: LoadedBelt, conditions: GroupConditions, offset_m: float, loss_s: float) -> Response:
-        """Return the response of a belt, or of the first one under these conditions.
+    def at(
+        self, belt: LoadedBelt, conditions: GroupConditions, offset_m: float, loss_s: float, change: Change
+    ) -> Response:
+        """Return the response of a belt to a kind of change, or of the first belt under these conditions.
 
         Args:
             belt: rolling steadily.
             conditions: its speed, load and pressure.
             offset_m: sensor below the neutral layer.
             loss_s: damping time of belt and tread.
+            change: the kind.
         """
         # Speeds within a recording differ by some permille.
         log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
         key = log_speed, conditions.load_n, conditions.pressure_pa, float(len(belt.state)), loss_s
-        if key not in self._kept:
+        known = self._kept.setdefault(key, {})
+        if change not in known:
+            wanted = self._wanted if change in self._wanted else (change,)
             omega = math.exp(log_speed / _PER_SPEED)
-            self._kept[key] = _orders(local_response(belt, omega, loss_s, offset_m))
-        return self._kept[key]
+            answers = local_response(belt, omega, loss_s, offset_m, wanted)
+            known |= {kind: _orders(answer) for kind, answer in zip(wanted, answers, strict=True)}
+        return known[change]
 
 
 class _OnBelt(Law):
@@ -161,12 +170,12 @@ class _OnBelt(Law):
     )
 
     def __init__(self, change: Change, responses: Responses) -> None:
-        self._row = tuple(Change).index(change)
+        self._change = change
         self._responses = responses
 
     def renew(self) -> None:
         """Work out the responses again, at the belts that are seen next."""
-        self._responses.renew()
+        self._responses.renew(self._change)
 
     def orders(self, block: ModelledBlock, amplitudes: ComplexArray, weights: FloatArray) -> ComplexArray:
         """Return the readings of patterns of some amplitudes, m/s^2.
@@ -190,9 +199,7 @@ class _OnBelt(Law):
         read = np.zeros((len(amplitudes), 2 * ORDERS), dtype=np.complex128)
         for weight, loss_s in zip(weights.tolist(), _LOSSES_S, strict=True):
             if weight:
-                ahead, behind = (
-                    part[self._row] for part in self._responses.at(block.belt, conditions, offset_m, loss_s)
-                )
+                ahead, behind = self._responses.at(block.belt, conditions, offset_m, loss_s, self._change)
                 read += weight * (amplitudes @ ahead + amplitudes.conj() @ behind)
         read *= conditions.omega_radps**2
         result[:, _PLANE] = read.reshape(-1, 2, ORDERS)
@@ -240,7 +247,8 @@ class LocalLaw(_OnBelt):
         if not size:
             return block.zeros()
         amplitude = size * _window(width) * np.exp(-1j * place * _COUNTS)
-        return self._fields(block, amplitude[None], _between(loss)[0])[0]
+        result: FloatArray = self._fields(block, amplitude[None], _between(loss)[0])[0]
+        return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by size, place, width and loss."""
@@ -277,7 +285,9 @@ class AxleOrder(_OnBelt):
         """Return the sizes times their readings."""
         if not parameters[:2].any():
             return block.zeros()
-        return self._fields(block, self._amplitudes(parameters)[:1], _between(float(parameters[2]))[0])[0]
+        whole, weights = self._amplitudes(parameters)[:1], _between(float(parameters[2]))[0]
+        result: FloatArray = self._fields(block, whole, weights)[0]
+        return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by cosine, sine and loss."""
@@ -314,14 +324,16 @@ def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _orders(response: ComplexArray) -> Response:
-    """Return a response (kinds, PATTERNS, 2, N), turned by exp(-i N theta), as its orders ahead and behind."""
+    """Return a response (PATTERNS, 2, N), turned by exp(-i N theta), as its orders ahead and behind."""
     nodes = response.shape[-1]
     spectrum = np.fft.fft(response, axis=-1) / nodes
     spectrum[..., 1::2] *= -1.0
-    parts = []
+    parts: list[ComplexArray] = []
     for sign in (1, -1):
         places = (sign * np.arange(ORDERS) + np.arange(PATTERNS)[:, None]) % nodes
-        part = np.take_along_axis(spectrum, places[None, :, None, :], axis=-1)
+        part = np.take_along_axis(spectrum, places[:, None, :], axis=-1)
         part[..., 0] *= 0.5
-        parts.append(part.reshape(*part.shape[:2], -1).astype(np.complex64))
+        # Half the memory: seven digits are enough.
+        short: ComplexArray = part.reshape(PATTERNS, -1).astype(np.complex64)
+        parts.append(short)
     return Response(parts[0], parts[1].conj())

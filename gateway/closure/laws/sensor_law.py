@@ -54,8 +54,8 @@ class AxisDelay(_AxisLaw):
         """Return the axis as it was, less the axis."""
         result = block.zeros()
         spectrum, rate = self._spectrum(block)
-        delayed = np.fft.irfft(spectrum * np.exp(-float(parameters[0]) * rate), n=len(block.theta_rad))
-        result[self.axis] = delayed - block.signal_mps2[self.axis]
+        changed = spectrum * np.expm1(-float(parameters[0]) * rate)
+        result[self.axis] = np.fft.irfft(changed, n=len(block.theta_rad))
         return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -67,9 +67,10 @@ class AxisDelay(_AxisLaw):
         return rows
 
     def _spectrum(self, block: ModelledBlock) -> tuple[ComplexArray, ComplexArray]:
-        spectrum = np.fft.rfft(block.signal_mps2[self.axis])
+        spectrum = np.asarray(np.fft.rfft(block.signal_mps2[self.axis]), dtype=np.complex128)
         spectrum[-1] = 0.0
-        return spectrum, 1j * block.conditions.omega_radps * np.arange(len(spectrum))
+        rate: ComplexArray = 1j * block.conditions.omega_radps * np.arange(len(spectrum), dtype=np.float64)
+        return spectrum, rate
 
 
 class Hysteresis(_AxisLaw):

@@ -149,7 +149,7 @@ def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tu
     away = (fit.vector - fit.prior_mean)[free]
     scale = 1.0
     for _ in range(2):
-        covariance = np.linalg.inv(gram / scale + prior)
+        covariance: FloatArray = np.asarray(np.linalg.inv(gram / scale + prior), dtype=np.float64)
         change = covariance @ (slope / scale - prior @ away)
         left_over = misfit - 2.0 * float(change @ slope) + float(change @ gram @ change)
         scale = max(1.0, left_over / max(1, count - size))

@@ -13,6 +13,7 @@ the road by as much, and carries its mass along.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
 from functools import lru_cache
@@ -46,8 +47,10 @@ class Change(StrEnum):
     RIM = "rim"
 
 
-def local_response(belt: LoadedBelt, omega_radps: float, loss_s: float, offset_m: float = 0.0) -> ComplexArray:
-    """Return the reading of every kind of change and every pattern, (kinds, PATTERNS, 2, N), m; radial and along.
+def local_response(
+    belt: LoadedBelt, omega_radps: float, loss_s: float, offset_m: float, changes: Sequence[Change]
+) -> ComplexArray:
+    """Return the reading of kinds of change and every pattern, (kinds, PATTERNS, 2, N), m; radial and along.
 
     Pattern N of amplitude a reads Re(a response exp(-i N theta)) omega^2.
 
@@ -56,6 +59,7 @@ def local_response(belt: LoadedBelt, omega_radps: float, loss_s: float, offset_m
         omega_radps: angular speed.
         loss_s: damping time of belt and tread.
         offset_m: sensor below (inside) the belt's neutral layer.
+        changes: kinds.
 
     Raises:
         LinAlgError: the belt rings without loss.
@@ -72,38 +76,37 @@ def local_response(belt: LoadedBelt, omega_radps: float, loss_s: float, offset_m
         belt.height_m,
         belt.traction,
     )
-    result = np.empty((len(Change), PATTERNS, 2, len(belt.state)), dtype=np.complex128)
-    lifted = np.array([float(change is Change.RIM) for change in Change])
+    result = np.empty((len(changes), PATTERNS, 2, len(belt.state)), dtype=np.complex128)
+    lifted = np.array([float(change is Change.RIM) for change in changes])
     for count in range(PATTERNS):
         blocks = TreadBlocks(count, law.mass_kgpm, loss_s, loss_s)
-        forces = _forces_n(lossy, omega_radps, count)
+        forces = np.stack([_force_n(lossy, omega_radps, count, change) for change in changes])
         result[:, count] = pushed_response(lossy, blocks, omega_radps, forces, lifted, offset_m)
     return result
 
 
-def _forces_n(belt: LoadedBelt, omega_radps: float, count: int) -> ComplexArray:
-    """Return what a unit of each kind of change adds to the force on each node, (kinds, N, d)."""
-    moments, loads = _steady(belt)
+def _force_n(belt: LoadedBelt, omega_radps: float, count: int, change: Change) -> ComplexArray:
+    """Return what a unit of a kind of change adds to the force on each node, (N, d)."""
+    steady = _steady(belt)[change]
+    if change in (Change.BENDING, Change.KINK):
+        return _by_moment(belt, steady, count)
     grid = ring_grid(len(belt.state))
-    wave = np.exp(1j * count * grid.theta_rad)
-    length = belt.law.radius_m * grid.step_rad
-    forces = np.zeros((len(Change), *belt.state.shape), dtype=np.complex128)
-    for row, moment in zip((0, 1), moments, strict=True):
-        forces[row] = _by_moment(belt, moment, count)
-    mass, sidewall, tread, height = loads
-    forces[2, :, :2] = omega_radps**2 * mass * wave[:, None]
-    forces[3, :, :2] = sidewall * wave[:, None]
-    forces[4, :, :2] = tread * wave[:, None]
-    forces[5, :, :2] = height
-    forces[5, :, 1] += belt.law.mass_kgpm * length * (count * omega_radps) ** 2
-    return forces
+    force = np.zeros(belt.state.shape, dtype=np.complex128)
+    if change is Change.RIM:
+        # The axle stands still in space, and its acceleration acts on all nodes alike.
+        force[:, :2] = steady
+        force[:, 1] += belt.law.mass_kgpm * belt.law.radius_m * grid.step_rad * (count * omega_radps) ** 2
+        return force
+    square = omega_radps**2 if change is Change.MASS else 1.0
+    force[:, :2] = square * steady * np.exp(1j * count * grid.theta_rad)[:, None]
+    return force
 
 
 @lru_cache(maxsize=4)
-def _steady(belt: LoadedBelt) -> tuple[FloatArray, FloatArray]:
-    """Return the moments of the belt and of a kink of 1 rad / rad, (2, N), and the loads on the nodes, (4, N, 2).
+def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
+    """Return what a unit of each kind acts with on the steady shape.
 
-    Loads: inertia over omega^2, sidewall, road by the tread's height, road by the axle's height.
+    Moments (N,) of bending and kink; loads (N, 2) of mass (over omega^2), sidewall, and the road by tread and axle.
     """
     law, grid = belt.law, ring_grid(len(belt.state))
     position, step = belt.state[:, :2], grid.step_rad
@@ -125,12 +128,14 @@ def _steady(belt: LoadedBelt) -> tuple[FloatArray, FloatArray]:
     push = road.pressure_npm[:, None]
     touching = push > 0.0
     towards = np.where(touching, road.force_npm / np.where(touching, push, 1.0), 0.0)
-    # The contact ends between nodes: the last one touches by a share.
-    unclipped = road.unclipped_npm
-    slope = 0.5 * np.abs(following(unclipped) - preceding(unclipped))
-    towards *= np.clip(0.5 + unclipped / np.maximum(slope, 1e-300), 0.0, 1.0)[:, None]
-    loads = np.stack([inertia, pull, length * law.tread_npm2 * towards, length * road.d_height])
-    return np.stack([moment, kink]), loads
+    return {
+        Change.BENDING: moment,
+        Change.KINK: kink,
+        Change.MASS: inertia,
+        Change.SIDEWALL: pull,
+        Change.TREAD: length * law.tread_npm2 * towards,
+        Change.RIM: length * road.d_height,
+    }
 
 
 def _by_moment(belt: LoadedBelt, moment: FloatArray, count: int) -> ComplexArray:

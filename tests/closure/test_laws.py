@@ -1,0 +1,220 @@
+"""Laws: their equations, the search with its conditions, files and plug-ins.
+
+Plants are boxes where the library has normal windows, on a grid of their own.
+"""
+
+from __future__ import annotations
+
+import math
+import runpy
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.closure.closed_loop import diagnose
+from gateway.closure.data.campaign_data import Campaign
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, GroupConditions, ModelledBlock
+from gateway.closure.laws.law import Law
+from gateway.closure.laws.law_plugin import plugin_files
+from gateway.closure.laws.law_search import LawsFound, propose_laws
+from gateway.closure.laws.library import library
+from gateway.closure.model.baseline_registry import make_core
+from gateway.closure.model.ring_options import RingOptions
+from gateway.closure.model.sensor_signal import base_signal
+from gateway.closure.transfer import transfer
+from gateway.physics.rolling_ring import PATTERNS, Change, loaded_belt, local_response
+from gateway.reasons import Code
+from gateway.types import ComplexArray, FloatArray
+from gateway.views.report.diagnosis_json import diagnosis_json
+from gateway.views.report.html import diagnosis_html
+from gateway.views.report.terminal import closure_summary_lines
+from tests.closure.planted_campaign import RADIUS_M, Plant, campaign_of, conditions, evaluated, nothing, ring
+from tests.closure.test_transfer import table_of
+
+SPEEDS = (conditions(60.0), conditions(40.0), conditions(80.0))
+SPLICE, PLACE_RAD, WIDTH_RAD, LOSS_S = 0.012, 0.8, 0.06, 2e-5
+NAME = "law: local bending stiffness"
+
+
+@lru_cache
+def reading(change: Change, load_n: float, omega_radps: float) -> ComplexArray:
+    return np.asarray(local_response(loaded_belt(ring(load_n)), omega_radps, LOSS_S, 0.0, (change,))[0])
+
+
+def local(change: Change, size: float) -> Plant:
+    """Return a box of the belt's angle that is different by a share."""
+
+    def plant(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        count = np.arange(PATTERNS)
+        share = np.where(count > 0, 1.0, 0.5) / math.pi
+        amplitude = size * share * np.sinc(count * WIDTH_RAD / (2.0 * math.pi)) * np.exp(-1j * count * PLACE_RAD)
+        turned = reading(change, here.load_n, here.omega_radps) * np.exp(-1j * np.outer(count, theta))[:, None]
+        added = here.omega_radps**2 * np.tensordot(amplitude, turned, 1).real
+        result = signal.copy()
+        result[[RADIAL, CIRCUMFERENTIAL]] += added
+        return result
+
+    return plant
+
+
+def found_in(campaign: Campaign, laws: Mapping[str, Law] | None = None) -> LawsFound:
+    base, data = evaluated(campaign)
+    chosen = laws if laws is not None else library()
+    return propose_laws(base, data, laws=tuple(chosen.values()))
+
+
+@lru_cache
+def block() -> ModelledBlock:
+    core = make_core(BaselineModel.EXACT)
+    here = conditions(60.0)
+    return base_signal(core, core.shape(core.prior_mean, here, RingOptions(sensor_offset_m=0.004), 0.0), here)
+
+
+@pytest.fixture(scope="module")
+def laws() -> dict[str, Law]:
+    return library()
+
+
+@pytest.mark.parametrize("name", list(library()))
+def test_derivative_of_a_law_is_that_of_its_contribution(laws: Mapping[str, Law], name: str) -> None:
+    law, here = laws[name], block()
+    start = np.array(law.start_values[0])
+    rows = law.derivative(here, start)
+    for place, one in enumerate(law.parameters):
+        step = np.zeros(len(start))
+        step[place] = one.step
+        slope = (law.contribution(here, start + step) - law.contribution(here, start - step)) / (2.0 * one.step)
+        assert np.abs(slope - rows[place]).max() <= 1e-3 * max(np.abs(slope).max(), 1e-9)
+    start[: law.sizes] = 0.0
+    assert not law.contribution(here, start).any()
+
+
+@pytest.mark.parametrize("name", list(library()))
+def test_law_in_reverse_is_finite_and_says_what_it_is(laws: Mapping[str, Law], name: str) -> None:
+    law, here = laws[name], block()
+    backwards = replace(here, conditions=replace(here.conditions, reverse=True))
+    assert np.isfinite(law.contribution(backwards, np.array(law.start_values[0]))).all()
+    assert all((law.equation, law.summary, law.scaling, law.source))
+
+
+@lru_cache
+def splice_found() -> LawsFound:
+    return found_in(campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5))
+
+
+def test_splice_of_a_box_becomes_a_law_with_its_size() -> None:
+    found = splice_found()
+    (law,) = found.laws
+    assert law.name == NAME
+    assert law.certain
+    assert not law.rivals
+    assert law.parameters["stiffening_rad"].value == pytest.approx(SPLICE, rel=0.03)
+    assert law.parameters["place_rad"].value == pytest.approx(PLACE_RAD, abs=5e-3)
+    # A box has the second moment of a normal window of this width.
+    assert law.parameters["width_rad"].value == pytest.approx(WIDTH_RAD / math.sqrt(12.0), abs=2e-3)
+    assert law.share > 0.9
+    assert all(one.after_mps2 < 1.02 * max(one.before_mps2, one.noise_mps2) for one in law.unseen)
+    assert law.held_out is not None
+    assert law.held_out.rms_after_mps2 < 0.5 * law.held_out.rms_before_mps2
+    assert found.fit is not None
+
+
+def test_noise_has_no_law() -> None:
+    assert not found_in(campaign_of(SPEEDS, nothing)).laws
+
+
+def test_turned_waveform_of_a_splice_is_no_law() -> None:
+    """The same orders at another angle are no answer of this ring to anything."""
+    campaign = campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5)
+    plain = campaign_of(SPEEDS, nothing, noise_mps2=0.5)
+    order = np.arange(campaign.groups[0].blocks[0].orders_mps2.shape[1])
+    turned = []
+    for group, without in zip(campaign.groups, plain.groups, strict=True):
+        base = without.blocks
+        turned.append(
+            replace(
+                group,
+                blocks=tuple(
+                    replace(one, orders_mps2=b.orders_mps2 + np.exp(2j * order) * (one.orders_mps2 - b.orders_mps2))
+                    for one, b in zip(group.blocks, base, strict=True)
+                ),
+            )
+        )
+    some = {name: law for name, law in library().items() if "bending" in name or "mass" in name}
+    assert not any(law.certain for law in found_in(replace(campaign, groups=tuple(turned)), some).laws)
+
+
+def test_one_recording_gives_a_clue_at_most() -> None:
+    some = {name: law for name, law in library().items() if "bending" in name}
+    (law,) = found_in(campaign_of(SPEEDS[:1], local(Change.BENDING, SPLICE), noise_mps2=0.5), some).laws
+    assert law.name == NAME
+    assert not law.certain
+    assert Code.LAW_UNTESTED in {reason.code for reason in law.reasons}
+
+
+def test_size_that_differs_between_recordings_is_a_clue() -> None:
+    plant = local(Change.BENDING, SPLICE)
+
+    def growing(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        share = here.omega_radps / SPEEDS[0].omega_radps
+        return np.asarray(signal + share**2 * (plant(signal, theta, here) - signal))
+
+    some = {name: law for name, law in library().items() if "bending" in name}
+    found = found_in(campaign_of(SPEEDS, growing, noise_mps2=0.5), some)
+    assert found.laws
+    assert not found.laws[0].certain
+    assert found.fit is None
+    assert Code.LAW_SIZES_DIFFER in {reason.code for reason in found.laws[0].reasons}
+
+
+def test_law_is_judged_on_other_recordings() -> None:
+    """A law of a file lowers the error of a recording at another speed, nothing of it fitted again."""
+    other = campaign_of((conditions(70.0),), local(Change.BENDING, SPLICE), noise_mps2=0.5, seed=5)
+    values = {"stiffening_rad": SPLICE, "place_rad": PLACE_RAD, "width_rad": 0.0173, "log_loss": -0.4}
+    table = table_of({NAME: values})
+    units = {one.name: one.unit for one in library()[NAME].parameters}
+    effects = tuple(
+        replace(e, parameters=tuple(replace(p, unit=units[p.name]) for p in e.parameters)) for e in table.effects
+    )
+    found = transfer(other, replace(table, effects=effects, radius_m=RADIUS_M))
+    assert found.held_out.rms_after_mps2 < 0.5 * found.held_out.rms_before_mps2
+    assert found.held_out.rms_after_mps2 < 1.3 * found.noise_floor_mps2
+
+
+def test_plug_in_of_a_law_passes_its_own_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (law,) = splice_found().laws
+    for part, text in plugin_files(law, "splice", 1234).items():
+        (tmp_path / part).parent.mkdir(exist_ok=True)
+        (tmp_path / part).write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    effect = runpy.run_path(str(tmp_path / "treadlink_splice" / "__init__.py"))["EFFECT"]
+    assert (effect.name, effect.rank) == ("splice", 1234)
+    assert effect.start_values[0][0] == pytest.approx(SPLICE, rel=0.03)
+    own = runpy.run_path(str(tmp_path / "test_splice.py"))
+    tests = [test for name, test in own.items() if name.startswith("test_")]
+    assert len(tests) == 3
+    for test in tests:
+        test()
+    assert 'splice = "treadlink_splice:EFFECTS"' in (tmp_path / "pyproject.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_diagnosis_of_a_splice_reports_its_law() -> None:
+    """The whole catalogue first, then the law; text, JSON and page show it, and the saved effects hold it."""
+    campaign = campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5)
+    diagnosis = diagnose(campaign)
+    (law,) = diagnosis.laws
+    assert law.name == NAME
+    assert law.certain
+    assert NAME not in {finding.name for finding in diagnosis.findings}
+    assert diagnosis.correction is not None
+    assert NAME in {effect.name for effect in diagnosis.correction.effects}
+    assert any(line.strip().startswith("law") for line in closure_summary_lines(diagnosis))
+    assert diagnosis_json(diagnosis)["laws"][0]["name"] == NAME
+    page = diagnosis_html(diagnosis)
+    assert "Law for what is unexplained" in page
+    assert law.equation.split(",")[0] in page

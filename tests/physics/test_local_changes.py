@@ -1,0 +1,76 @@
+"""Response of the rolling ring to a change at one place: limits that follow from other solutions."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from gateway.physics.rolling_ring import (
+    Change,
+    LoadedBelt,
+    RingParameters,
+    RingSolution,
+    TreadBlocks,
+    block_response,
+    loaded_belt,
+    local_response,
+    solve_rolling_ring,
+)
+from gateway.physics.rolling_ring import local_changes as module
+from gateway.physics.rolling_ring.block_vibration import pushed_response
+from gateway.physics.rolling_ring.force_balance import belt_balance, ring_grid
+from gateway.types import ComplexArray
+
+OMEGA_RADPS, NODES, PATTERNS = 55.0, 480, 4
+RING = RingParameters.from_numbers(
+    2.6e-3, 0.21, 2.6, 2.2, radius_m=0.31, pressure_pa=2.2e5, tread_stiffness_npm2=6e7, extension_stiffness_n=2e10
+)
+
+
+@lru_cache
+def solved(load_n: float = 4500.0) -> RingSolution:
+    return solve_rolling_ring(RING, load_n, 2.2e5, OMEGA_RADPS, nodes=NODES)
+
+
+def belt() -> LoadedBelt:
+    return loaded_belt(solved())
+
+
+@pytest.fixture(autouse=True)
+def few_patterns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PATTERNS", PATTERNS)
+
+
+def response(change: Change) -> ComplexArray:
+    found: ComplexArray = local_response(belt(), OMEGA_RADPS, 1e-6, 0.0, (change,))[0]
+    return found
+
+
+def test_steady_rim_moves_the_belt_as_another_load_does() -> None:
+    """Pattern 0 of the axle's height is the change of the shape between two loads, over that of the height."""
+    low, high = solved(4480.0), solved(4520.0)
+    slope = (high.sensor.radial_m - low.sensor.radial_m) / (high.axle_height_m - low.axle_height_m)
+    found = response(Change.RIM)[0, 0].real
+    assert np.linalg.norm(found - slope) < 0.05 * np.linalg.norm(slope)
+
+
+def test_tread_all_around_is_an_axle_that_is_lower() -> None:
+    tread, rim = response(Change.TREAD)[0], response(Change.RIM)[0]
+    assert np.abs(tread + rim).max() < 1e-9 * np.abs(rim).max()
+
+
+def test_mass_all_around_changes_nothing_of_an_inextensible_belt() -> None:
+    everywhere, once = np.abs(response(Change.MASS)[[0, 2]]).max(axis=(1, 2))
+    assert everywhere < 1e-4 * once
+
+
+def test_push_of_tread_blocks_is_answered_as_their_stiffness_is() -> None:
+    here, blocks = belt(), TreadBlocks(7.0, 3.5, 3e-5, 3e-5)
+    grid = ring_grid(NODES)
+    push = belt_balance(here.law, grid, here.state, here.height_m, here.traction).road.force_npm
+    forces = push * here.law.radius_m * grid.step_rad * np.exp(7j * grid.theta_rad)[:, None]
+    found = pushed_response(here, blocks, OMEGA_RADPS, forces[None], np.zeros(1), 0.004)[0]
+    known = block_response(here, blocks, OMEGA_RADPS, 0.004).signal
+    assert np.abs(found - known).max() < 1e-6 * np.abs(known).max()
