@@ -14,6 +14,7 @@ from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Origin, Unex
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.output_file import write_whole
+from gateway.views.report.next_steps import next_steps
 from gateway.views.report.phrases import residual_sentence, scaling_text
 from gateway.views.report.quantities import residuals
 from gateway.views.report.transfer_report import encodable as _text
@@ -58,6 +59,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "effects": [_finding(finding) for finding in diagnosis.findings],
         "unexplained": [_unexplained(left) for left in diagnosis.unexplained],
         "laws": [_law(law) for law in diagnosis.laws],
+        "next_steps": [{"about": _text(about), "step": _text(step)} for about, step in next_steps(diagnosis)],
         "estimates": {
             "before": _estimates(diagnosis.estimates_before, diagnosis.determined_before),
             "after": _estimates(diagnosis.estimates_after, diagnosis.determined),

@@ -32,6 +32,7 @@ from gateway.views.report.figures import (
     trend_figure,
     waveform_figure,
 )
+from gateway.views.report.next_steps import NextStep, next_steps
 from gateway.views.report.phrases import (
     GROWN,
     NON_STATIONARY,
@@ -149,6 +150,7 @@ class _Page:
     model: str
     facts: str
     answer: str
+    next_steps: list[NextStep]
     folds: str
     errors: list[ErrorRow]
     axes: list[AxisRow]
@@ -185,6 +187,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         model=model_words(diagnosis.model),
         facts=_facts(diagnosis),
         answer=" ".join(_answer(diagnosis)),
+        next_steps=next_steps(diagnosis),
         folds=_folds(diagnosis),
         errors=error_rows(diagnosis),
         axes=axis_rows(diagnosis),

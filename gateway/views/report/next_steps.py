@@ -1,0 +1,122 @@
+"""Next steps of a diagnosis: one for everything that it leaves open, and for what it identified."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+from gateway.closure.effects.catalogue import catalogue
+from gateway.closure.result import Diagnosis, ScalingStatus, Unexplained
+from gateway.reasons import Code, Reason
+from gateway.views.report.phrases import (
+    effect_title,
+    effects_listed,
+    likely,
+    listed,
+    place_text,
+    reason_text,
+    undecided_sets,
+    undetermined,
+    why_undetermined,
+)
+from gateway.views.report.quantities import span_text
+from gateway.views.text import clean
+
+# Modules of effects that a vehicle file or a better sensor takes away.
+_OF_SENSOR: Final = frozenset({"mounting", "acquisition", "sensor_response"})
+_MOST_RESIDUALS: Final = 4
+# Beyond the contact's edge: the belt's bending layers.
+_NEAR_RAD: Final = 0.3
+_UNSEEN: Final = frozenset({ScalingStatus.ONE_SPEED, ScalingStatus.SEEN_AT_ONE_SPEED, ScalingStatus.SPEED_WITH_LOAD})
+_OF_NOTES: Final = {
+    Code.SENSOR_IN_DOUBT: ("the sensor is in doubt", "check that it is fastened and aligned, and record again"),
+    Code.SEARCH_ENDED_EARLY: ("the search ended at its time limit", "give it more time: a larger --budget, or none"),
+    Code.CONTACTS_CONTRADICT: ("recordings contradict each other", "correct what is stated, or diagnose them apart"),
+    Code.LOADS_CONTRADICT: ("loads contradict each other", "correct the load or pressure that is stated"),
+    Code.NUMBERS_CONTRADICT: ("recordings contradict each other", "correct what is stated, or diagnose them apart"),
+    Code.NOT_A_RING: ("the signal is not that of a ring", "check radius, axes and gain in the vehicle file"),
+    Code.FEW_REVOLUTIONS: ("few revolutions", "record half a minute at a steady speed"),
+    Code.ONE_SPEED: ("one speed", "record at a second speed under the same load and pressure"),
+}
+
+
+class NextStep(NamedTuple):
+    """What is open, or was identified, and what to do about it."""
+
+    about: str
+    step: str
+
+
+def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
+    """Return the steps in the order of the report: effects, what is unexplained, estimates, notes."""
+    return [NextStep(about, step) for about, step in dict.fromkeys(_steps(diagnosis))]
+
+
+def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
+    for of_sensor in (True, False):
+        names = [one.name for one in diagnosis.named if _is_of_sensor(one.name) == of_sensor]
+        if names and of_sensor:
+            yield effects_listed(names), "correct the vehicle file or the sensor, and diagnose again"
+        elif names:
+            yield effects_listed(names), "save with --save-effects and subtract, or use the estimates after"
+    for finding in undecided_sets(diagnosis):
+        decide = reason_text(finding.decide_with) or "record at another speed, load or pressure"
+        yield effects_listed((finding.name, *finding.rivals), "or"), decide
+    for finding in likely(diagnosis):
+        small = finding.reason is not None and finding.reason.code is Code.SMALLER_THAN_LEFT
+        step = "find the cause of what is left first" if small else "record longer, or at another speed or load"
+        yield effect_title(finding.name), step
+    for left in diagnosis.unexplained[:_MOST_RESIDUALS]:
+        yield f"{clean(left.axis)}, {place_text(left)}", _of_residual(left, _half_angle_rad(diagnosis))
+    if names := undetermined(diagnosis):
+        yield f"not determined: {listed(names)}", why_undetermined(diagnosis, names)
+    for note in diagnosis.notes:
+        if isinstance(note, Reason) and note.code in _OF_NOTES:
+            yield _OF_NOTES[note.code]
+
+
+def _is_of_sensor(name: str) -> bool:
+    effect = catalogue().get(name)
+    return effect is not None and type(effect).__module__.rpartition(".")[2] in _OF_SENSOR
+
+
+def _half_angle_rad(diagnosis: Diagnosis) -> float:
+    one = diagnosis.estimates_after.get("contact_half_angle_rad")
+    return 0.0 if one is None or not math.isfinite(one.value) else one.value
+
+
+def _of_residual(left: Unexplained, half_angle_rad: float) -> str:
+    """Return what would tell more about a residual, by its own features."""
+    if left.changes:
+        return "record one state at a time: load, slip angle, camber, pressure and temperature as steady as possible"
+    if left.lock == "samples":
+        return "repair or replace sensor, hub or link"
+    if left.lock == "turns":
+        return "look for what comes every second turn: a belt, a chain or a part that two turns bring back"
+    if left.lock == "time":
+        return _of_time_locked(left)
+    if left.angle_rad is None:
+        step = "turn the tire on its rim and record again: what turns with it is the tire's, the rest the wheel's"
+    elif abs(sum(left.angle_rad)) / 2.0 < half_angle_rad + _NEAR_RAD:
+        step = "it is at the contact: record at another load; what moves with the edges is tread or road"
+    else:
+        low, high = (math.degrees(angle) for angle in left.angle_rad)
+        step = (
+            f"look at the tire {span_text((low, high))} deg behind the sensor, which is in the contact then: a splice, "
+            "a nail, a patch, a bent rim; turned on its rim, a tire takes its own along"
+        )
+    return f"{step}; record at a second speed" if left.scaling.status in _UNSEEN else step
+
+
+def _of_time_locked(left: Unexplained) -> str:
+    if math.isfinite(left.centre_order):
+        return (
+            f"look for what turns {left.centre_order:.2f} times as fast as the wheel: a bearing, a gear, a drum, "
+            "another wheel"
+        )
+    if left.narrow and math.isfinite(left.centre_hz):
+        return f"look for a source of {left.centre_hz:.1f} Hz: mains, a motor, a fan; switch it off and record again"
+    if left.speeds is None:
+        return "record at a second speed: a resonance keeps its frequency, what turns does not"
+    return "it keeps its frequency: look for a resonance of suspension, rim, sensor or electronics"

@@ -1,0 +1,76 @@
+"""Next steps of a report: one for everything that is open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gateway.closure.result import Fitted, Scaling, ScalingStatus, Unexplained, Verdict
+from gateway.reasons import Code, Reason
+from gateway.views.report.next_steps import next_steps
+from tests.testkit.diagnosis_data import WARMER, empty, ordinary
+
+KNOWN = Scaling(ScalingStatus.KNOWN, 2.0)
+ANGLE = Unexplained("radial", "angle", (12, 52), (80.0, 550.0), (0.86, 0.94), KNOWN, 21.0, 0.1)
+TIME = Unexplained("lateral", "time", None, (47.0, 53.0), None, KNOWN, 3.0, 0.1)
+
+
+def step_for(left: Unexplained) -> str:
+    diagnosis = replace(
+        empty(),
+        findings=(),
+        notes=(),
+        unexplained=(left,),
+        estimates_after={"contact_half_angle_rad": Fitted(0.17, 0.001, "rad")},
+        determined={},
+    )
+    ((_, step),) = next_steps(diagnosis)
+    return step
+
+
+@pytest.mark.parametrize(
+    ("left", "part"),
+    [
+        (ANGLE, "49.3 to 53.9 deg behind the sensor"),
+        (replace(ANGLE, scaling=Scaling(ScalingStatus.ONE_SPEED)), "record at a second speed"),
+        (replace(ANGLE, angle_rad=(-0.3, -0.1)), "at the contact"),
+        (replace(ANGLE, angle_rad=None, orders=(3, 3)), "turn the tire on its rim"),
+        (replace(ANGLE, changes=True), "one state at a time"),
+        (replace(ANGLE, lock="place"), "49.3 to 53.9 deg behind the sensor"),
+        (replace(ANGLE, lock="turns"), "every second turn"),
+        (replace(TIME, lock="samples"), "repair or replace"),
+        (replace(TIME, narrow=True, centre_hz=50.02), "a source of 50.0 Hz"),
+        (replace(TIME, orders=(3, 4), centre_order=3.58), "3.58 times as fast as the wheel"),
+        (TIME, "record at a second speed"),
+        (replace(TIME, speeds=(2, 2)), "keeps its frequency"),
+    ],
+)
+def test_step_follows_from_the_residual(left: Unexplained, part: str) -> None:
+    assert part in step_for(left)
+
+
+def test_every_open_end_has_a_step() -> None:
+    first, second, *_ = ordinary().findings
+    diagnosis = replace(
+        ordinary(),
+        findings=(
+            replace(first, name="mounting offset", verdict=Verdict.NAMED),
+            replace(second, name="structural damping", verdict=Verdict.NAMED),
+            replace(second, name="gain", verdict=Verdict.INDISTINGUISHABLE, rivals=("clipping",), decide_with=WARMER),
+            replace(second, name="camber", verdict=Verdict.REFUSED, probability=0.8, reason=None),
+        ),
+        unexplained=(ANGLE,),
+        notes=(Reason(Code.ONE_SPEED), "a user's text"),
+        determined={"Ts": False},
+        load_known=False,
+    )
+    steps = dict(next_steps(diagnosis))
+    assert steps["mounting offset"].startswith("correct the vehicle file")
+    assert steps["structural damping"].startswith("save with --save-effects")
+    assert "20 K" in steps["gain or clipping"]
+    assert steps["camber"] == "record longer, or at another speed or load"
+    assert "radial, orders 12 to 52, 49.3 to 53.9 deg" in steps
+    assert "state" in steps["not determined: Ts"]
+    assert steps["one speed"] == "record at a second speed under the same load and pressure"
+    assert len(steps) == 7
