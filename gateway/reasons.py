@@ -622,7 +622,7 @@ class Code(StrEnum):
     UNIT_UNLIKELY = "unit_unlikely"
     SIGNAL_INTERPOLATED = "signal_interpolated"
 
-    # Diagnosis: acceptance tests
+    # Diagnosis: effects that are not identified
     IMPLAUSIBLE_PARAMETER = "implausible_parameter"
     FADES_WITHIN_ONE_WAVE = "fades_within_one_wave"
     HOLLOW_ROAD = "hollow_road"

@@ -154,11 +154,10 @@ def diagnose(
 ) -> None:
     """Identify the physical effects that the model of one wheel lacks, from RECORDING...
 
-    First, the baseline model is fitted. Its residual beyond the scatter between revolutions is then compared with a
-    catalogue of effects: mounting and errors of the sensor, and influences of tire, wheel and road. An effect is
-    identified only if it reduces the error on held-out revolutions at all speeds and loads, with plausible parameters,
-    and if no other effect explains the same residual. The rest is reported as unexplained, with its location, its size
-    and its dependence on speed.
+    The baseline model is fitted with sets of effects of a catalogue: mounting and errors of the sensor, and influences
+    of tire, wheel and road. An effect is identified if its probability is at least 0.99, with plausible parameters. The
+    rest is reported as unexplained, with its location, its size and its dependence on speed. The error before and after
+    is that on revolutions held out of every fit.
 
     A recording of 30 s at constant speed is sufficient. Several speeds, loads and pressures separate effects that look
     alike under one condition. Load, pressure and mounting come from the configuration in each recording, unless
@@ -167,8 +166,8 @@ def diagnose(
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error.
 
-    With --effects, nothing is searched for. The error on RECORDING... is reported without the effects of the file and
-    with them, their parameters as found; only the tire's own parameters and the contact's centre are fitted again.
+    With --effects, no search: the error on RECORDING... is reported with and without the effects of the file,
+    parameters fixed. Only the tire's own parameters and the contact's centre are fitted again.
 
     --list-effects prints the catalogue: physics, equation, parameters and confounders of each effect.
 

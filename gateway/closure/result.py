@@ -18,9 +18,9 @@ from gateway.types import FloatArray
 class Verdict(StrEnum):
     """The outcome for a candidate effect.
 
-    NAMED: accepted; the model lacks it, and the data distinguish it from the others. INDISTINGUISHABLE: one of several
-    that explain the data equally well; `Finding.rivals` holds its confounders and `Finding.decide_with` the recording
-    that would decide. REFUSED: it reduces the residual, but fails an acceptance test; `Finding.reason` holds which.
+    NAMED: present with a probability of at least 0.99. INDISTINGUISHABLE: one of several is, but no single one;
+    `Finding.rivals` holds the others and `Finding.decide_with` the recording that would decide. REFUSED: below 0.99, or
+    only at implausible values, or not needed by the exact ring; `Finding.reason` holds which.
     """
 
     NAMED = "named"

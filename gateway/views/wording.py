@@ -1100,7 +1100,7 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "{share:.0%} of the samples lie on straight lines in every axis: the signal was interpolated. Import it at the "
         "rate at which it was measured"
     ),
-    # Diagnosis: acceptance tests
+    # Diagnosis: effects that are not identified
     Code.IMPLAUSIBLE_PARAMETER: (
         "{parameter} would be {value:.4g}{unit: }, outside its plausible range of {low:.4g} to {high:.4g}{unit: }"
     ),

@@ -15,7 +15,7 @@ PACKAGES: Final[dict[str, str]] = {
     "gateway.signal": "signal processing: contacts, angle resampling, averages, spectra",
     "gateway.estimators": "estimators, one interface",
     "gateway.pipeline": "from samples of one wheel to revolutions and estimates",
-    "gateway.closure": "diagnosis of model error: effects, fits, acceptance tests",
+    "gateway.closure": "diagnosis of model error: effects, fits, probabilities",
     "gateway.config": "vehicle configuration and effects files",
     "gateway.io": "byte sources: serial, TCP, Bluetooth LE",
     "gateway.security": "signed frames and their keys",
