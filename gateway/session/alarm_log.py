@@ -115,9 +115,9 @@ class AlarmLog:
                 notices += self._stands(key, alarm, at_s)
         standing = [key for key, entry in self._entries.items() if entry.is_standing]
         over = [key for key in standing if key not in seen and key not in hidden and covers(key)]
-        known = values() if over else {}
+        present_values = values() if over else {}
         for key in over:
-            notices += self._is_over(key, at_s, known.get(key))
+            notices += self._is_over(key, at_s, present_values.get(key))
         for notice in notices if self._logs else ():
             # Every view shows the notice too: standard error needs it in a verbose log only.
             level = logging.WARNING if notice.level is Level.WARNING else logging.INFO

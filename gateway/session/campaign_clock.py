@@ -40,8 +40,8 @@ class HubClockError:
         """Take a block of frames and their arrival times."""
         hubs = np.asarray(batch.hub)
         for number in np.unique(hubs).tolist():
-            own = np.flatnonzero(hubs == number)
-            self._take((link, number), np.asarray(batch.tick_us)[own], arrivals_ns[own])
+            of_hub = np.flatnonzero(hubs == number)
+            self._take((link, number), np.asarray(batch.tick_us)[of_hub], arrivals_ns[of_hub])
 
     def _take(self, key: tuple[str, int], tick_us: NDArray[np.uint32], arrivals_ns: NDArray[np.int64]) -> None:
         steps = np.diff(tick_us).astype(np.int32).astype(np.int64)
@@ -63,21 +63,21 @@ class HubClockError:
         order = np.lexsort((delay_s, windows, start))
         first = np.ones(len(order), dtype=bool)
         first[1:] = (np.diff(windows[order]) != 0) | (np.diff(start[order]) != 0)
-        for at in order[first].tolist():
-            known = self._earliest.setdefault((*key, int(start[at])), {})
-            window = int(windows[at])
-            if window not in known or delay_s[at] < known[window][1]:
-                known[window] = float(hub_s[at]), float(delay_s[at])
+        for frame in order[first].tolist():
+            earliest = self._earliest.setdefault((*key, int(start[frame])), {})
+            window = int(windows[frame])
+            if window not in earliest or delay_s[frame] < earliest[window][1]:
+                earliest[window] = float(hub_s[frame]), float(delay_s[frame])
 
     def error(self, hub: int) -> tuple[float, float]:
         """Return the share by which a hub's clock runs fast, and its standard error; NaN when unknown."""
-        found = []
-        for (link, number, _), known in self._earliest.items():
-            if number == hub and (line := _line(known)) is not None:
+        errors = []
+        for (link, number, _), earliest in self._earliest.items():
+            if number == hub and (line := _line(earliest)) is not None:
                 # Clocks that drift apart by less than the step of a slot leave no trace.
-                span_s = _WINDOW_S * (len(known) - 2)
-                found.append((line[0], math.hypot(line[1], _slot_step_s(self._first[link, number]) / span_s)))
-        return combined(found)
+                span_s = _WINDOW_S * (len(earliest) - 2)
+                errors.append((line[0], math.hypot(line[1], _slot_step_s(self._first[link, number]) / span_s)))
+        return combined(errors)
 
 
 def _slot_step_s(parts: list[FloatArray]) -> float:
@@ -94,32 +94,32 @@ def _slot_step_s(parts: list[FloatArray]) -> float:
     steps = np.diff(slots)
     slot_s = float(np.median(steps))
     slot_s = float(steps.sum() / np.maximum(np.round(steps / slot_s), 1.0).sum())
-    place = np.sort(np.mod(hub_s, slot_s))
-    gaps = np.diff(np.append(place, place[0] + slot_s))
+    phase_s = np.sort(np.mod(hub_s, slot_s))
+    gaps = np.diff(np.append(phase_s, phase_s[0] + slot_s))
     return float(gaps.max())
 
 
 def combined(errors: list[tuple[float, float]]) -> tuple[float, float]:
     """Return the weighted mean of clock errors (value, std), std being the larger of both estimates; NaN for none."""
-    known = [(value, std) for value, std in errors if math.isfinite(value) and std > 0.0]
-    if not known:
+    usable = [(value, std) for value, std in errors if math.isfinite(value) and std > 0.0]
+    if not usable:
         return UNKNOWN
-    value, std = np.array(known).T
+    value, std = np.array(usable).T
     weight = 1.0 / np.square(std)
     mean = float((weight * value).sum() / weight.sum())
     error = 1.0 / math.sqrt(float(weight.sum()))
-    if len(known) > 1:
-        spread = math.sqrt(float((weight * np.square(value - mean)).sum()) / (len(known) - 1))
+    if len(usable) > 1:
+        spread = math.sqrt(float((weight * np.square(value - mean)).sum()) / (len(usable) - 1))
         error *= max(1.0, spread)
     return mean, error
 
 
-def _line(known: dict[int, tuple[float, float]]) -> tuple[float, float] | None:
+def _line(earliest: dict[int, tuple[float, float]]) -> tuple[float, float] | None:
     """Return the clock error from a line fitted to the earliest arrivals, and its standard error; None if unknown."""
-    if len(known) < _MIN_WINDOWS:
+    if len(earliest) < _MIN_WINDOWS:
         return None
     # The first and the last window may contain few frames.
-    hub_s, delay_s = np.array([known[window] for window in sorted(known)][1:-1]).T
+    hub_s, delay_s = np.array([earliest[window] for window in sorted(earliest)][1:-1]).T
     delay_s = delay_s - delay_s[0]
     early = np.ones(len(hub_s), dtype=bool)
     slope = offset = 0.0

@@ -182,12 +182,12 @@ class HubCommands:
             return
         major, minor, hub_id, sensor_id, boot_count = _HELLO.unpack_from(frame, wire.HEADER_BYTES)
         genuine = signed and self._is_genuine(sensor_id, boot_count, frame)
-        known = self.hubs.get(number)
-        if known is not None and known.signs and not genuine:
+        present = self.hubs.get(number)
+        if present is not None and present.signs and not genuine:
             return  # only a genuine hello replaces a genuine one
-        if known is not None and (known.hub_id, known.boot_count, known.signs) == (hub_id, boot_count, genuine):
+        if present is not None and (present.hub_id, present.boot_count, present.signs) == (hub_id, boot_count, genuine):
             return
-        if known is not None and known.is_present and hub_id == known.hub_id and boot_count < known.boot_count:
+        if present is not None and present.is_present and hub_id == present.hub_id and boot_count < present.boot_count:
             return  # a start that is over
         key = self._keys.get(hub_identity(hub_id))
         self.hubs[number] = HubAtLink(number, hub_id, boot_count, (major, minor), genuine, key)

@@ -351,8 +351,8 @@ def refusal(result: CommandResult) -> Reason | None:
     """Return why a hub did not execute a command, None when it did."""
     if result.outcome == Outcome.DONE:
         return None
-    known = {outcome.value: code for outcome, code in _OUTCOMES.items()}
-    code = known.get(result.outcome)
+    code_of = {outcome.value: code for outcome, code in _OUTCOMES.items()}
+    code = code_of.get(result.outcome)
     outcome = Reason(Code.COMMAND_OUTCOME, outcome=result.outcome) if code is None else Reason(code)
     name = MessageType(result.command).name if result.command in COMMANDS else f"command {result.command}"
     return Reason(Code.COMMAND_REFUSED, command=name, outcome=outcome)

@@ -104,20 +104,20 @@ class LinkHealth:
         hello = frame.message
         assert isinstance(hello, Hello)
         self._ungreeted_ns[(frame.hub, frame.wheel)] = None
-        found: list[Notice] = []
+        notices: list[Notice] = []
         before = self._boot_counts.get(frame.hub)
         self._boot_counts[frame.hub] = hello.boot_count
         if before is not None and before != hello.boot_count:
-            found += self._restarted(frame.hub, hello.boot_count, host_ns)
+            notices += self._restarted(frame.hub, hello.boot_count, host_ns)
         if (hello.protocol_major, hello.protocol_minor) > (wire.VERSION_MAJOR, wire.VERSION_MINOR):
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
             newer = Reason(Code.NEWER_PROTOCOL, version=version, own=_OWN_VERSION)
-            found += self._once(hub_name(frame.hub), newer)
+            notices += self._once(hub_name(frame.hub), newer)
         elif (hello.protocol_major, hello.protocol_minor) < (wire.VERSION_MAJOR, wire.SIGNED_COMMANDS_MINOR):
             version = f"{hello.protocol_major}.{hello.protocol_minor}"
             older = Reason(Code.OLDER_PROTOCOL, version=version, own=_OWN_VERSION)
-            found += self._once(hub_name(frame.hub), older, Level.INFO)
-        return found
+            notices += self._once(hub_name(frame.hub), older, Level.INFO)
+        return notices
 
     def tick(self, now_ns: int) -> list[Notice]:
         """Return new notices of a link that is open but silent, before a hub is known to be on it."""
@@ -156,19 +156,19 @@ class LinkHealth:
 
     def _review_versions(self, data: bytes, counters: LinkCounters) -> list[Notice]:
         """Report intact frames that this version cannot read."""
-        found: list[Notice] = []
+        notices: list[Notice] = []
         is_known = self._is_reported(Code.FIRMWARE_TOO_OLD) or self._is_reported(Code.FIRMWARE_TOO_NEW)
         if counters.other_major >= _UNREADABLE_FRAMES and not is_known and (majors := other_major_versions(data)):
             major = min(majors, key=lambda version: abs(version - wire.VERSION_MAJOR))
             code = Code.FIRMWARE_TOO_OLD if major < wire.VERSION_MAJOR else Code.FIRMWARE_TOO_NEW
-            found += self._once(self._link, Reason(code, major=major, own=wire.VERSION_MAJOR))
+            notices += self._once(self._link, Reason(code, major=major, own=wire.VERSION_MAJOR))
         if counters.newer_minor >= _UNREADABLE_FRAMES:
-            found += self._once(self._link, Reason(Code.NEWER_FRAME_LAYOUT, own=_OWN_VERSION))
+            notices += self._once(self._link, Reason(Code.NEWER_FRAME_LAYOUT, own=_OWN_VERSION))
         if counters.unknown_flags >= _UNREADABLE_FRAMES:
-            found += self._once(self._link, Reason(Code.FRAMES_WITH_UNKNOWN_FLAGS))
+            notices += self._once(self._link, Reason(Code.FRAMES_WITH_UNKNOWN_FLAGS))
         if counters.bad_payload >= _UNREADABLE_FRAMES:
-            found += self._once(self._link, Reason(Code.FRAMES_WITH_BAD_PAYLOAD))
-        return found
+            notices += self._once(self._link, Reason(Code.FRAMES_WITH_BAD_PAYLOAD))
+        return notices
 
     def _review_damage(self, counters: LinkCounters) -> list[Notice]:
         """Report a large share of damaged frames."""
@@ -182,19 +182,19 @@ class LinkHealth:
 
     def _review_greetings(self, host_ns: int, counters: LinkCounters) -> list[Notice]:
         """Report wheels without a hello."""
-        found: list[Notice] = []
+        notices: list[Notice] = []
         for (hub, wheel), source in counters.sources.items():
             first_ns = self._ungreeted_ns.setdefault((hub, wheel), host_ns)
             is_sending = self._frames.get((hub, wheel)) != source.frames
             self._frames[(hub, wheel)] = source.frames
             is_overdue = first_ns is not None and host_ns - first_ns >= _SILENCE_NS
             if is_overdue and is_sending and wheel != HUB_ITSELF and self._admits(hub, wheel):
-                found += self._once(self._position_of(hub, wheel), Reason(Code.NO_HELLO, silence_s=_SILENCE_S))
+                notices += self._once(self._position_of(hub, wheel), Reason(Code.NO_HELLO, silence_s=_SILENCE_S))
         self._has_hub = bool(counters.sources)
-        return found
+        return notices
 
     def _restarted(self, hub: int, boot_count: int, host_ns: int) -> list[Notice]:
-        recent = [at for at in self._restarts_ns.get(hub, []) if 0 <= host_ns - at < _MINUTE_NS]
+        recent = [restart_ns for restart_ns in self._restarts_ns.get(hub, []) if 0 <= host_ns - restart_ns < _MINUTE_NS]
         self._restarts_ns[hub] = [*recent[-_RESTARTS_PER_MINUTE:], host_ns]
         if len(recent) >= _RESTARTS_PER_MINUTE:
             return self._once(hub_name(hub), Reason(Code.HUB_RESTARTS_REPEATEDLY))

@@ -45,15 +45,15 @@ def missing_revolutions(wheels: Sequence[WheelSnapshot], links: Mapping[str, Fra
         wheels: their last state.
         links: counts of their links; without frames there is nothing to say of wheels.
     """
-    found = tuple(
+    notices = tuple(
         _warning(wheel.position, reason)
         for wheel in wheels
         if (reason := wheel.missing or next(_no_revolution(wheel), None)) is not None
     )
     rolled = any(wheel.counters.revolutions for wheel in wheels)
-    if not found and not rolled and any(counts.accepted for counts in links.values()):
+    if not notices and not rolled and any(counts.accepted for counts in links.values()):
         return (_warning("", Reason(Code.NO_SAMPLES)),)
-    return found
+    return notices
 
 
 def long_missing(wheel: WheelSnapshot) -> Reason | None:

@@ -97,11 +97,11 @@ class SignalDecoder:
         signals: list[VehicleSignal] = []
         faults: list[str] = []
         for setup in setups:
-            found = self._find(database, setup)
-            if isinstance(found, str):
-                faults.append(found)
+            signal = self._find(database, setup)
+            if isinstance(signal, str):
+                faults.append(signal)
                 continue
-            signals.append(found)
+            signals.append(signal)
         if faults:
             raise ConfigError("\n".join(f"{origin}: {fault}" for fault in faults), "Correct [vehicle_signals].")
         self.history = SignalHistory(signals, max_age_s)
@@ -110,10 +110,10 @@ class SignalDecoder:
         """Decode a block of frames into the history; return the latest value of each signal in it."""
         latest: dict[str, float] = {}
         for frame in unpack(item.data, item.host_ns):
-            known = self._messages.get(self._key(frame.can_id, frame.is_extended))
-            if known is None or frame.is_error or frame.is_remote:
+            mapped = self._messages.get(self._key(frame.can_id, frame.is_extended))
+            if mapped is None or frame.is_error or frame.is_remote:
                 continue
-            message, wanted = known
+            message, wanted = mapped
             try:
                 # A multiplexed message carries only some of its signals.
                 values = message.decode(frame.data, decode_choices=False, scaling=False, allow_truncated=True)
@@ -122,11 +122,11 @@ class SignalDecoder:
                 _logger.debug("frame %#x cannot be decoded: %s", frame.can_id, error)
                 continue
             self.frames += 1
-            for one in wanted:
-                value = one.value(values.get(one.signal.name))
+            for wanted_signal in wanted:
+                value = wanted_signal.value(values.get(wanted_signal.signal.name))
                 if value is not None:
-                    self.history.add(one.key, frame.host_ns, value)
-                    latest[one.key] = value
+                    self.history.add(wanted_signal.key, frame.host_ns, value)
+                    latest[wanted_signal.key] = value
         return latest
 
     def _key(self, can_id: int, is_extended: bool) -> tuple[int, bool]:
@@ -135,14 +135,14 @@ class SignalDecoder:
     def _find(self, database: Any, setup: SignalSetup) -> VehicleSignal | str:
         """Register a signal; return it, or what is wrong."""
         what = f"vehicle_signals.signal {setup.message}.{setup.signal}"
-        message = next((one for one in database.messages if one.name == setup.message), None)
+        message = next((candidate for candidate in database.messages if candidate.name == setup.message), None)
         if message is None:
             # The database has fewer messages than the file where only the mapped ones are valid.
-            names = max([one.name for one in database.messages], message_names(self.dbc_text), key=len)
+            names = max([candidate.name for candidate in database.messages], message_names(self.dbc_text), key=len)
             return f"{what}: no message '{setup.message}'; it has {_some(names)}"
-        signal = next((one for one in message.signals if one.name == setup.signal), None)
+        signal = next((candidate for candidate in message.signals if candidate.name == setup.signal), None)
         if signal is None:
-            names = [one.name for one in message.signals]
+            names = [candidate.name for candidate in message.signals]
             return f"{what}: no signal '{setup.signal}' in {setup.message}; it has {_some(names)}"
         unit_text = setup.unit if setup.unit is not None else (signal.unit or "")
         unit = UNITS.get(unit_text) or _UNITS_ANY_CASE.get(unit_text.strip().lower())
@@ -150,16 +150,16 @@ class SignalDecoder:
             return f"{what}: unit '{unit_text}' is not known; give unit, one of {', '.join(filter(None, UNITS))}"
         if unit.suffix not in SUFFIXES[setup.quantity]:
             return f"{what}: unit '{unit_text}' does not fit {setup.quantity}; give the right unit"
-        found = VehicleSignal(
+        vehicle_signal = VehicleSignal(
             signal_name(setup, unit.suffix), setup.quantity, unit.suffix, setup.wheel, setup.relative_std
         )
         key = self._key(message.frame_id, message.is_extended_frame)
         wanted = self._messages.setdefault(key, (message, []))[1]
         low, high = _range(signal, setup)
         wanted.append(
-            _Wanted(signal, found.key, unit.factor * setup.factor, _no_values(signal, unit.suffix), low, high)
+            _Wanted(signal, vehicle_signal.key, unit.factor * setup.factor, _no_values(signal, unit.suffix), low, high)
         )
-        return found
+        return vehicle_signal
 
 
 def open_decoder(

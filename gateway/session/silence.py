@@ -167,7 +167,7 @@ class _Sensor:
     def is_silent(self, now_ns: int) -> bool:
         return now_ns >= self.samples.due_ns and now_ns >= self.messages.due_ns
 
-    def own(self, now_ns: int, others_ns: int) -> Iterator[Silence]:
+    def silences(self, now_ns: int, others_ns: int) -> Iterator[Silence]:
         """Yield what is silent of a sensor whose hub is not; `others_ns` is the last sign of life of the hub's rest."""
         age_s = (now_ns - self.samples.last_ns) / _S
         if self.is_silent(now_ns):
@@ -207,26 +207,26 @@ class _Sensor:
 class _Hub:
     """Streams of one hub: its own messages, None before the first, and those of its sensors by wheel number."""
 
-    own: _Stream | None = None
+    stream: _Stream | None = None
     sensors: dict[int, _Sensor] = field(default_factory=dict)
 
     @property
     def last_ns(self) -> int:
         times = [sensor.last_ns for sensor in self.sensors.values()]
-        return max([*times, *([self.own.last_ns] if self.own is not None else [])])
+        return max([*times, *([self.stream.last_ns] if self.stream is not None else [])])
 
     def is_silent(self, now_ns: int) -> bool:
-        speaks = self.own is not None and now_ns < self.own.due_ns
+        speaks = self.stream is not None and now_ns < self.stream.due_ns
         return not speaks and all(sensor.is_silent(now_ns) for sensor in self.sensors.values())
 
     def others_ns(self, sensor: _Sensor) -> int:
         """Return the time of the last frame that is not of `sensor`."""
-        own_ns = self.own.last_ns if self.own is not None else 0
+        own_ns = self.stream.last_ns if self.stream is not None else 0
         return max([own_ns, *(other.last_ns for other in self.sensors.values() if other is not sensor)])
 
     def due_ns(self) -> Iterator[int]:
-        if self.own is not None:
-            yield self.own.due_ns
+        if self.stream is not None:
+            yield self.stream.due_ns
         for sensor in self.sensors.values():
             yield from sensor.due_ns()
 
@@ -255,7 +255,7 @@ class _Link:
         """Count no silence in a pause before `now_ns`; what was silent before it stays so."""
         sensors = [sensor for hub in self.hubs.values() for sensor in hub.sensors.values()]
         streams = [stream for sensor in sensors for stream in sensor.streams()]
-        streams += [hub.own for hub in self.hubs.values() if hub.own is not None]
+        streams += [hub.stream for hub in self.hubs.values() if hub.stream is not None]
         streams += [self.bus] if self.bus is not None else []
         for stream in streams:
             stream.counted_from_ns = min(stream.counted_from_ns + pause_ns, max(now_ns, stream.counted_from_ns))
@@ -273,8 +273,8 @@ class _Link:
         if self.bus is not None:
             self.bus.counted_from_ns = host_ns
         for hub in self.hubs.values():
-            if hub.own is not None:
-                hub.own.counted_from_ns = host_ns
+            if hub.stream is not None:
+                hub.stream.counted_from_ns = host_ns
             for sensor in hub.sensors.values():
                 sensor.count_again(host_ns)
 
@@ -328,9 +328,9 @@ class SilenceWatch:
 
     def opened(self, link: str, host_ns: int) -> None:
         """Note that a link is open: its hubs get their time again."""
-        known = self._link(link, host_ns)
-        known.down = None
-        known.count_again(host_ns)
+        state = self._link(link, host_ns)
+        state.down = None
+        state.count_again(host_ns)
 
     def closed(self, link: str, host_ns: int, state: Reason) -> None:
         """Note that a link is down, and why."""
@@ -338,9 +338,9 @@ class SilenceWatch:
 
     def paused(self, link: str, pause_ns: int, now_ns: int) -> None:
         """Note that this computer paused before `now_ns`: the pause is no silence of the link."""
-        known = self._link(link, now_ns)
-        known.leave_out(pause_ns, now_ns)
-        known.now_ns, known.due_ns = max(known.now_ns, now_ns), 0
+        state = self._link(link, now_ns)
+        state.leave_out(pause_ns, now_ns)
+        state.now_ns, state.due_ns = max(state.now_ns, now_ns), 0
 
     def frame(self, link: str, frame: Frame, host_ns: int) -> None:
         """Take a frame."""
@@ -362,39 +362,39 @@ class SilenceWatch:
         is_samples = np.asarray(batch.type) == MessageType.SAMPLES
         wanted = ~is_samples
         for _, _, frames in batch.by_source():
-            own = frames[is_samples[frames]]
-            if not len(own):
+            sample_frames = frames[is_samples[frames]]
+            if not len(sample_frames):
                 continue
-            slots = arrivals_ns[own] // _SLOT_NS
+            slots = arrivals_ns[sample_frames] // _SLOT_NS
             steps = np.flatnonzero(np.diff(slots)) + 1
-            wanted[own[steps]] = wanted[own[steps - 1]] = True
-            wanted[own[[0, -1]]] = True
-        for at in np.flatnonzero(wanted).tolist():
-            type_ = int(batch.type[at])
+            wanted[sample_frames[steps]] = wanted[sample_frames[steps - 1]] = True
+            wanted[sample_frames[[0, -1]]] = True
+        for frame in np.flatnonzero(wanted).tolist():
+            type_ = int(batch.type[frame])
             of_samples = type_ == MessageType.SAMPLES
-            message, axes = (None, batch.axes(at)) if of_samples else (batch.message(at), 0)
-            yield int(arrivals_ns[at]), Heard(int(batch.hub[at]), int(batch.wheel[at]), type_, message, axes)
+            message, axes = (None, batch.axes(frame)) if of_samples else (batch.message(frame), 0)
+            yield int(arrivals_ns[frame]), Heard(int(batch.hub[frame]), int(batch.wheel[frame]), type_, message, axes)
 
     def changes(self, link: str, now_ns: int) -> Iterator[None]:
         """Move the time of a link forward; yield at each time on the way at which its state may have changed."""
-        known = self._link(link, now_ns)
-        while now_ns >= known.due_ns:
-            due_ns = self._next_change_ns(known)
-            known.due_ns = due_ns if due_ns is not None else _NEVER_NS
-            if now_ns >= known.due_ns:
-                known.now_ns = known.due_ns
+        state = self._link(link, now_ns)
+        while now_ns >= state.due_ns:
+            due_ns = self._next_change_ns(state)
+            state.due_ns = due_ns if due_ns is not None else _NEVER_NS
+            if now_ns >= state.due_ns:
+                state.now_ns = state.due_ns
                 yield
-        known.now_ns = max(known.now_ns, now_ns)
+        state.now_ns = max(state.now_ns, now_ns)
 
     # Output
 
     @staticmethod
-    def _next_change_ns(known: _Link) -> int | None:
-        first_ns = known.begin_ns + round(LIMITS["first"].least_s * _S)
-        due_ns = [first_ns, *(due for hub in known.hubs.values() for due in hub.due_ns())]
-        if known.bus is not None:
-            due_ns.append(known.bus.due_ns)
-        return min((due for due in due_ns if due > known.now_ns), default=None)
+    def _next_change_ns(state: _Link) -> int | None:
+        first_ns = state.begin_ns + round(LIMITS["first"].least_s * _S)
+        due_ns = [first_ns, *(due for hub in state.hubs.values() for due in hub.due_ns())]
+        if state.bus is not None:
+            due_ns.append(state.bus.due_ns)
+        return min((due for due in due_ns if due > state.now_ns), default=None)
 
     def links(self) -> tuple[str, ...]:
         """Return the names of the links."""
@@ -432,7 +432,7 @@ class SilenceWatch:
 
     def of_wheels(self) -> dict[str, tuple[Silence, ...]]:
         """Return the silences of each wheel, the widest first; wheels without any are left out."""
-        found: dict[str, tuple[Silence, ...]] = {}
+        by_position: dict[str, tuple[Silence, ...]] = {}
         heard: set[str] = set()
         for name, link in self._links.items():
             for number, hub in link.hubs.items():
@@ -441,15 +441,15 @@ class SilenceWatch:
                     heard.add(position)
                     silences = tuple(_silences(link, hub, sensor))
                     if silences:
-                        found[position] = silences
+                        by_position[position] = silences
         waited_s = self.elapsed_s()
         is_open = any(link.down is None and link.bus is None for link in self._links.values())
         if is_open and waited_s >= LIMITS["first"].least_s:
             reason = Reason(Code.SENSOR_NEVER_HEARD, silence_s=waited_s)
             for position in self._configured:
                 if position not in heard:
-                    found[position] = (Silence(SilentPart.SENSOR, waited_s, reason),)
-        return found
+                    by_position[position] = (Silence(SilentPart.SENSOR, waited_s, reason),)
+        return by_position
 
     def silent_hubs(self, *, of_down_links: bool = False) -> Iterator[SilentHub]:
         """Yield the silent hubs of open links, or those of links that are down; hubs without wheels do not matter."""
@@ -473,21 +473,21 @@ class SilenceWatch:
 
         Of a link without a frame it is the time since its first event.
         """
-        known = self._links.get(link)
-        if known is None:
+        state = self._links.get(link)
+        if state is None:
             return None
-        hubs = known.hubs.values()
-        is_silent = bool(hubs or known.bus) and all(hub.is_silent(known.now_ns) for hub in hubs)
-        if known.down is None and not (is_silent and (known.bus is None or known.is_bus_silent)):
+        hubs = state.hubs.values()
+        is_silent = bool(hubs or state.bus) and all(hub.is_silent(state.now_ns) for hub in hubs)
+        if state.down is None and not (is_silent and (state.bus is None or state.is_bus_silent)):
             return None
-        heard_ns = [hub.last_ns for hub in hubs] + ([known.bus.last_ns] if known.bus is not None else [])
-        return (known.now_ns - max(heard_ns, default=known.begin_ns)) / _S
+        heard_ns = [hub.last_ns for hub in hubs] + ([state.bus.last_ns] if state.bus is not None else [])
+        return (state.now_ns - max(heard_ns, default=state.begin_ns)) / _S
 
     def speaking_hubs(self, link: str) -> frozenset[int]:
         """Return the numbers of a link's hubs that are not silent."""
-        known = self._links.get(link)
-        hubs = known.hubs.items() if known is not None and known.down is None else ()
-        return frozenset(number for number, hub in hubs if known is not None and not hub.is_silent(known.now_ns))
+        state = self._links.get(link)
+        hubs = state.hubs.items() if state is not None and state.down is None else ()
+        return frozenset(number for number, hub in hubs if state is not None and not hub.is_silent(state.now_ns))
 
     def _link(self, name: str, host_ns: int) -> _Link:
         link = self._links.get(name)
@@ -518,10 +518,10 @@ class SilenceWatch:
         if hub is None:
             hub = link.hubs[number] = _Hub()
         if wheel == HUB_ITSELF:
-            if hub.own is None:
-                hub.own = _Stream(LIMITS["hub"], host_ns)
-            hub.own.arrived(host_ns)
-            link.due_ns = min(link.due_ns, hub.own.due_ns)
+            if hub.stream is None:
+                hub.stream = _Stream(LIMITS["hub"], host_ns)
+            hub.stream.arrived(host_ns)
+            link.due_ns = min(link.due_ns, hub.stream.due_ns)
             return
         sensor = hub.sensors.get(wheel)
         if sensor is None:
@@ -542,4 +542,4 @@ def _silences(link: _Link, hub: _Hub, sensor: _Sensor) -> Iterator[Silence]:
         age_s = (now_ns - hub.last_ns) / _S
         yield Silence(SilentPart.HUB, age_s, Reason(Code.HUB_OF_WHEEL_SILENT, silence_s=age_s))
     else:
-        yield from sensor.own(now_ns, hub.others_ns(sensor))
+        yield from sensor.silences(now_ns, hub.others_ns(sensor))

@@ -39,7 +39,7 @@ def misplaced_sensor(position: str, sensor_id: str, configured: Mapping[str, str
     expected = configured.get(position)
     if expected is None or not sensor_id or sensor_id == expected:
         return None
-    owner = next((name for name, one in configured.items() if one == sensor_id), None)
+    owner = next((name for name, sensor in configured.items() if sensor == sensor_id), None)
     if owner is None:
         return Reason(Code.SENSOR_REPLACED, sensor=sensor_id, expected=expected)
     return Reason(Code.SENSOR_SWAPPED, sensor=sensor_id, owner=owner, position=position)
@@ -67,8 +67,8 @@ def wheel_address(vehicle: VehicleConfig | None, position: str) -> tuple[int, in
     wheel = configured(vehicle, position)
     if wheel is not None:
         return wheel.hub, wheel.wheel
-    found = re.match(r"hub(\d+)\.wheel(\d+)", position)
-    return (int(found[1]), int(found[2])) if found else None
+    match = re.match(r"hub(\d+)\.wheel(\d+)", position)
+    return (int(match[1]), int(match[2])) if match else None
 
 
 class SensorsHeard:
@@ -80,18 +80,18 @@ class SensorsHeard:
 
     def take(self, batch: FrameBatch) -> None:
         """Take the hellos and the pressure readings of a batch."""
-        for at in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
-            hello = batch.message(at)
+        for index in np.flatnonzero(batch.type == MessageType.HELLO).tolist():
+            hello = batch.message(index)
             assert isinstance(hello, Hello)
-            sensors = self._sensors.setdefault((int(batch.hub[at]), int(batch.wheel[at])), set())
+            sensors = self._sensors.setdefault((int(batch.hub[index]), int(batch.wheel[index])), set())
             # A wheel has had few sensors; more are made up, and reported as changes of HELLO.
             if len(sensors) < _MOST_SENSORS:
                 sensors.add(hello.sensor_id)
 
-        for at in np.flatnonzero(batch.type == MessageType.ENVIRONMENT).tolist():
-            address = int(batch.hub[at]), int(batch.wheel[at])
+        for index in np.flatnonzero(batch.type == MessageType.ENVIRONMENT).tolist():
+            address = int(batch.hub[index]), int(batch.wheel[index])
             if address not in self._with_pressure:
-                reading = batch.message(at)
+                reading = batch.message(index)
                 assert isinstance(reading, Environment)
                 possible = possible_reading(reading)
                 if possible is not None and possible.pressure_pa is not None:

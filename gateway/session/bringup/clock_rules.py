@@ -98,13 +98,13 @@ class ClockRules:
 
     def _monotonic(self, seen: SeenFrame) -> None:
         key = seen.source, seen.type
-        known = self._ticks.get(key)
+        previous = self._ticks.get(key)
         self._ticks[key] = seen.seq, seen.tick_us
         # Log texts may be made at one time.
-        if known is None or signed_step(known[0], seen.seq) <= 0 or seen.type == MessageType.LOG_TEXT:
+        if previous is None or signed_step(previous[0], seen.seq) <= 0 or seen.type == MessageType.LOG_TEXT:
             return
         self._ledger.check(Clause.TICK_MONOTONIC)
-        step = signed_step(known[1], seen.tick_us)
+        step = signed_step(previous[1], seen.tick_us)
         if step < 0:
             reason = Reason(Code.TICK_GOES_BACK, back_us=float(-step), tick_us=float(seen.tick_us))
             self._fail(Clause.TICK_MONOTONIC, seen, reason)

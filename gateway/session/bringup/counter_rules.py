@@ -126,18 +126,18 @@ class CounterRules:
 
     def _boot_count(self, hub: _Hub, seen: SeenFrame, hello: Hello) -> bool:
         """Compare a hello's boot count with the starts; return whether it alone shows one."""
-        known, hub.boot_count = hub.boot_count, hello.boot_count
+        previous, hub.boot_count = hub.boot_count, hello.boot_count
         restart, hub.restart = hub.restart, None
         counts_anew, hub.counts_anew = hub.counts_anew, False
-        if known is None or restart is None:
+        if previous is None or restart is None:
             return False
         self._ledger.check(Clause.BOOT_COUNT)
-        values = {"before": float(known), "after": float(hello.boot_count)}
-        if hello.boot_count < known:
+        values = {"before": float(previous), "after": float(hello.boot_count)}
+        if hello.boot_count < previous:
             self._fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_GOES_BACK, **values))
-        elif hello.boot_count == known and counts_anew:
+        elif hello.boot_count == previous and counts_anew:
             self._fail(Clause.BOOT_COUNT, seen, Reason(Code.BOOT_COUNT_STANDS, **values))
-        if hello.boot_count == known or counts_anew:
+        if hello.boot_count == previous or counts_anew:
             return False
         self._start_anew(seen.hub)
         return True

@@ -40,7 +40,7 @@ def _forward(data: bytes) -> int:
 
 def _words(data: bytes) -> bytes:
     """Return whole words of 32 bits with their bytes reversed, as an STM32's CRC unit takes them."""
-    return b"".join(data[at : at + 4][::-1] for at in range(0, len(data), 4))
+    return b"".join(data[offset : offset + 4][::-1] for offset in range(0, len(data), 4))
 
 
 def _swapped(value: int) -> int:
@@ -75,19 +75,19 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
     """
     first: tuple[int, bytes] | None = None
     alike: dict[tuple[Clause, Code], int] = {}
-    for tried, (at, frame) in enumerate(_candidates(data)):
+    for tried, (offset, frame) in enumerate(_candidates(data)):
         if tried == _MOST_TRIED:
             break
         if first is None:
-            first = at, frame
-        for key in (*_length_faults(data, at), *_crc_faults(frame)):
+            first = offset, frame
+        for key in (*_length_faults(data, offset), *_crc_faults(frame)):
             alike[key] = alike.get(key, 0) + 1
             if alike[key] >= _LEAST_ALIKE:
                 code = Code.FRAME_LENGTH_COUNTS if key[0] is Clause.LENGTH else Code.FRAME_CRC_VARIANT
-                return key[0], Reason(code, how=Reason(key[1])), frame, at
+                return key[0], Reason(code, how=Reason(key[1])), frame, offset
     if swapped_syncs(data) >= _LEAST_ALIKE:
-        at = data.find(wire.SYNC[::-1])
-        return Clause.SYNC, Reason(Code.LINE_SYNC_SWAPPED), data[at : at + wire.MAX_FRAME_BYTES], at
+        offset = data.find(wire.SYNC[::-1])
+        return Clause.SYNC, Reason(Code.LINE_SYNC_SWAPPED), data[offset : offset + wire.MAX_FRAME_BYTES], offset
     if first is not None:
         return Clause.CRC, Reason(Code.FRAME_CRC_WRONG), first[1], first[0]
     return None
@@ -95,17 +95,17 @@ def diagnosis(data: bytes) -> tuple[Clause, Reason, bytes, int] | None:
 
 def _candidates(data: bytes) -> Iterator[tuple[int, bytes]]:
     for match in _HEADER.finditer(data):
-        at = match.start()
-        if at + wire.LENGTH_KNOWN_BYTES <= len(data):
-            end = at + wire.OVERHEAD_BYTES + data[at + wire.LENGTH_OFFSET]
-            yield at, data[at:end]
+        offset = match.start()
+        if offset + wire.LENGTH_KNOWN_BYTES <= len(data):
+            end = offset + wire.OVERHEAD_BYTES + data[offset + wire.LENGTH_OFFSET]
+            yield offset, data[offset:end]
 
 
-def _length_faults(data: bytes, at: int) -> Iterator[tuple[Clause, Code]]:
+def _length_faults(data: bytes, offset: int) -> Iterator[tuple[Clause, Code]]:
     for how, more in _LENGTHS.items():
-        length = data[at + wire.LENGTH_OFFSET] - more
-        end = at + wire.OVERHEAD_BYTES + length
-        if length >= 0 and end <= len(data) and crc32(data[at:end]) == wire.CRC_RESIDUE:
+        length = data[offset + wire.LENGTH_OFFSET] - more
+        end = offset + wire.OVERHEAD_BYTES + length
+        if length >= 0 and end <= len(data) and crc32(data[offset:end]) == wire.CRC_RESIDUE:
             yield Clause.LENGTH, how
 
 

@@ -131,15 +131,15 @@ class FirmwareCheck:
         buffer = self._tail + chunk.data
         start, seen = 0, []
         while True:
-            at, end, damaged = next_frame(buffer, start)
-            self._between(base + start, buffer[start:at], damaged)
+            offset, end, damaged = next_frame(buffer, start)
+            self._between(base + start, buffer[start:offset], damaged)
             if not end:
                 break
-            frame = self._frame(base + at, buffer[at:end], host_s, after_damage=damaged > 0 or at > start)
+            frame = self._frame(base + offset, buffer[offset:end], host_s, after_damage=damaged > 0 or offset > start)
             if frame is not None:
                 seen.append(frame)
             start = end
-        self._tail = buffer[at:]
+        self._tail = buffer[offset:]
         return seen
 
     def _between(self, at_byte: int, data: bytes, damaged: int) -> None:
@@ -263,10 +263,10 @@ class FirmwareCheck:
         """Find out what the bytes are that belong to no frame."""
         noise = self._noise if self.frames else self._noise + self._tail
         if not self.frames:
-            found = diagnosis(noise)
-            if found is not None:
-                clause, reason, example, at = found
-                self.ledger.fail(clause, "", reason, example, self._noise_at + at)
+            verdict = diagnosis(noise)
+            if verdict is not None:
+                clause, reason, example, offset = verdict
+                self.ledger.fail(clause, "", reason, example, self._noise_at + offset)
             elif noise:
                 self.ledger.fail(Clause.SYNC, "", identify_content(self._link, noise), noise, self._noise_at)
             return
@@ -277,9 +277,9 @@ class FirmwareCheck:
             reason = Reason(Code.BYTES_BETWEEN_FRAMES, bytes=self._noise_bytes, frames=self.frames)
             self.ledger.fail(Clause.CONTIGUOUS, "", reason, example, at_byte)
             return
-        found = diagnosis(noise)
-        if found is not None and found[1].code is not Code.FRAME_CRC_WRONG:
-            self.ledger.fail(found[0], "", found[1], found[2], self._noise_at, count=self._damaged)
+        verdict = diagnosis(noise)
+        if verdict is not None and verdict[1].code is not Code.FRAME_CRC_WRONG:
+            self.ledger.fail(verdict[0], "", verdict[1], verdict[2], self._noise_at, count=self._damaged)
             return
         reason = Reason(Code.SOME_FRAMES_DAMAGED, damaged=self._damaged, frames=self.frames)
         self.ledger.fail(Clause.CRC, "", reason, example, at_byte, count=self._damaged)

@@ -138,11 +138,11 @@ class MessageRules:
             reason = Reason(Code.STATUS_UPTIME_WRONG, uptime_s=status.uptime_s, clock_s=seen.tick_us * 1e-6)
             self._doubts.append((seen, reason))
         number = self._frames[seen.hub] + self._counters.lost_of_hub(seen.hub)
-        known = self._sent.get(seen.hub)
-        if known is None:
+        first_status = self._sent.get(seen.hub)
+        if first_status is None:
             self._sent[seen.hub] = (number, status.frames_sent), seen
             return
-        (first, sent), _ = known
+        (first, sent), _ = first_status
         arrived, stated = number - first, (status.frames_sent - sent) % 2**32
         if abs(stated - arrived) > _SENT_SLACK + _SENT_SHARE * arrived:
             self._doubts.append((seen, Reason(Code.STATUS_FRAMES_SENT_WRONG, stated=stated, arrived=arrived)))
