@@ -56,7 +56,7 @@ class TimedContact(NamedTuple):
     """A contact in running sample numbers.
 
     Attributes:
-        found: centre as the segmenter found it; identifies the contact.
+        segmented: centre as the segmenter found it; identifies the contact.
         centre: refined centre.
         centre_std: standard error.
         leading_rad: leading edge from `centre`; NaN when not refined.
@@ -65,7 +65,7 @@ class TimedContact(NamedTuple):
         trailing_std_rad: likewise.
     """
 
-    found: float
+    segmented: float
     centre: float
     centre_std: float
     leading_rad: float = math.nan
@@ -220,7 +220,7 @@ class ContactTimer:
 
     def _timed_pair(self, pair: ContactPair, match: _Match | None) -> TimedPair:
         start, previous = self._last, self._previous_period
-        if start is None or start.found != pair.start.centre:
+        if start is None or start.segmented != pair.start.centre:
             self._times = ()
             start = TimedContact(pair.start.centre, pair.start.centre, pair.start.centre_std)
             previous = pair.previous_period
@@ -253,14 +253,14 @@ class ContactTimer:
         missing: Callable[[int, int], int],
     ) -> list[_Match | None]:
         """Match the later contacts of the revolutions with the template, twice."""
-        found: list[_Match | None] = [None] * len(pairs)
+        matches: list[_Match | None] = [None] * len(pairs)
         template = self._template
         passages: list[Phase] = []
         places: list[int] = []
         samples: list[FloatArray] = []
         firsts: list[int] = []
         begins_rad, ends_rad = template.whole.angles_rad[[0, -1]].tolist() if template is not None else (0.0, 0.0)
-        for place, pair in enumerate(pairs):
+        for index, pair in enumerate(pairs):
             if template is None or pair.end.predicted:
                 continue
             start, guess = pair.start.centre, pair.end.centre
@@ -268,36 +268,36 @@ class ContactTimer:
             first = max(math.floor(guess + begins_rad / passage.rate) - MARGIN_SAMPLES, math.ceil(start))
             last = min(math.ceil(guess + ends_rad / passage.rate) + MARGIN_SAMPLES, pair.decided_at)
             if last - first >= _LEAST_SAMPLES and not missing(first, last):
-                places.append(place)
+                places.append(index)
                 firsts.append(first)
                 passages.append(_moved(passage, -first))
                 samples.append(read(first, last))
         times = [pair.end.centre for pair in pairs]
         if template is None or not places:
             self._follow(pairs, times)
-            return found
+            return matches
         around = ContactSamples(template, samples, passages)
-        own_hz = [rates_hz[place] for place in places]
+        own_hz = [rates_hz[index] for index in places]
         first_match = around.match(passages, own_hz)
         share, apart, *points = self._weights
         guesses: dict[int, float] = {}
-        for place, first, passage, (leading, trailing), fits in zip(
+        for index, first, passage, (leading, trailing), fits in zip(
             places, firsts, passages, first_match.shift_rad.tolist(), first_match.fits.tolist(), strict=True
         ):
             if fits:
-                guesses[place] = passage.start + first + 0.5 * (leading + trailing) / passage.rate
+                guesses[index] = passage.start + first + 0.5 * (leading + trailing) / passage.rate
                 leading, trailing = leading + points[0], trailing + points[1]
                 centre = leading + share * (trailing - leading - apart) + 0.5 * apart
-                times[place] = passage.start + first + centre / passage.rate
+                times[index] = passage.start + first + centre / passage.rate
         rolling = self._follow(pairs, times)
         passages = [
-            _moved(_passage(*rolling[place], at=guesses[place]), -first) if place in guesses else passage
-            for place, first, passage in zip(places, firsts, passages, strict=True)
+            _moved(_passage(*rolling[index], at=guesses[index]), -first) if index in guesses else passage
+            for index, first, passage in zip(places, firsts, passages, strict=True)
         ]
         match = around.match(passages, own_hz)
         limit = around.largest_shift_rad
         good = (first_match.fits & match.fits).tolist()
-        for place, first, passage, fits, shift, residual, covariances in zip(
+        for index, first, passage, fits, shift, residual, covariances in zip(
             places,
             firsts,
             passages,
@@ -308,15 +308,15 @@ class ContactTimer:
             strict=True,
         ):
             guess = passage.start + first
-            early = (guess - pairs[place].end.centre) * passage.rate
+            early = (guess - pairs[index].end.centre) * passage.rate
             if fits and max(abs(early + shift[0]), abs(early + shift[1])) < limit:
-                found[place] = _Match(guess, passage.rate, tuple(shift), tuple(residual), covariances)
-        return found
+                matches[index] = _Match(guess, passage.rate, tuple(shift), tuple(residual), covariances)
+        return matches
 
     def _follow(self, pairs: Sequence[ContactPair], times: Sequence[float]) -> list[tuple[float, float, float | None]]:
         """Return start, end and period before of each revolution by the times of the first match of their ends."""
         rolling: list[tuple[float, float, float | None]] = []
-        before = self._last.found if self._last is not None else math.nan
+        before = self._last.segmented if self._last is not None else math.nan
         start, previous = self._first_match
         for pair, end in zip(pairs, times, strict=True):
             if before != pair.start.centre:
@@ -326,7 +326,7 @@ class ContactTimer:
         self._first_match = start, previous
         return rolling
 
-    def _timed(self, found: float, match: _Match) -> TimedContact:
+    def _timed(self, segmented: float, match: _Match) -> TimedContact:
         """Combine the two edges with the weights of least variance."""
         template, points = self._template, self._points
         assert template is not None
@@ -360,8 +360,13 @@ class ContactTimer:
         n00, n01, n11 = n00 + s00, n01 + s01, n11 + s11
         total = v00 + v11 - 2.0 * v01
         share = (v00 - v01) / total if total > 0.0 and math.isfinite(total) else 0.5
-        own, mixed, other = (1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2
-        centre_std = math.sqrt(max(own * n00 + mixed * n01 + other * n11, own * v00 + mixed * v01 + other * v11))
+        leading_weight, mixed_weight, trailing_weight = (1.0 - share) ** 2, 2.0 * share * (1.0 - share), share**2
+        centre_std = math.sqrt(
+            max(
+                leading_weight * n00 + mixed_weight * n01 + trailing_weight * n11,
+                leading_weight * v00 + mixed_weight * v01 + trailing_weight * v11,
+            )
+        )
         # A change of the weights must not move the timed point: only the distance's deviation from its mean counts.
         centre = leading + share * (trailing - leading - apart) + 0.5 * apart
         step = template.middle_rad - 0.5 * (points[0] + points[1])
@@ -373,7 +378,7 @@ class ContactTimer:
         leading_std = math.hypot(math.sqrt(n00) * match.rate, other_load)
         trailing_std = math.hypot(math.sqrt(n11) * match.rate, other_load)
         return TimedContact(
-            found=found,
+            segmented=segmented,
             centre=centre,
             centre_std=centre_std,
             leading_rad=edges.leading_rad + (seen[0] - centre) * match.rate,
@@ -418,8 +423,12 @@ class ContactTimer:
         self._times = (*self._times[-2:], (leading, trailing))
         if len(self._times) == 3:
             (first, early), (middle, between), _ = self._times
-            one, other = first - 2.0 * middle + leading, early - 2.0 * between + trailing
-            self._jitter.add(one * one / 6.0, one * other / 6.0, other * other / 6.0)
+            leading_step, trailing_step = first - 2.0 * middle + leading, early - 2.0 * between + trailing
+            self._jitter.add(
+                leading_step * leading_step / 6.0,
+                leading_step * trailing_step / 6.0,
+                trailing_step * trailing_step / 6.0,
+            )
 
 
 def _is_next(before: float, period: float) -> bool:

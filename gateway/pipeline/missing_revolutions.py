@@ -280,10 +280,10 @@ class MissingRevolutions:
         self._waited_s = 0.0
         self._repeated = (None, 0)
 
-    def came(self, at: float) -> None:
-        """Take a completed revolution that ended at sample `at`."""
+    def came(self, end: float) -> None:
+        """Take a completed revolution that ended at sample `end`."""
         self._came = True
-        self._schedule(max(self._begun, int(at)))
+        self._schedule(max(self._begun, int(end)))
 
     def samples(self, head: int, read: Read, saturated_share: Callable[[int, int], float]) -> None:
         """Examine the stretches that are due with samples up to `head`.

@@ -89,9 +89,9 @@ class TurnLog:
             value_std: standard error of a value.
             radius_m: belt radius of the estimate.
         """
-        times, known = np.asarray(times_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
+        times, reference = np.asarray(times_s, dtype=np.float64), np.asarray(values, dtype=np.float64)
         order = np.argsort(times, kind="stable")
-        times, known = times[order], known[order]
+        times, reference = times[order], reference[order]
         starts, periods = np.array(self._starts_s), np.array(self._periods_s)
         covered = _covered(times, starts, periods)
         starts, periods = starts[covered], periods[covered]
@@ -99,7 +99,7 @@ class TurnLog:
             return ReferenceComparison(position, name, quantity, 0)
         is_turns = quantity in ("angle", "pulses")
         # Of a rate the mean over the turn: the difference of its integral.
-        so_far = known if is_turns else _integral(times, known)
+        so_far = reference if is_turns else _integral(times, reference)
         measured = np.abs(np.interp(starts + periods, times, so_far) - np.interp(starts, times, so_far)) / periods
         estimated = (2.0 * math.pi * radius_m if quantity == "speed" else 1.0) / periods
         differences = estimated - measured
@@ -113,7 +113,7 @@ class TurnLog:
             circumference = float(np.mean(measured * periods))
             radius_m, radius_std_m = circumference / (2.0 * math.pi), circumference / (2.0 * math.pi) * std / per_turn
         if is_turns:
-            contact_rad, scatter_rad = _direction(np.interp(starts, times, known) * 2.0 * math.pi)
+            contact_rad, scatter_rad = _direction(np.interp(starts, times, reference) * 2.0 * math.pi)
         return ReferenceComparison(
             position=position,
             name=name,

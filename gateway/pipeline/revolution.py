@@ -144,11 +144,11 @@ def revolutions_in_angle(
     axes = np.empty((len(revolutions), len(Axis), GRID_SIZE))
     radial = np.empty((len(revolutions), GRID_SIZE))
     orders = np.empty((len(revolutions), ORDER_COUNT), np.complex128)
-    found: list[Revolution] = []
+    extracted: list[Revolution] = []
     for begin in range(0, len(revolutions), _TOGETHER):
         part = slice(begin, begin + _TOGETHER)
-        found += _in_angle(revolutions[part], buffer, reading, radius_m, axes[part], radial[part], orders[part])
-    return RevolutionArrays.of_rows(found, axes, radial, orders)
+        extracted += _in_angle(revolutions[part], buffer, reading, radius_m, axes[part], radial[part], orders[part])
+    return RevolutionArrays.of_rows(extracted, axes, radial, orders)
 
 
 def _in_angle(
@@ -161,7 +161,9 @@ def _in_angle(
     orders: ComplexArray,
 ) -> Iterator[Revolution]:
     """Yield the revolutions, with their rows of the arrays, which are filled first."""
-    counts, phases = zip(*(_samples_and_phase(one, buffer) for one in revolutions), strict=True)
+    counts, phases = zip(
+        *(_samples_and_phase(timed_revolution, buffer) for timed_revolution in revolutions), strict=True
+    )
     scale = Scale(reading.offset_counts, reading.scale_mps2)
     if reading.columns == tuple(Axis):
         resample_revolutions(counts, phases, GRID_SIZE, scale, out=axes)
@@ -174,7 +176,8 @@ def _in_angle(
         if revolution.contribution_mps2 is not None:
             row -= revolution.contribution_mps2
     omegas_radps = [
-        2.0 * math.pi * one.turns * one.rate_hz / phase.samples for one, phase in zip(revolutions, phases, strict=True)
+        2.0 * math.pi * timed_revolution.turns * timed_revolution.rate_hz / phase.samples
+        for timed_revolution, phase in zip(revolutions, phases, strict=True)
     ]
     radial[:] = normalise_revolutions(
         axes[:, Axis.RADIAL],
@@ -187,25 +190,25 @@ def _in_angle(
     noises = band_noises(spectra, [phase.samples for phase in phases])
     # Hardly ever is any sample of a block saturated.
     may_be_saturated = reading.is_saturated(buffer.view(*_range(revolutions[0], revolutions[-1], buffer)))
-    for place, (revolution, phase, noise_coefficient) in enumerate(zip(revolutions, phases, noises, strict=True)):
+    for row_index, (revolution, phase, noise_coefficient) in enumerate(zip(revolutions, phases, noises, strict=True)):
         period = phase.samples
         order_max = highest_order(period)
         if order_max < ORDER_COUNT - 1:
-            orders[place, order_max + 1 :] = complex(math.nan, math.nan)
+            orders[row_index, order_max + 1 :] = complex(math.nan, math.nan)
         timed = revolution.timed
-        edges, edge_fault = _edges(timed, radial[place], period, noise_coefficient)
+        edges, edge_fault = _edges(timed, radial[row_index], period, noise_coefficient)
         lost = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre))
-        saturated = may_be_saturated and reading.is_saturated(counts[place])
-        clipped = not saturated and is_clipped(counts[place][:, reading.radial_column], revolution.sign)
+        saturated = may_be_saturated and reading.is_saturated(counts[row_index])
+        clipped = not saturated and is_clipped(counts[row_index][:, reading.radial_column], revolution.sign)
         yield Revolution(
             index=revolution.index,
             start_s=revolution.start_s,
             period_s=period / revolution.rate_hz,
-            omega_radps=omegas_radps[place],
+            omega_radps=omegas_radps[row_index],
             omega_dot_radps2=phase.acceleration * revolution.rate_hz**2,
-            radial_mps2=radial[place],
-            axes_mps2=axes[place],
-            orders_mps2=orders[place],
+            radial_mps2=radial[row_index],
+            axes_mps2=axes[row_index],
+            orders_mps2=orders[row_index],
             order_max=order_max,
             leading_edge_rad=edges[0],
             trailing_edge_rad=edges[1],
@@ -251,8 +254,13 @@ def _edges(
     edges = end.leading_rad, start.trailing_rad, end.leading_std_rad, start.trailing_std_rad
     if all(map(math.isfinite, edges)):
         return edges, None
-    own = find_contact_edges(radial_mps2, period, noise_coefficient_mps2)
-    return (own.leading_rad, own.trailing_rad, own.leading_std_rad, own.trailing_std_rad), own.reason
+    waveform_edges = find_contact_edges(radial_mps2, period, noise_coefficient_mps2)
+    return (
+        waveform_edges.leading_rad,
+        waveform_edges.trailing_rad,
+        waveform_edges.leading_std_rad,
+        waveform_edges.trailing_std_rad,
+    ), waveform_edges.reason
 
 
 def _faults(

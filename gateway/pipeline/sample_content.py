@@ -81,9 +81,9 @@ class SampleContent:
         self._varied |= int(np.bitwise_or.reduce(counts, axis=None)) & 0xFF
         if self._blocks < _WINDOW_BLOCKS:
             return ()
-        found = self._contradictions(hello)
+        contradictions = self._contradictions(hello)
         self._begin(channels)
-        return found
+        return contradictions
 
     def _contradictions(self, hello: Hello) -> tuple[Contradiction, ...]:
         as_sent, swapped = self._steps

@@ -111,8 +111,8 @@ class Segmenter:
         self._search_at = end + (self._step if searched_s < SEARCH_WINDOW_S else 2 * self._step)
         radial = read(first, end)
         # The known properties may be wrong, so they are dropped after a time.
-        known = self._known if searched_s < _TRUST_KNOWN_S else None
-        coarse, sign = find_contacts(radial, self._rate_hz, known)
+        previous_track = self._known if searched_s < _TRUST_KNOWN_S else None
+        coarse, sign = find_contacts(radial, self._rate_hz, previous_track)
         contacts = self._latest_placed(coarse, radial * sign, first, missing)
         if len(contacts) < 3:
             if not coarse and searched_s >= STANDSTILL_S:
@@ -137,8 +137,8 @@ class Segmenter:
         """Return the latest run of at least three consistent contacts, located exactly; empty when there is none."""
         runs: list[list[Contact]] = [[]]
         prefix = cumulative(radial) if coarse else None
-        for at, _, width in coarse:
-            contact = refine_contact(radial, first + at, width, prefix=prefix, first=first)
+        for centre, _, width in coarse:
+            contact = refine_contact(radial, first + centre, width, prefix=prefix, first=first)
             if contact is not None:
                 contact = restore_lost_edge(contact, contact.duration, missing)
             if contact is None:
@@ -171,8 +171,12 @@ class Segmenter:
         self._check_interval = min(2 * self._check_interval, _CHECK_INTERVAL_CONTACTS[1])
         contact = track.contact
         first = max(int(contact.centre) - span, self._origin)
-        found, sign = find_contacts(read(first, end), self._rate_hz)
-        near = [abs(first + at - seen.centre) <= 0.75 * seen.duration for at, _, _ in found for seen in track.recent]
-        if found and (sign != self.sign or not any(near)):
+        contacts, sign = find_contacts(read(first, end), self._rate_hz)
+        near = [
+            abs(first + centre - seen.centre) <= 0.75 * seen.duration
+            for centre, _, _ in contacts
+            for seen in track.recent
+        ]
+        if contacts and (sign != self.sign or not any(near)):
             self._lose(first, end)
             self._known = None

@@ -56,8 +56,8 @@ class _Stretch(NamedTuple):
 @lru_cache(maxsize=8)
 def _stretch(count: int) -> _Stretch:
     """Return the constants of a stretch of `count` points; the trend is (count, degree + 1) orthonormal columns."""
-    place = np.linspace(-1.0, 1.0, count)
-    trend = np.linalg.qr(np.polynomial.chebyshev.chebvander(place, _TREND_DEGREE))[0]
+    position = np.linspace(-1.0, 1.0, count)
+    trend = np.linalg.qr(np.polynomial.chebyshev.chebvander(position, _TREND_DEGREE))[0]
     window = np.hanning(count)
     return _Stretch(trend, window, float((2.0 / window.sum()) ** 2))
 
@@ -73,7 +73,7 @@ def ringing_spectra(revolutions: Sequence[Revolution], frequency_hz: FloatArray)
     """
     spectra = np.full((len(revolutions), 2, len(frequency_hz)), math.nan)
     of_length: dict[int, list[tuple[int, int, FloatArray]]] = {}
-    for place, revolution in enumerate(revolutions):
+    for index, revolution in enumerate(revolutions):
         n = len(revolution.radial_mps2)
         behind = revolution.trailing_edge_rad + _EDGE_MARGIN_RAD
         before = revolution.leading_edge_rad - _EDGE_MARGIN_RAD - _RANGE_RAD
@@ -84,7 +84,7 @@ def ringing_spectra(revolutions: Sequence[Revolution], frequency_hz: FloatArray)
                     for angle in (begin, begin + _RANGE_RAD)
                 )
                 if end - first >= 8 * _TREND_DEGREE:
-                    of_length.setdefault(end - first, []).append((place, side, revolution.radial_mps2[first:end]))
+                    of_length.setdefault(end - first, []).append((index, side, revolution.radial_mps2[first:end]))
     for count, parts in of_length.items():
         stretch = _stretch(count)
         signals = np.stack([signal for _, _, signal in parts])
@@ -92,14 +92,14 @@ def ringing_spectra(revolutions: Sequence[Revolution], frequency_hz: FloatArray)
         signals *= stretch.window
         transforms = np.fft.rfft(signals, _FFT_SIZE, axis=1)
         powers = (np.square(transforms.real) + np.square(transforms.imag)) * stretch.factor
-        for (place, side, _), power in zip(parts, powers, strict=True):
-            revolution = revolutions[place]
+        for (index, side, _), power in zip(parts, powers, strict=True):
+            revolution = revolutions[index]
             step_s = revolution.period_s / len(revolution.radial_mps2)
             low, high = _LOWEST_ORDER / revolution.period_s, 0.2 / step_s
-            known = slice(*np.searchsorted(frequency_hz, (low, math.nextafter(high, math.inf))).tolist())
+            covered = slice(*np.searchsorted(frequency_hz, (low, math.nextafter(high, math.inf))).tolist())
             # Bins of the transform are 1 / (size step) apart.
-            at = frequency_hz[known] * (_FFT_SIZE * step_s)
-            spectra[place, side, known] = np.interp(at, _BINS, power)
+            bins = frequency_hz[covered] * (_FFT_SIZE * step_s)
+            spectra[index, side, covered] = np.interp(bins, _BINS, power)
     return spectra
 
 
@@ -178,7 +178,7 @@ class SensorHealth:
         if self._count < self._window:
             return extremes
         still = np.flatnonzero(self._lowest == self._highest).tolist()
-        self._still = tuple((self._columns[at], int(self._lowest[at])) for at in still)
+        self._still = tuple((self._columns[channel], int(self._lowest[channel])) for channel in still)
         self._mean = np.full(len(Axis), math.nan)
         self._mean[list(self._columns)] = (self._sum / self._count - self._offset) * self._scale
         self._lowest = self._highest = None
@@ -190,16 +190,16 @@ class SensorHealth:
         Those with faults are skipped; of the others every fourth is enough for a loose sensor.
         """
         used = [
-            place
-            for place, revolution in enumerate(revolutions)
+            index
+            for index, revolution in enumerate(revolutions)
             if not (revolution.faults or revolution.index % _USED_EVERY)
         ]
-        steady = [float(revolutions[place].radial_mps2.mean()) for place in used]
-        fast = [(place, mean) for place, mean in zip(used, steady, strict=True) if mean > _LEAST_MEAN_MPS2]
+        steady = [float(revolutions[index].radial_mps2.mean()) for index in used]
+        fast = [(index, mean) for index, mean in zip(used, steady, strict=True) if mean > _LEAST_MEAN_MPS2]
         doubts: list[Reason | None] = []
-        spectra = ringing_spectra([revolutions[place] for place, _ in fast], self._frequency_hz)
-        for (place, mean), spectrum in zip(fast, spectra, strict=True):
-            doubts += [self.doubt()] * (place - len(doubts))
+        spectra = ringing_spectra([revolutions[index] for index, _ in fast], self._frequency_hz)
+        for (index, mean), spectrum in zip(fast, spectra, strict=True):
+            doubts += [self.doubt()] * (index - len(doubts))
             self._add_spectrum(spectrum / mean**2)
         return doubts + [self.doubt()] * (len(revolutions) - len(doubts))
 
@@ -212,12 +212,12 @@ class SensorHealth:
             return
         if not (self._spectra[0] > _RINGING_SHARE**2).any():
             return
-        known = np.isfinite(self._spectra).all(axis=0)
-        after, ahead = self._spectra[:, known]
+        measured = np.isfinite(self._spectra).all(axis=0)
+        after, ahead = self._spectra[:, measured]
         rings = (after > _RINGING_SHARE**2) & (after > _RINGING_RATIO * (ahead + np.median(ahead)))
         if rings.any():
             strongest = int(np.argmax(np.where(rings, after, 0.0)))
-            self._ringing = float(self._frequency_hz[known][strongest]), math.sqrt(float(after[strongest]))
+            self._ringing = float(self._frequency_hz[measured][strongest]), math.sqrt(float(after[strongest]))
 
     def environment(self, reading: Environment) -> float:
         """Add a pressure and temperature reading; return the possible error of the pressure, Pa."""

@@ -57,23 +57,23 @@ class SampleClock:
 
     def stamp_blocks(self, first: int, block: int, ticks_us: Sequence[int]) -> None:
         """Add the hub times of the first samples of blocks of `block` samples, the first of which is `first`."""
-        place = 0
-        while place < len(ticks_us):
-            index = first + place * block
+        block_index = 0
+        while block_index < len(ticks_us):
+            index = first + block_index * block
             due = self._indices[-1] + self._window if self._indices else index
             if index >= due:
-                self.stamp(index, ticks_us[place])
-                place += 1
+                self.stamp(index, ticks_us[block_index])
+                block_index += 1
             else:
-                place = -((first - due) // block)
+                block_index = -((first - due) // block)
 
     def _fitted(self, index: float) -> tuple[float, int, float]:
         """Return rate in Hz, anchor sample and the anchor's hub time in us, from the time stamps up to `index`."""
         until = max(1, bisect_right(self._indices, index))
         last = self._indices[until - 1]
-        known = self._fits.get(last)
-        if known is not None:
-            return known
+        cached = self._fits.get(last)
+        if cached is not None:
+            return cached
         indices = np.array(self._indices[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         ticks = np.array(self._ticks_us[max(0, until - _SAMPLE_WINDOWS) : until], np.float64)
         rate, index_mean, tick_mean = self.nominal_rate_hz, float(indices.mean()), float(ticks.mean())

@@ -102,31 +102,31 @@ class _PausedSteps:
 
     @cached_property
     def edges_rad(self) -> Sequence[tuple[float, float]]:
-        return [steps.edges_rad[place] for steps, place in self._parts]
+        return [steps.edges_rad[step] for steps, step in self._parts]
 
     @cached_property
     def counts(self) -> Sequence[int]:
-        return [steps.counts[place] for steps, place in self._parts]
+        return [steps.counts[step] for steps, step in self._parts]
 
     @cached_property
     def effective_counts(self) -> Sequence[float]:
-        return [steps.effective_counts[place] for steps, place in self._parts]
+        return [steps.effective_counts[step] for steps, step in self._parts]
 
     @cached_property
     def scatters(self) -> Sequence[float]:
-        return [steps.scatters[place] for steps, place in self._parts]
+        return [steps.scatters[step] for steps, step in self._parts]
 
     @cached_property
     def spectra(self) -> ComplexArray:
-        return np.stack([steps.spectra[place] for steps, place in self._parts])
+        return np.stack([steps.spectra[step] for steps, step in self._parts])
 
     def edges_std_rad(self, index: int) -> tuple[float, float]:
-        steps, place = self._parts[index]
-        return steps.edges_std_rad(place)
+        steps, step = self._parts[index]
+        return steps.edges_std_rad(step)
 
     def at(self, index: int) -> AngleAverage:
-        steps, place = self._parts[index]
-        return steps.at(place)
+        steps, step = self._parts[index]
+        return steps.at(step)
 
 
 def _average(average: RunningAverage, arrays: RevolutionArrays, taken: Sequence[int]) -> AverageSteps:
@@ -157,10 +157,10 @@ class _Series:
         self.average = RunningAverage()
         # Always on, because what it measures decides how far the other estimates hold.
         self.calibration = SelfCalibrationEstimator()
-        own = {self.calibration.name: self.calibration}
+        calibrations = {self.calibration.name: self.calibration}
         common = {made.name: made for made in (other.estimators if other else ()) if rests_on_times_alone(made.name)}
-        known: dict[str, Estimator] = {**own, **common}
-        self.estimators: list[Estimator] = [known.get(name) or make_estimator(name) for name in in_order(estimators)]
+        present: dict[str, Estimator] = {**calibrations, **common}
+        self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
         self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
         # Asked once: the test of a protocol takes as long as an estimator's update.
         self.of_blocks = frozenset(
@@ -263,12 +263,21 @@ class TireEstimates:
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
         given = [Given() for _ in revolutions]
         evidences = [
-            assess(found, at, at.radius_m * revolution.omega_radps**2, ac_coupled=revolution.ac_coupled, lost=lost)
-            for found, at, revolution, lost in zip(measured, stated, revolutions, series.calibration.lost, strict=True)
+            assess(
+                measurement,
+                condition,
+                condition.radius_m * revolution.omega_radps**2,
+                ac_coupled=revolution.ac_coupled,
+                lost=lost,
+            )
+            for measurement, condition, revolution, lost in zip(
+                measured, stated, revolutions, series.calibration.lost, strict=True
+            )
         ]
         self.evidence = evidences[-1]
         conditions = [
-            evidence.applied_to(at, by_others) for evidence, at, by_others in zip(evidences, stated, given, strict=True)
+            evidence.applied_to(condition, by_others)
+            for evidence, condition, by_others in zip(evidences, stated, given, strict=True)
         ]
         block = RevolutionBlock(revolutions, arrays, averages, conditions)
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
@@ -309,8 +318,8 @@ class TireEstimates:
             estimates, taken = [], set[str]()
             for estimator, named in given.items():
                 for name, estimate in named.items():
-                    own = estimate._replace(name=f"{estimator}:{name}") if name in taken else estimate
-                    estimates.append(own)
+                    distinct = estimate._replace(name=f"{estimator}:{name}") if name in taken else estimate
+                    estimates.append(distinct)
                 taken.update(named)
         final = tuple(estimates)
         old_s = old_pressure_s(self._environment, end_us)
@@ -363,7 +372,7 @@ class TireEstimates:
     def flags(self) -> tuple[SensorFlag, ...]:
         """Return what the signal contradicts of what is stated."""
         contradictions = self.evidence.contradictions if self.evidence is not None else ()
-        return tuple(SensorFlag(str(found.subject), found.reason) for found in contradictions)
+        return tuple(SensorFlag(str(contradiction.subject), contradiction.reason) for contradiction in contradictions)
 
     @property
     def average(self) -> AngleAverage | None:

@@ -80,16 +80,16 @@ class UnmarkedLossCheck:
             period: of the revolution in samples.
             mean_mps2: mean of its radial axis, positive inward.
         """
-        found = self._found(period, mean_mps2)
-        self._deviating = self._deviating + 1 if found else 0
+        missing_samples = self._found(period, mean_mps2)
+        self._deviating = self._deviating + 1 if missing_samples else 0
         if self._deviating >= _CHANGED:
             self.reset()
-            found = 0.0
-        if not found:
+            missing_samples = 0.0
+        if not missing_samples:
             self._products.append(mean_mps2 * period * period)
             self._sound.append(period)
-        self._periods = (*self._periods[-1:], period + found)
-        return found
+        self._periods = (*self._periods[-1:], period + missing_samples)
+        return missing_samples
 
     def _found(self, period: float, mean_mps2: float) -> float:
         if len(self._products) < _LEAST or len(self._periods) < 2 or not mean_mps2 > _LEAST_MEAN_MPS2:

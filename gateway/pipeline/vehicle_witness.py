@@ -96,10 +96,10 @@ class VehicleJoin:
         revolution = result.revolution
         if not _is_witness(signal) or revolution.faults or revolution.omega_radps < _LEAST_RADPS or value <= 0.0:
             return
-        own = revolution.omega_radps
+        wheel_speed = revolution.omega_radps
         if signal.suffix == "mps":
-            own *= result.conditions.radius_m
-        wheel.ratios.setdefault(signal.key, deque(maxlen=_REVOLUTIONS)).append(value / own)
+            wheel_speed *= result.conditions.radius_m
+        wheel.ratios.setdefault(signal.key, deque(maxlen=_REVOLUTIONS)).append(value / wheel_speed)
 
     def _contradictions(self, wheel: _Wheel, result: RevolutionResult) -> Iterator[Contradiction]:
         """Yield what the car's speeds contradict: the rate by its rotation, the radius by its speed."""

@@ -108,25 +108,25 @@ class WheelPipeline:
 
     def hello(self, hello: Hello) -> None:
         """Take the layout and scaling of the samples; a changed sensor or rate restarts the wheel's processing."""
-        known = self._sensor
-        if known is not None and known.hello == hello:
+        previous = self._sensor
+        if previous is not None and previous.hello == hello:
             return
         self._snapshot = None
         self._revolve()
         reading = SensorReading.from_hello(hello)
         same_layout = (
-            known is not None
-            and known.reading.columns == reading.columns
-            and known.hello.rate_hz == hello.rate_hz
-            and known.hello.boot_count == hello.boot_count
-            and known.hello.sensor_id == hello.sensor_id
+            previous is not None
+            and previous.reading.columns == reading.columns
+            and previous.hello.rate_hz == hello.rate_hz
+            and previous.hello.boot_count == hello.boot_count
+            and previous.hello.sensor_id == hello.sensor_id
         )
         health = SensorHealth(
             reading.columns, reading.scale_mps2, reading.offset_counts, hello.rate_hz, is_dc=not reading.ac_coupled
         )
         self._sensor = _Sensor(hello, reading, health)
         if not same_layout:
-            if known is not None and known.hello.sensor_id != hello.sensor_id:
+            if previous is not None and previous.hello.sensor_id != hello.sensor_id:
                 self._tire.reset()
             if self._buffer is not None:
                 self._overwritten_before += self._buffer.overwritten
@@ -196,8 +196,8 @@ class WheelPipeline:
         """
         self._snapshot = None
         sensor, buffer, clock = self._sensor, self._buffer, self._clock
-        known = sensor is not None and axes == sensor.hello.axes and sensor.reading.has_radial
-        if sensor is None or buffer is None or clock is None or not known:
+        is_described = sensor is not None and axes == sensor.hello.axes and sensor.reading.has_radial
+        if sensor is None or buffer is None or clock is None or not is_described:
             self.blocks_before_hello += len(ticks_us)
             return
         if host is not self._host:
@@ -355,7 +355,7 @@ class WheelPipeline:
             most = min(done + self._timer.until_renewal, len(waiting))
             while end < most and waiting[end].sign == sign:
                 end += 1
-            self._revolve_block([one.pair for one in waiting[done:end]], sign)
+            self._revolve_block([decided.pair for decided in waiting[done:end]], sign)
             done = end
 
     def _revolve_block(self, pairs: Sequence[ContactPair], sign: int) -> None:
@@ -376,18 +376,20 @@ class WheelPipeline:
         ends_us: list[float] = []
         checked = self._checked(pairs, all_timed, sign)
         before = self._checked_before
-        for pair, timed, rate_hz, own in zip(pairs, all_timed, rates_hz, checked, strict=True):
+        for pair, timed, rate_hz, check in zip(pairs, all_timed, rates_hz, checked, strict=True):
             if before != _SOUND and timed.previous_period is not None:
                 timed = timed._replace(previous_period=(timed.previous_period + before.missing) / before.turns)
-            before = own
+            before = check
             end_us = clock.hub_us(timed.end.centre)
-            omega_radps = 2.0 * math.pi * own.turns * rate_hz / (timed.end.centre - timed.start.centre)
+            omega_radps = 2.0 * math.pi * check.turns * rate_hz / (timed.end.centre - timed.start.centre)
             contribution, uncorrected = self._tire.contribution(
                 omega_radps, end_us, sensor_id=sensor.hello.sensor_id, ac_coupled=reading.ac_coupled
             )
             start_s = clock.hub_us(timed.start.centre) * 1e-6
             revolutions.append(
-                TimedRevolution(pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected, *own)
+                TimedRevolution(
+                    pair, timed, self._revolutions, start_s, rate_hz, sign, contribution, uncorrected, *check
+                )
             )
             ends_us.append(end_us)
             self._revolutions += 1
@@ -407,8 +409,8 @@ class WheelPipeline:
         column = reading.radial_column
         offset, scale = float(reading.offset_counts[column]), sign * float(reading.scale_mps2[column])
         checked: list[_Checked] = []
-        for pair, one in zip(pairs, timed, strict=True):
-            start, end = one.start.centre, one.end.centre
+        for pair, timed_pair in zip(pairs, timed, strict=True):
+            start, end = timed_pair.start.centre, timed_pair.end.centre
             first, last = math.ceil(start), math.ceil(end)
             if pair.start.predicted or pair.end.predicted or buffer.missing_between(first, last):
                 checked.append(_SOUND)
