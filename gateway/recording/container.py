@@ -133,15 +133,17 @@ class PackedIndexes:
         yield from self._entries(bytes(self._open))
 
     def _entries(self, pack: bytes) -> Iterator[ChunkIndex]:
-        at = 0
-        while at < len(pack):
-            start, end, begin, length, index_length, compressed, uncompressed, count = _NUMBERS.unpack_from(pack, at)
-            at += _NUMBERS.size
+        position = 0
+        while position < len(pack):
+            start, end, begin, length, index_length, compressed, uncompressed, count = _NUMBERS.unpack_from(
+                pack, position
+            )
+            position += _NUMBERS.size
             offsets = {}
             for _ in range(count):
-                channel, offset = _OFFSET.unpack_from(pack, at)
+                channel, offset = _OFFSET.unpack_from(pack, position)
                 offsets[channel] = begin + offset
-                at += _OFFSET.size
+                position += _OFFSET.size
             yield ChunkIndex(
                 message_start_time=start,
                 message_end_time=end,
@@ -206,9 +208,9 @@ class McapOutput:
         The declaration is written twice, in the chunk as required by MCAP and as metadata, so that one damaged place
         does not make the channel unknown.
         """
-        known = self._channels.get(channel)
-        if known is not None:
-            return known
+        registered = self._channels.get(channel)
+        if registered is not None:
+            return registered
         schema = stored_schema(channel)
         if schema.name not in self._schema_ids:
             self._schema_ids[schema.name] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -333,15 +335,16 @@ def _open_error(path: Path, error: OSError) -> RecordingError:
 
 
 def _write_error(path: Path, error: OSError) -> RecordingError:
-    kept = "the part written before stays readable"
+    consequence = "the part written before stays readable"
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return RecordingError(
-            f"disk full while recording to '{path}'; {kept}", "Free some space, or record to another disk."
+            f"disk full while recording to '{path}'; {consequence}", "Free some space, or record to another disk."
         )
     if error.errno == errno.ENOENT:
         return RecordingError(
             f"the recording '{path}' was deleted while it was written", "Record to a folder that is not cleaned up."
         )
     return RecordingError(
-        f"cannot write the recording '{path}': {error.strerror}; {kept}", "Check the disk, or record to another one."
+        f"cannot write the recording '{path}': {error.strerror}; {consequence}",
+        "Check the disk, or record to another one.",
     )

@@ -122,7 +122,10 @@ def continuation(pending: bytes, data: bytes, following: bytes, begin: int = 0, 
         window = data[trim : trim + REACH]
         window += following[: REACH - len(window)]
         if intact(pending + window) > intact(window):
-            end = next((at.end for at in frames_in(pending + window) if at.start < len(pending)), len(pending))
+            end = next(
+                (candidate.end for candidate in frames_in(pending + window) if candidate.start < len(pending)),
+                len(pending),
+            )
             used = end - len(pending)
             others = frames_in(data + following[:REACH]) if others is None else others
             if any(frame.start < trim + used and frame.end > trim for frame in others):
@@ -168,13 +171,13 @@ class Span(NamedTuple):
 
 def without_foreign_frames(data: bytes, span: Span) -> bytes:
     """Return `data` without frames that no hub can have sent there: remains of deleted files on the disk."""
-    kept = bytearray()
+    remaining = bytearray()
     begin = 0
     for frame in frames_in(data):
         if span.admits(frame) is False:
-            kept += data[begin : frame.start]
+            remaining += data[begin : frame.start]
             begin = frame.end
-    return bytes(kept + data[begin:]) if begin else data
+    return bytes(remaining + data[begin:]) if begin else data
 
 
 def divide(
@@ -196,14 +199,14 @@ def divide(
     ticks = {link: dict(hubs) for link, hubs in ticks_us.items()}
 
     def distance_us(link: int, frame: FrameAt) -> int:
-        known = ticks[link].get(frame.hub)
+        latest_us = ticks[link].get(frame.hub)
         return (
-            abs((frame.tick_us - known + _TICK_RANGE // 2) % _TICK_RANGE - _TICK_RANGE // 2)
-            if known is not None
+            abs((frame.tick_us - latest_us + _TICK_RANGE // 2) % _TICK_RANGE - _TICK_RANGE // 2)
+            if latest_us is not None
             else _TICK_RANGE
         )
 
-    found: list[Run] = []
+    runs: list[Run] = []
     for frame in frames:
         links = list(ticks)
         if head is not None and frame.start < bounds[0]:
@@ -212,21 +215,21 @@ def divide(
             links = [link for link in links if link != head]
         owner = min(links, key=lambda link: (distance_us(link, frame), link != head))
         ticks[owner][frame.hub] = frame.tick_us
-        if found and found[-1].link == owner:
-            found[-1] = found[-1]._replace(end=frame.end)
+        if runs and runs[-1].link == owner:
+            runs[-1] = runs[-1]._replace(end=frame.end)
         else:
-            found.append(Run(owner, frame.start, frame.end))
-    return found
+            runs.append(Run(owner, frame.start, frame.end))
+    return runs
 
 
 def _places(data: bytes) -> Iterator[tuple[int, int]]:
-    at = 0
-    while at < len(data):
-        start, end, _ = next_frame(data, at)
+    position = 0
+    while position < len(data):
+        start, end, _ = next_frame(data, position)
         if end:
             yield start, end
         # A frame that does not fit may hide others that do.
-        at = end or start + 1
+        position = end or start + 1
 
 
 def _hub_and_tick(data: bytes, start: int) -> tuple[int, int]:

@@ -38,10 +38,10 @@ class FileContent:
     def is_unchanged(self) -> bool:
         """Return whether the file is still the one that was read, by size and time of change."""
         try:
-            found = self.path.stat()
+            present = self.path.stat()
         except OSError:
             return False
-        return (found.st_size, found.st_mtime_ns) == (self.size_bytes, self.modified_ns)
+        return (present.st_size, present.st_mtime_ns) == (self.size_bytes, self.modified_ns)
 
 
 def read_content(
@@ -61,12 +61,12 @@ def read_content(
                 digest.update(block)
                 if on_bytes is not None:
                     on_bytes(len(block))
-            found = path.stat()
+            status = path.stat()
     except OSError as error:
         raise RecordingError(
             f"'{path}' cannot be read: {error.strerror}", "Check the path and its permissions."
         ) from error
-    return FileContent(path, digest.hexdigest()[:ID_DIGITS], found.st_size, found.st_mtime_ns)
+    return FileContent(path, digest.hexdigest()[:ID_DIGITS], status.st_size, status.st_mtime_ns)
 
 
 def check_distinct(paths: Iterable[Path]) -> None:

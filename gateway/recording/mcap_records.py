@@ -243,16 +243,16 @@ def metadata_name(body: memoryview) -> str:
     try:
         (size,) = _LENGTH.unpack_from(body)
         name = str(body[_LENGTH.size : _LENGTH.size + size], "utf-8")
-        at = _LENGTH.size + size
-        end = at + _LENGTH.size + _LENGTH.unpack_from(body, at)[0]
-        at += _LENGTH.size
+        position = _LENGTH.size + size
+        end = position + _LENGTH.size + _LENGTH.unpack_from(body, position)[0]
+        position += _LENGTH.size
         texts = 0
-        while at < end:
-            at += _LENGTH.size + _LENGTH.unpack_from(body, at)[0]
+        while position < end:
+            position += _LENGTH.size + _LENGTH.unpack_from(body, position)[0]
             texts += 1
     except struct.error as error:
         raise ValueError("metadata are cut off") from error
-    if at != end or texts % 2 or end > len(body) or len(body) > _MAX_SMALL_BYTES:
+    if position != end or texts % 2 or end > len(body) or len(body) > _MAX_SMALL_BYTES:
         raise ValueError("metadata do not fill their length")
     return name
 

@@ -134,13 +134,13 @@ class Salvage:
             times_ns: time of the last message of each channel before `start`.
         """
         main = start is None
-        at = start if start is not None else len(MAGIC) if bytes(self._data.part(0, len(MAGIC))) == MAGIC else 0
+        position = start if start is not None else len(MAGIC) if bytes(self._data.part(0, len(MAGIC))) == MAGIC else 0
         base = dict(times_ns or {})
-        while at < self.size:
+        while position < self.size:
             if main:
-                self.position = at
-            opcode, end = self._plausible(at, base)
-            body = at + RECORD_HEAD.size
+                self.position = position
+            opcode, end = self._plausible(position, base)
+            body = position + RECORD_HEAD.size
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 return
             if opcode == Opcode.CHUNK:
@@ -150,24 +150,26 @@ class Salvage:
                     for message in self._messages(records):
                         base[message.channel] = message.log_time_ns
                         yield CompleteMessage(message, True, end)
-                    at = end
+                    position = end
                 elif chunk.compression:
-                    at = self._torn_end(at + 1, base)
-                    yield TornPlace(self._data.part(body, at), None, 0, True, at)
+                    position = self._torn_end(position + 1, base)
+                    yield TornPlace(self._data.part(body, position), None, 0, True, position)
                 else:
-                    at = body + chunk.data_offset
+                    position = body + chunk.data_offset
                 continue
             if opcode and self._goes_on(opcode, body, end, base):
                 if opcode == Opcode.MESSAGE:
                     message = parse_message(self._data.part(body, end))
                     base[message.channel] = message.log_time_ns
                     yield CompleteMessage(message, False, end)
-                at = end
+                position = end
                 continue
             head = parse_message(self._data.part(body, body + MESSAGE_HEAD.size)) if opcode == Opcode.MESSAGE else None
-            begin = body + MESSAGE_HEAD.size if head is not None else at
-            at = self._torn_end(max(begin, at + 1), base)
-            yield TornPlace(self._data.part(begin, at), head, end - begin if head is not None else 0, False, at)
+            begin = body + MESSAGE_HEAD.size if head is not None else position
+            position = self._torn_end(max(begin, position + 1), base)
+            yield TornPlace(
+                self._data.part(begin, position), head, end - begin if head is not None else 0, False, position
+            )
             if head is not None:
                 base[head.channel] = head.log_time_ns
 
@@ -186,27 +188,27 @@ class Salvage:
         """
         first: tuple[int, int] | None = None
         entries: list[tuple[int, int, int]] = []
-        at = position
+        record_at = position
         whole = True
-        while at < self.size:
-            opcode, end = self._plausible(at, times_ns)
+        while record_at < self.size:
+            opcode, end = self._plausible(record_at, times_ns)
             if opcode == Opcode.MESSAGE and not entries:
                 whole = True
                 if first is None:
-                    message = parse_message(self._data.part(at + RECORD_HEAD.size, end))
+                    message = parse_message(self._data.part(record_at + RECORD_HEAD.size, end))
                     first = message.channel, message.log_time_ns
             elif opcode == Opcode.MESSAGE_INDEX and whole and first is not None:
-                index: MessageIndex = parse_small(opcode, self._data.part(at + RECORD_HEAD.size, end))
+                index: MessageIndex = parse_small(opcode, self._data.part(record_at + RECORD_HEAD.size, end))
                 entries += ((offset, index.channel_id, time_ns) for time_ns, offset in index.records)
             elif not opcode and first is not None and not entries:
                 whole = False  # if an index follows, an earlier one may be missing
-                end = self._next_record(at + 1, times_ns)
+                end = self._next_record(record_at + 1, times_ns)
             elif not opcode or opcode not in (Opcode.CHANNEL, Opcode.SCHEMA) or entries:
                 whole = whole and bool(opcode)
                 break
-            at = end
+            record_at = end
         entries.sort()
-        places = [place for place, (_, *known) in enumerate(entries) if tuple(known) == first]
+        places = [number for number, (_, *channel_and_time) in enumerate(entries) if tuple(channel_and_time) == first]
         if not whole or len(places) != 1 or not places[0]:
             return None
         offset, channel, time_ns = entries[places[0] - 1]
@@ -238,15 +240,15 @@ class Salvage:
         if len(self.channels) < MAX_CHANNELS and sum(map(len, channel)) <= MAX_CHANNEL_CHARS:
             self.channels.setdefault(number, channel)
 
-    def _plausible(self, at: int, base: Mapping[int, int]) -> tuple[int, int]:
-        """Return (opcode, end) of the record that must start at `at`, opcode 0 when none does."""
-        body = at + RECORD_HEAD.size
+    def _plausible(self, position: int, base: Mapping[int, int]) -> tuple[int, int]:
+        """Return (opcode, end) of the record that must start at `position`, opcode 0 when none does."""
+        body = position + RECORD_HEAD.size
         if body > self.size:
-            return 0, at
-        opcode, length = self._data.unpack(RECORD_HEAD, at)
+            return 0, position
+        opcode, length = self._data.unpack(RECORD_HEAD, position)
         end = body + length
         if length > MAX_RECORD_BYTES or not self._is_valid(opcode, body, end, base):
-            return 0, at
+            return 0, position
         return opcode, end
 
     def _is_valid(self, opcode: int, body: int, end: int, base: Mapping[int, int]) -> bool:
@@ -306,28 +308,28 @@ class Salvage:
 
     def _next_record(self, start: int, base: Mapping[int, int], until: int | None = None) -> int:
         """Return the next position from `start` at which a record must start, or `until`, the end of the file."""
-        at = start
+        position = start
         last = self.size if until is None else until
-        while (start_at := self._data.search(_RECORD_START, _START_BYTES, at, last)) is not None:
-            at = start_at
-            opcode, end = self._plausible(at, base)
+        while (start_at := self._data.search(_RECORD_START, _START_BYTES, position, last)) is not None:
+            position = start_at
+            opcode, end = self._plausible(position, base)
             if opcode in (Opcode.MESSAGE, Opcode.CHUNK):
-                return at
+                return position
             # Other records have fewer checks, so a record must follow them.
             if opcode and (self.size - end < RECORD_HEAD.size or self._plausible(end, base)[0]):
-                return at
-            at += 1
+                return position
+            position += 1
         return last
 
     def _find_declarations(self) -> None:
         unsealed: dict[int, ChannelInfo] = {}
-        at = 0
-        while (start_at := self._data.search(_DECLARATION, _START_BYTES, at, self.size)) is not None:
-            at = start_at
-            opcode, length = self._data.unpack(RECORD_HEAD, at)
-            end = at + RECORD_HEAD.size + length
-            record = self._declaration(opcode, at + RECORD_HEAD.size, end)
-            at += 1
+        position = 0
+        while (start_at := self._data.search(_DECLARATION, _START_BYTES, position, self.size)) is not None:
+            position = start_at
+            opcode, length = self._data.unpack(RECORD_HEAD, position)
+            end = position + RECORD_HEAD.size + length
+            record = self._declaration(opcode, position + RECORD_HEAD.size, end)
+            position += 1
             if isinstance(record, Channel) and record.message_encoding in (RAW_ENCODING, JSON_ENCODING):
                 unsealed.setdefault(record.id, channel_info(record))
             elif isinstance(record, Metadata) and record.name == CHANNEL_METADATA:
@@ -354,17 +356,17 @@ class Salvage:
     def _find_usual_times(self) -> None:
         """Use the median time of each channel, since a damaged first message may state 0."""
         times: dict[int, list[int]] = {}
-        at = 0
+        position = 0
         for _ in range(_MAX_TIME_SAMPLES):
-            start_at = self._data.search(_RECORD_START, _START_BYTES, at, self.size)
+            start_at = self._data.search(_RECORD_START, _START_BYTES, position, self.size)
             if start_at is None:
                 break
-            body = at = start_at + RECORD_HEAD.size
+            body = position = start_at + RECORD_HEAD.size
             if self._data.part(start_at, body)[0] == Opcode.MESSAGE and body + MESSAGE_HEAD.size <= self.size:
                 number, _, log_time_ns, publish_time_ns = self._data.unpack(MESSAGE_HEAD, body)
                 if log_time_ns == publish_time_ns:
                     times.setdefault(number, []).append(log_time_ns)
-        self._usual_ns = {number: sorted(known)[len(known) // 2] for number, known in times.items()}
+        self._usual_ns = {number: sorted(times_ns)[len(times_ns) // 2] for number, times_ns in times.items()}
 
 
 def _near(time_ns: int, bases_ns: Iterable[int]) -> bool:

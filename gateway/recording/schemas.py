@@ -210,8 +210,8 @@ def schema_of(topic: str) -> TopicSchema:
     for candidate in TOPICS:
         if candidate.topic.fullmatch(topic):
             return candidate
-    known = ", ".join(entry.topic.pattern for entry in TOPICS)
-    raise ValueError(f"no schema for topic '{topic}'; topics look like {known}")
+    patterns = ", ".join(entry.topic.pattern for entry in TOPICS)
+    raise ValueError(f"no schema for topic '{topic}'; topics look like {patterns}")
 
 
 class StoredSchema(NamedTuple):

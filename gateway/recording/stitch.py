@@ -105,10 +105,10 @@ class Stitcher:
                 self.losses.bytes_dropped += len(piece.data)
             else:
                 ahead = self._look_ahead(piece.end)
-                kept = list(self._torn(piece, ahead))
-                yield from kept
+                rescued = list(self._torn(piece, ahead))
+                yield from rescued
                 if len(self._links()) > 1:
-                    yield from self._strays(bytes(piece.data), kept, ahead)
+                    yield from self._strays(bytes(piece.data), rescued, ahead)
 
     def _whole(self, piece: CompleteMessage) -> Iterator[Rescued]:
         number, sequence, time_ns, _, view = piece.message
@@ -199,12 +199,12 @@ class Stitcher:
                 until = runs[index + 1].start if index + 1 < len(runs) else len(data)
                 yield self._kept(run.link, ahead, data[begin:until])
             return
-        found = [
+        candidates = [
             (gain, link, part)
             for link in ([runs[0].link] if runs else links)
             for part, gain in [self._best(link, [b"", *self._parts(link, b"", data, ahead)], ahead)]
         ]
-        gain, link, part = max(found, default=(0, 0, b""), key=lambda entry: entry[0])
+        gain, link, part = max(candidates, default=(0, 0, b""), key=lambda entry: entry[0])
         self.losses.bytes_dropped += len(data) - len(part) if gain else len(data)
         if gain:
             yield self._kept(link, ahead, part)
@@ -274,24 +274,24 @@ class Stitcher:
         if ahead.before is None:
             return missing
         channel = ahead.before.channel
-        known = self._times_ns.get(channel) == ahead.before.time_ns and channel not in missing
-        return [channel] if channel in links and not known else []
+        is_accounted = self._times_ns.get(channel) == ahead.before.time_ns and channel not in missing
+        return [channel] if channel in links and not is_accounted else []
 
     def _kept(self, number: int, ahead: _Ahead, data: bytes) -> Rescued:
-        own = without_foreign_frames(data, self._span(number, ahead))
-        self.losses.bytes_kept += len(own)
-        self.losses.bytes_dropped += len(data) - len(own)
-        return self._link_bytes(number, ahead.time_ns, own)
+        link_data = without_foreign_frames(data, self._span(number, ahead))
+        self.losses.bytes_kept += len(link_data)
+        self.losses.bytes_dropped += len(data) - len(link_data)
+        return self._link_bytes(number, ahead.time_ns, link_data)
 
     def _span(self, link: int, ahead: _Ahead) -> Span:
         return Span(self._history[link].ticks_us(), ticks_in(ahead.streams.get(link, b"")))
 
-    def _strays(self, data: bytes, kept: list[Rescued], ahead: _Ahead) -> Iterator[Rescued]:
+    def _strays(self, data: bytes, rescued: list[Rescued], ahead: _Ahead) -> Iterator[Rescued]:
         """Yield frames that fit one link but were not assigned, as one place may contain parts of several messages."""
         for frame in frames_in(data):
             whole = data[frame.start : frame.end]
             fitting = [link for link in self._links() if self._span(link, ahead).admits(frame)]
-            if len(fitting) == 1 and not any(whole in message.data for message in kept):
+            if len(fitting) == 1 and not any(whole in message.data for message in rescued):
                 self.losses.bytes_dropped -= len(whole)
                 yield self._kept(fitting[0], ahead, whole)
 

@@ -200,12 +200,12 @@ class RecordingWriter:
         return number
 
     def _add_json(self, topic: str, host_ns: int, payload: Mapping[str, Any], link: str = "") -> None:
-        known = self._topic_channels.get(topic)
-        if known is None:
+        registered = self._topic_channels.get(topic)
+        if registered is None:
             schema = schema_of(topic)
-            known = (self._output.register(ChannelInfo(topic, JSON_ENCODING, link)), schema)
-            self._topic_channels[topic] = known
-        number, schema = known
+            registered = (self._output.register(ChannelInfo(topic, JSON_ENCODING, link)), schema)
+            self._topic_channels[topic] = registered
+        number, schema = registered
         missing = [field for field in schema.required if field not in payload]
         if missing:
             raise ValueError(f"topic '{topic}' lacks {', '.join(missing)}")
