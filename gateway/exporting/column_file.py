@@ -47,19 +47,19 @@ class ColumnFile:
     def stored(self, column: Column) -> Iterator[bytes]:
         """Yield the content of a column of numbers, little-endian, in pieces."""
         self._store()
-        place = self.columns.index(column)
+        index = self.columns.index(column)
         for offsets in self._offsets:
-            self._file.seek(int(offsets[place]))
-            yield self._file.read(int(offsets[place + 1] - offsets[place]))
+            self._file.seek(int(offsets[index]))
+            yield self._file.read(int(offsets[index + 1] - offsets[index]))
 
     def texts(self, column: Column) -> Iterator[bytes]:
         """Yield the cells of a column of text in UTF-8."""
         for data in self.stored(column):
-            at = 0
-            while at < len(data):
-                end = at + 4 + int.from_bytes(data[at : at + 4], "little")
-                yield data[at + 4 : end]
-                at = end
+            begin = 0
+            while begin < len(data):
+                end = begin + 4 + int.from_bytes(data[begin : begin + 4], "little")
+                yield data[begin + 4 : end]
+                begin = end
 
     def blocks(self) -> Iterator[Block]:
         """Yield the rows again; only for tables without text."""

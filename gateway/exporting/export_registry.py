@@ -89,14 +89,14 @@ def format_of(path: Path, name: str | None) -> str:
     if name is not None:
         return name
     suffix = path.suffix.lower()
-    found = next((known for known, entry in FORMATS.items() if suffix in entry.suffixes), None)
-    if found is None:
+    format_name = next((candidate for candidate, entry in FORMATS.items() if suffix in entry.suffixes), None)
+    if format_name is None:
         suffixes = ", ".join(entry.suffixes[0] for entry in FORMATS.values())
         what = "standard output has no suffix" if is_stdout(path) else f"the suffix of '{path}' names no format"
         raise OutputError(
             what, f"Give --format {', '.join(FORMATS)}" + ("." if is_stdout(path) else f", or one of {suffixes}.")
         )
-    return found
+    return format_name
 
 
 def check_format(path: Path, name: str, contents: Sequence[str]) -> None:
@@ -112,7 +112,7 @@ def check_format(path: Path, name: str, contents: Sequence[str]) -> None:
     if is_stdout(path) and not chosen.is_text and sys.stdout.isatty():
         raise OutputError(f"{name} is binary and would be written to the terminal", "Give a file, or use a pipe.")
     if len(contents) > 1 and not chosen.many_contents:
-        fitting = ", ".join(known for known, entry in FORMATS.items() if entry.many_contents)
+        fitting = ", ".join(candidate for candidate, entry in FORMATS.items() if entry.many_contents)
         raise OutputError(
             f"a file of format {name} holds one content, not {len(contents)} ({', '.join(contents)})",
             f"Give --what once, or the format {fitting}.",

@@ -305,7 +305,7 @@ def _plain(name: str) -> str:
 
 
 def _as_row(columns: Sequence[Column], source: Source) -> Callable[[RevolutionResult], Rows]:
-    known = {column.name for column in columns}
+    column_names = {column.name for column in columns}
     empty: Rows = {column.name: {float: math.nan, int: 0, bool: False, str: ""}[column.kind] for column in columns}
 
     def row(result: RevolutionResult) -> Rows:
@@ -313,7 +313,7 @@ def _as_row(columns: Sequence[Column], source: Source) -> Callable[[RevolutionRe
         cells: Rows = dict(fixed)
         for name, parts in named.items():
             cells |= {_plain(name) + part: cell for part, cell in parts.items()}
-        late = {name: cell for name, cell in cells.items() if name not in known and name not in _LEFT_OUT}
+        late = {name: cell for name, cell in cells.items() if name not in column_names and name not in _LEFT_OUT}
         cells["time_s"] = (result.host_ns - source.start_ns) * 1e-9
         cells["period_s"] = result.revolution.period_s
         cells["omega_radps"] = result.revolution.omega_radps

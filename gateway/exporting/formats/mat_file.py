@@ -56,16 +56,16 @@ class MatExport(ColumnwiseExport):
 
 def identifiers(names: Iterable[str]) -> dict[str, str]:
     """Return a distinct MATLAB name for each name, `hub0_wheel2` for `hub0.wheel2`."""
-    found: dict[str, str] = {}
+    identifier_of: dict[str, str] = {}
     for name in names:
         plain = re.sub(r"\W", "_", name.replace("/", "_over_"), flags=re.ASCII)
         plain = (plain if plain[:1].isalpha() else f"x{plain}")[: _NAME_BYTES - 5]
-        number, known = 1, plain
-        while known in found.values():
+        number, identifier = 1, plain
+        while identifier in identifier_of.values():
             number += 1
-            known = f"{plain}_{number}"
-        found[name] = known
-    return found
+            identifier = f"{plain}_{number}"
+        identifier_of[name] = identifier
+    return identifier_of
 
 
 class _Element:

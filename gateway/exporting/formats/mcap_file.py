@@ -127,9 +127,9 @@ def _messages(columns: Sequence[Column], block: Block) -> Iterator[bytes]:
     cells = [_cells(column, block[column.name]) for column in complete]
     rows = zip(*cells, strict=True) if cells else iter([()] * length(block))
     others = [(json.dumps(column.name), block[column.name].tolist()) for column in partial]
-    for place, row in enumerate(rows):
+    for index, row in enumerate(rows):
         parts = [pattern % row] if complete else []
-        parts += [f"{name}:{values[place]:.9g}" for name, values in others if math.isfinite(values[place])]
+        parts += [f"{name}:{values[index]:.9g}" for name, values in others if math.isfinite(values[index])]
         yield f"{{{','.join(parts)}}}".encode()
 
 

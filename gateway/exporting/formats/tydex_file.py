@@ -68,15 +68,16 @@ class TydexExport(ExportWriter):
         """Write the file."""
         assert self._file is not None
         assert self._table is not None
-        known = [column for column in self._file.columns if _is_known(column, self._file)]
-        keys = channel_keys(column.name for column in known)
-        self._put(_head(self._table, [column for column in self._table.columns if column not in known], keys))
+        measured = [column for column in self._file.columns if _is_known(column, self._file)]
+        keys = channel_keys(column.name for column in measured)
+        self._put(_head(self._table, [column for column in self._table.columns if column not in measured], keys))
         self._put(
-            _line(keys[column.name], column.description, column.unit or "-", f"{1:<10}{0:<10}{0}") for column in known
+            _line(keys[column.name], column.description, column.unit or "-", f"{1:<10}{0:<10}{0}")
+            for column in measured
         )
         self._put(["", "**MEASURDATA"])
         for block in self._file.blocks():
-            cells = [_cells(column, block) for column in known]
+            cells = [_cells(column, block) for column in measured]
             self._put(map(" ".join, zip(*cells, strict=True)))
         self._put(["", "**END"])
         self.discard()
@@ -93,7 +94,7 @@ class TydexExport(ExportWriter):
 
 def channel_keys(names: Iterator[str] | Sequence[str]) -> dict[str, str]:
     """Return a distinct key of at most eight capital letters and digits for each column."""
-    found: dict[str, str] = {}
+    keys: dict[str, str] = {}
     names = list(names)
     taken = {_CHANNELS[name] for name in names if name in _CHANNELS}
     for name in names:
@@ -105,8 +106,8 @@ def channel_keys(names: Iterator[str] | Sequence[str]) -> dict[str, str]:
                 number += 1
                 key = f"{plain[: _KEY_CHARS - len(str(number))]}{number}"
             taken.add(key)
-        found[name] = key
-    return found
+        keys[name] = key
+    return keys
 
 
 def _is_known(column: Column, file: ColumnFile) -> bool:
