@@ -179,11 +179,11 @@ def side_force(runs_path: Path, config_path: Path | None, out_path: Path | None,
     from gateway.cli.force_runs import fit_side_force, force_lines, force_toml, measured_force_runs
 
     runs = measured_force_runs(runs_path, runs_file, config_path)
-    found = fit_side_force(runs, runs_file)
+    calibration = fit_side_force(runs, runs_file)
     say = SummaryOutput(err=is_stdout(out_path))
-    for line in force_lines(runs, found):
+    for line in force_lines(runs, calibration):
         say(line)
-    _write(force_toml(found), out_path, say, force=force)
+    _write(force_toml(calibration), out_path, say, force=force)
 
 
 def _write(text: str, out_path: Path | None, say: SummaryOutput, *, force: bool) -> None:

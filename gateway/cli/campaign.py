@@ -133,7 +133,7 @@ def campaign(
     from gateway.fleet.worker_tasks import WorkerTasks
     from gateway.session.effects_opening import open_effects_file
 
-    found = find_recordings(paths)
+    recording_paths = find_recordings(paths)
     key_file = key_file.resolve() if key_file is not None else None  # workers have other working folders
     chosen = tuple(in_order(estimators or CAMPAIGN_ESTIMATORS))
     vehicle = load_vehicle(config_path) if config_path is not None else None
@@ -184,7 +184,7 @@ def campaign(
                 retries_failed=retry,
             )
             try:
-                progress = run.run(found)
+                progress = run.run(recording_paths)
             except WorkersNotStartedError:
                 if stop.is_set():  # by the signal that ended them
                     _stopped(stop)
@@ -193,7 +193,7 @@ def campaign(
             counts = diagnose_tires(
                 dataset,
                 connect,
-                found,
+                recording_paths,
                 config=settings.vehicle,
                 key_file=key_file,
                 stop=stop,

@@ -102,8 +102,8 @@ def _details(result: ClauseResult) -> Iterator[str]:
     for finding in result.findings:
         yield _said(finding)
         if finding.example:
-            at = "" if finding.at_byte is None else f"at byte {finding.at_byte}: "
-            yield f"{at}{hex_bytes(finding.example)}"
+            position = "" if finding.at_byte is None else f"at byte {finding.at_byte}: "
+            yield f"{position}{hex_bytes(finding.example)}"
 
 
 def _said(finding: Finding) -> str:

@@ -23,6 +23,6 @@ def completion(shell: str) -> None:
 
     from gateway.cli import treadlink
 
-    found = get_completion_class(shell)
-    assert found is not None  # click has these three
-    click.echo(found(treadlink, {}, "treadlink", "_TREADLINK_COMPLETE").source())
+    completion_class = get_completion_class(shell)
+    assert completion_class is not None  # click has these three
+    click.echo(completion_class(treadlink, {}, "treadlink", "_TREADLINK_COMPLETE").source())

@@ -32,19 +32,21 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
         size = max(path.stat().st_size if path.exists() else 0, 1)
         watch = StatementWatch()
         with progress_bar(path.name) as bar:
-            found = inspect_recording(
+            inspection = inspect_recording(
                 path,
                 lambda position, bar=bar, size=size: bar.show(position / size),  # type: ignore[misc]
                 watch.batch,
             )
-        for name, link in found.links.items():
+        for name, link in inspection.links.items():
             watch.counters(name, link.counters)
         notices = watch.found()
         if as_json:
-            click.echo(json.dumps(inspection_json(found, notices)))
+            click.echo(json.dumps(inspection_json(inspection, notices)))
         else:
-            for line in inspection_lines(found, notices):
+            for line in inspection_lines(inspection, notices):
                 click.echo(clean(line))
-        without_result |= found.damage is not None or not any(link.counters.frames for link in found.links.values())
+        without_result |= inspection.damage is not None or not any(
+            link.counters.frames for link in inspection.links.values()
+        )
     if without_result:
         raise SystemExit(exit_status.NO_RESULT)

@@ -23,17 +23,17 @@ _EVENTS_SHOWN: Final = 30
 _BOOTS_SHOWN: Final = 10
 
 
-def inspection_lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[str]:
+def inspection_lines(inspection: Inspection, notices: Sequence[Notice]) -> Iterator[str]:
     """Yield the lines of one recording."""
-    info = found.info
-    begin, end = found.span_ns
+    info = inspection.info
+    begin, end = inspection.span_ns
     yield f"{info.path}"
     yield f"  {file_size(info.size_bytes)}, {duration((end - begin) * 1e-9)} of data, {_state_text(info)}"
     if info.start_ns is not None:
         version = f" by treadlink {info.treadlink}" if info.treadlink else ""
         yield f"  started {utc_text(info.start_ns)}{version} from {', '.join(info.sources) or 'an unknown source'}"
     yield "  vehicle configuration: " + ("included" if info.vehicle_toml else "none")
-    for name, link in found.links.items():
+    for name, link in inspection.links.items():
         yield ""
         yield from _link_lines(name, link, begin, end)
     if notices:
@@ -41,26 +41,28 @@ def inspection_lines(found: Inspection, notices: Sequence[Notice]) -> Iterator[s
         yield "  notices"
         for notice in notices:
             yield f"    {notice_text(notice)}"
-    for name, link in found.links.items():
+    for name, link in inspection.links.items():
         yield from _log_lines(name, link, begin)
-    if found.events:
+    if inspection.events:
         yield ""
         yield "  events"
-        for event in found.events[:_EVENTS_SHOWN]:
-            at = (event.host_ns - begin) * 1e-9
+        for event in inspection.events[:_EVENTS_SHOWN]:
+            time_s = (event.host_ns - begin) * 1e-9
             words = text(event.reason)
             what = f"{event.link}: {words}" if event.is_of_link else words
-            yield f"    {fixed(at, 2):>9} s  {what}"
-        if len(found.events) > _EVENTS_SHOWN:
-            printed = f"the first {len(found.events)}" if found.events_omitted else "all"
-            more = len(found.events) + found.events_omitted - _EVENTS_SHOWN
+            yield f"    {fixed(time_s, 2):>9} s  {what}"
+        if len(inspection.events) > _EVENTS_SHOWN:
+            printed = f"the first {len(inspection.events)}" if inspection.events_omitted else "all"
+            more = len(inspection.events) + inspection.events_omitted - _EVENTS_SHOWN
             yield f"    ... and {more} more (--json prints {printed})"
-    if found.topics:
+    if inspection.topics:
         yield ""
-        yield "  decoded topics: " + ", ".join(f"{topic} ({count})" for topic, count in sorted(found.topics.items()))
-    if found.damage:
+        yield "  decoded topics: " + ", ".join(
+            f"{topic} ({count})" for topic, count in sorted(inspection.topics.items())
+        )
+    if inspection.damage:
         yield ""
-        yield f"  DAMAGED: {text(found.damage)}"
+        yield f"  DAMAGED: {text(inspection.damage)}"
 
 
 def _state_text(info: RecordingInfo) -> str:
@@ -76,8 +78,8 @@ def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:
         yield ""
         yield f"  log of the hubs of {name}"
     for line in link.log[:_EVENTS_SHOWN]:
-        at = (line.host_ns - begin) * 1e-9
-        yield f"    {fixed(at, 2):>9} s  hub {line.hub}: {log_level(line.message)}: {escaped(line.message.text)}"
+        time_s = (line.host_ns - begin) * 1e-9
+        yield f"    {fixed(time_s, 2):>9} s  hub {line.hub}: {log_level(line.message)}: {escaped(line.message.text)}"
     if link.log_lines > _EVENTS_SHOWN:
         yield f"    ... and {link.log_lines - _EVENTS_SHOWN} more (--json prints up to {len(link.log)})"
 
@@ -109,9 +111,9 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
         elif source.samples:
             yield f"      {text(Reason(Code.SAMPLES_WITHOUT_HELLO, count=source.frames['samples']))}"
         if len(source.boots) > 1:
-            known = [*map(str, source.boots[:_BOOTS_SHOWN])]
+            boots = [*map(str, source.boots[:_BOOTS_SHOWN])]
             more = f" and {len(source.boots) - _BOOTS_SHOWN} more" if len(source.boots) > _BOOTS_SHOWN else ""
-            yield f"      the hub restarted: boot counts {', '.join(known)}{more}"
+            yield f"      the hub restarted: boot counts {', '.join(boots)}{more}"
         if source.samples:
             lost = source.samples_lost
             share = percent(lost, source.samples + lost)
@@ -151,12 +153,13 @@ def _time_line(source: WheelInspection, begin: int, end: int) -> Iterator[str]:
     slack = 2.0 * source.samples / max(source.frames["samples"], 1)
     if expected is not None:
         # What is lost is counted, and what was held up arrives, with the next block.
-        _move_back(lost, [full - here for full, here in zip(expected, got, strict=True)], slack)
+        _move_back(lost, [full - received for full, received in zip(expected, got, strict=True)], slack)
         _move_back(got, [full - gone for full, gone in zip(expected, lost, strict=True)], slack)
     shares = [min(samples / max(samples + gone, 1.0), 1.0) for samples, gone in zip(got, lost, strict=True)]
     if expected is not None:
         shares = [
-            min(share, here / max(full - slack, 1.0)) for share, here, full in zip(shares, got, expected, strict=True)
+            min(share, received / max(full - slack, 1.0))
+            for share, received, full in zip(shares, got, expected, strict=True)
         ]
     top = len(_BARS) - 1
     yield "      " + "".join(_BARS[max(1, round(top * share)) if share > 0.0 else 0] for share in shares)
@@ -186,22 +189,22 @@ def _move_back(counts: list[float], room: Sequence[float], slack: float) -> None
             counts[before] += moved
 
 
-def inspection_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:
+def inspection_json(inspection: Inspection, notices: Sequence[Notice]) -> dict[str, Any]:
     """Return the content of one recording."""
-    info = found.info
-    begin, end = found.span_ns
+    info = inspection.info
+    begin, end = inspection.span_ns
     return {
         "recording": str(info.path),
         "size_bytes": info.size_bytes,
         "finished": info.finished,
         "in_progress": info.in_progress,
-        "damage": None if found.damage is None else text(found.damage),
-        "damage_reason": None if found.damage is None else as_json(found.damage),
+        "damage": None if inspection.damage is None else text(inspection.damage),
+        "damage_reason": None if inspection.damage is None else as_json(inspection.damage),
         "treadlink": info.treadlink,
         "start_ns": info.start_ns,
         "sources": list(info.sources),
         "duration_s": (end - begin) * 1e-9,
-        "links": {name: _link_json(link) for name, link in found.links.items()},
+        "links": {name: _link_json(link) for name, link in inspection.links.items()},
         "notices": [
             {"subject": notice.subject, "level": str(notice.level), "reason": as_json(notice.reason)}
             for notice in notices
@@ -214,10 +217,10 @@ def inspection_json(found: Inspection, notices: Sequence[Notice]) -> dict[str, A
                 "text": event.text or text(event.reason),
                 "reason": as_json(event.reason),
             }
-            for event in found.events
+            for event in inspection.events
         ],
-        "events_omitted": found.events_omitted,
-        "topics": found.topics,
+        "events_omitted": inspection.events_omitted,
+        "topics": inspection.topics,
     }
 
 

@@ -56,9 +56,9 @@ def configure_logging(verbosity: int, log_file: Path | None) -> None:
     handler.setFormatter(logging.Formatter(_FORMAT))
     root = logging.getLogger()
     # A second command in one process, as in tests, replaces the handler of the first.
-    for known in [known for known in root.handlers if known.name == _HANDLER_NAME]:
-        root.removeHandler(known)
-        known.close()
+    for former in [former for former in root.handlers if former.name == _HANDLER_NAME]:
+        root.removeHandler(former)
+        former.close()
     handler.name = _HANDLER_NAME
     root.addHandler(handler)
     for name in _PACKAGES:

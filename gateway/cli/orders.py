@@ -94,7 +94,7 @@ def orders(
         check_figure(figure)
     say = SummaryOutput(err=any(map(is_stdout, outputs)))
     with progress_bar(f"reading {recording.name}") as bar:
-        found, damage = recorded_orders(
+        spectra, damage = recorded_orders(
             recording,
             wheels=wheels,
             speed_step_mps=speed_step_kmh / 3.6,
@@ -103,17 +103,17 @@ def orders(
             key_file=key_file,
             on_progress=bar.show,
         )
-    for place, wheel in enumerate(found):
-        if place:
+    for index, wheel in enumerate(spectra):
+        if index:
             say()
         for line in order_lines(wheel, shown):
             say(line)
     if figure is not None:
-        write_figure(figure, found, recording.name, force=force)
+        write_figure(figure, spectra, recording.name, force=force)
     if csv_path is not None:
-        write_csv(csv_path, found, recording.name, force=force)
+        write_csv(csv_path, spectra, recording.name, force=force)
     if json_path is not None:
-        write_json(json_path, found, recording.name, force=force)
+        write_json(json_path, spectra, recording.name, force=force)
     for path in outputs:
         if path is not None and not is_stdout(path):
             say(f"written: {path}")

@@ -54,20 +54,20 @@ def scan(seconds: float, adapter: str, everything: bool, as_json: bool) -> None:
 def _ports() -> list[dict[str, Any]]:
     from serial.tools import list_ports
 
-    found = []
+    ports = []
     for port in sorted(list_ports.comports()):
         check = check_device(Path(port.device))
-        known = port.description if port.description not in (None, "", "n/a") else ""
-        found.append(
+        description = port.description if port.description not in (None, "", "n/a") else ""
+        ports.append(
             {
                 "source": f"serial:{'//' if port.device.startswith('/') else ''}{port.device}",
                 "device": port.device,
-                "description": known,
+                "description": description,
                 "usable": check.level is Level.OK,
                 "remedy": check.remedy,
             }
         )
-    return found
+    return ports
 
 
 def _report(around: ScanResult, hubs: list[Sighting], ports: list[dict[str, Any]]) -> dict[str, Any]:

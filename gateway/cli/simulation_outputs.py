@@ -164,5 +164,5 @@ def truth_lines(simulation: Simulation) -> Iterator[str]:
 
 
 def _counts(fault: Fault) -> str:
-    found = [f"{value} {name.replace('_', ' ')}" for name, value in fault.counts.as_dict().items() if value]
-    return ", ".join(found) or "no effect"
+    counts = [f"{value} {name.replace('_', ' ')}" for name, value in fault.counts.as_dict().items() if value]
+    return ", ".join(counts) or "no effect"

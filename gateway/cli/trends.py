@@ -73,21 +73,21 @@ def trends(
 
     odometer = read_odometer(odometer_path) if odometer_path is not None else None
     histories = read_histories(dataset, odometer)
-    found = analyse(
+    fleet_trends = analyse(
         histories.tires, recordings=histories.recordings, failures=histories.failures, notes=histories.notes
     )
     if json_path is not None:
-        content = json.dumps(trends_json(found), indent=2, ensure_ascii=False, allow_nan=False)
+        content = json.dumps(trends_json(fleet_trends), indent=2, ensure_ascii=False, allow_nan=False)
         write_whole(json_path, content + "\n", force=force)
     if csv_path is not None:
-        write_whole(csv_path, trends_csv(found), force=force)
+        write_whole(csv_path, trends_csv(fleet_trends), force=force)
     if html_path is not None:
         from gateway.views.trend_report.trend_page import write_trends_page
 
-        write_trends_page(found, html_path, force=force)
+        write_trends_page(fleet_trends, html_path, force=force)
     # A table on standard output must not be mixed with other lines.
     say = partial(click.echo, err=any(map(is_stdout, outputs)))
-    for line in trend_lines(found):
+    for line in trend_lines(fleet_trends):
         say(line)
     for path in filter(None, outputs):
         if not is_stdout(path):
