@@ -70,9 +70,9 @@ class ColumnTable:
     def descriptions(self) -> dict[str, str]:
         """One line of explanation per column."""
         return {
-            one.name: one.metadata[COLUMN] or self._shared[one.name].description
-            for one in fields(self)
-            if COLUMN in one.metadata
+            field.name: field.metadata[COLUMN] or self._shared[field.name].description
+            for field in fields(self)
+            if COLUMN in field.metadata
         }
 
     @property
@@ -83,7 +83,7 @@ class ColumnTable:
     @property
     def metadata(self) -> dict[str, Any]:
         """Values that belong to the whole table, such as wheel and sampling rate; NaN and arrays are left out."""
-        values = {one.name: getattr(self, one.name) for one in fields(self) if COLUMN not in one.metadata}
+        values = {field.name: getattr(self, field.name) for field in fields(self) if COLUMN not in field.metadata}
         return {
             name: value
             for name, value in values.items()
@@ -164,7 +164,7 @@ class ColumnTable:
 
     def _selected(self, rows: NDArray[Any] | slice) -> Self:
         """Return a table of some rows."""
-        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
         return type(self)(**{name: v[rows] if name in self.columns else v for name, v in values.items()})
 
     def _title(self) -> str:
@@ -177,7 +177,7 @@ class ColumnTable:
 
     def __repr__(self) -> str:
         lines = self._lines()
-        name_width, unit_width, range_width = (max(len(line[place]) for line in lines) for place in range(3))
+        name_width, unit_width, range_width = (max(len(line[column]) for line in lines) for column in range(3))
         rows = [
             f"  {name:<{name_width}}  {unit:<{unit_width}}  {span:<{range_width}}  {text}"
             for name, unit, span, text in lines
@@ -275,10 +275,10 @@ def _range(values: NDArray[Any]) -> str:
         distinct = sorted(set(values.tolist()))
         return ", ".join(distinct) if len(", ".join(distinct)) <= 24 else f"{len(distinct)} different"
     if kind == "M":
-        known = values[~np.isnat(values)]
-        return f"{str(known.min())[:19]} .. {str(known.max())[11:19]}" if len(known) else "unknown"
+        valid = values[~np.isnat(values)]
+        return f"{str(valid.min())[:19]} .. {str(valid.max())[11:19]}" if len(valid) else "unknown"
     numbers = np.abs(values) if kind == "c" else values
-    known = numbers[np.isfinite(numbers)]
-    if not len(known):
+    valid = numbers[np.isfinite(numbers)]
+    if not len(valid):
         return "unknown"
-    return f"{known.min():.{_SHOWN_DIGITS}g} .. {known.max():.{_SHOWN_DIGITS}g}"
+    return f"{valid.min():.{_SHOWN_DIGITS}g} .. {valid.max():.{_SHOWN_DIGITS}g}"

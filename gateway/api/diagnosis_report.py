@@ -66,7 +66,7 @@ def diagnose(
     if jobs < 1:
         raise ValueError(f"jobs must be at least 1, not {jobs}")
     given = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
-    paths = [_path(one) for one in given]
+    paths = [_path(recording) for recording in given]
     check_distinct(paths)
     if not paths:
         raise TreadlinkError("there is no recording to diagnose", "Give at least one.")
@@ -80,7 +80,7 @@ def diagnose(
                 empirical=empirical,
                 folds=folds,
                 workers=workers,
-                reverse=[_path(one) for one in reverse],
+                reverse=[_path(recording) for recording in reverse],
                 key_file=None if keys is None else Path(keys),
                 budget_s=budget_s,
                 on_progress=progress,
@@ -190,9 +190,9 @@ class DiagnosisReport:
 
     def __repr__(self) -> str:
         before, after = self.held_out_rms_mps2
-        found = ", ".join(effect_title(finding.name) for finding in self.effects) or "nothing"
+        effects = ", ".join(effect_title(finding.name) for finding in self.effects) or "nothing"
         return (
-            f"<DiagnosisReport of {self.wheel}: identified {found}; held-out rms {before:.2f} -> {after:.2f} m/s^2, "
+            f"<DiagnosisReport of {self.wheel}: identified {effects}; held-out rms {before:.2f} -> {after:.2f} m/s^2, "
             f"noise floor {self.noise_floor_mps2:.2f} m/s^2>"
         )
 

@@ -119,7 +119,7 @@ class Revolution:
 
     def __repr__(self) -> str:
         shown = [show(self.estimates[name]) for name in _SHOWN if name in self.estimates]
-        numbers = ", ".join(f"{one.label} {one.text()}" for one in shown)
+        numbers = ", ".join(f"{estimate.label} {estimate.text()}" for estimate in shown)
         return f"<Revolution {self.number} of {self.wheel}: {numbers or f'speed {self.speed_mps * 3.6:.2f} km/h'}>"
 
     def _repr_html_(self) -> str:

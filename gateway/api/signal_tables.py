@@ -64,8 +64,8 @@ class Samples(ColumnTable):
     @property
     def gaps(self) -> list[tuple[float, int]]:
         """Gaps as (device time in s of the first sample after it, number of samples lost)."""
-        at = np.flatnonzero(self.lost_before)
-        return list(zip(self.device_s[at].tolist(), self.lost_before[at].tolist(), strict=True))
+        rows = np.flatnonzero(self.lost_before)
+        return list(zip(self.device_s[rows].tolist(), self.lost_before[rows].tolist(), strict=True))
 
     def _title(self) -> str:
         lost, saturated = int(self.lost_before.sum()), int(self.saturated.sum())
@@ -245,7 +245,7 @@ def _revolution_row(result: RevolutionResult, has_host_time: bool) -> tuple[Any,
 
 
 def _revolution_columns(rows: Sequence[tuple[Any, ...]]) -> dict[str, Any]:
-    names = [one.name for one in fields(Revolutions) if one.metadata]
+    names = [field.name for field in fields(Revolutions) if field.metadata]
     cells = list(zip(*rows, strict=True)) if rows else [()] * len(names)
     columns: dict[str, Any] = {}
     for name, values in zip(names, cells, strict=True):
@@ -298,7 +298,7 @@ class AngleWaveforms(ColumnTable):
             OutputError: pandas is not installed.
         """
         name = f"{axis}_mps2"
-        if name not in ("normalised_mps2", *(f"{one}_mps2" for one in AXIS_NAMES)):
+        if name not in ("normalised_mps2", *(f"{axis_name}_mps2" for axis_name in AXIS_NAMES)):
             raise ValueError(f"there is no axis '{axis}': choose {', '.join(AXIS_NAMES)} or normalised")
         pandas = require_pandas()
         frame: pd.DataFrame = pandas.DataFrame(
@@ -312,20 +312,20 @@ class AngleWaveforms(ColumnTable):
     @classmethod
     def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str) -> Self:
         """Return the waveforms of results of one wheel."""
-        kept = [result.revolution for result in results]
-        axes = np.empty((3, len(kept), GRID_SIZE))
-        normalised = np.empty((len(kept), GRID_SIZE))
-        for place, revolution in enumerate(kept):
-            axes[:, place] = revolution.axes_mps2
-            normalised[place] = revolution.radial_mps2
+        revolutions = [result.revolution for result in results]
+        axes = np.empty((3, len(revolutions), GRID_SIZE))
+        normalised = np.empty((len(revolutions), GRID_SIZE))
+        for row, revolution in enumerate(revolutions):
+            axes[:, row] = revolution.axes_mps2
+            normalised[row] = revolution.radial_mps2
         return cls(
             recording=recording,
             wheel=wheel,
             angle_rad=angle_grid(),
-            revolution=np.array([revolution.index for revolution in kept], np.int64),
-            device_start_s=np.array([revolution.start_s for revolution in kept], np.float64),
-            omega_radps=np.array([revolution.omega_radps for revolution in kept], np.float64),
-            usable=np.array([not revolution.faults for revolution in kept], np.bool_),
+            revolution=np.array([revolution.index for revolution in revolutions], np.int64),
+            device_start_s=np.array([revolution.start_s for revolution in revolutions], np.float64),
+            omega_radps=np.array([revolution.omega_radps for revolution in revolutions], np.float64),
+            usable=np.array([not revolution.faults for revolution in revolutions], np.bool_),
             circumferential_mps2=axes[0],
             lateral_mps2=axes[1],
             radial_mps2=axes[2],
@@ -403,9 +403,9 @@ class AverageWaveform(ColumnTable):
 def _average_columns(mean: MeanRevolution) -> dict[str, Any]:
     radial = mean.radial
     axes: dict[str, Any] = {}
-    for place, name in enumerate(AXIS_NAMES):
-        axes[f"{name}_mps2"] = mean.axes_mps2[place]
-        axes[f"{name}_scatter_mps2"] = mean.axes_scatter_mps2[place]
+    for axis, name in enumerate(AXIS_NAMES):
+        axes[f"{name}_mps2"] = mean.axes_mps2[axis]
+        axes[f"{name}_scatter_mps2"] = mean.axes_scatter_mps2[axis]
     return {
         "count": mean.count,
         "omega_radps": mean.omega_radps,
@@ -480,10 +480,10 @@ class OrderSpectra(ColumnTable):
     @classmethod
     def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str, axis: str) -> Self:
         """Return the orders of results of one wheel."""
-        kept = [result.revolution for result in results]
-        orders = np.empty((len(kept), ORDER_COUNT), np.complex128)
-        for place, revolution in enumerate(kept):
-            orders[place] = (
+        revolutions = [result.revolution for result in results]
+        orders = np.empty((len(revolutions), ORDER_COUNT), np.complex128)
+        for row, revolution in enumerate(revolutions):
+            orders[row] = (
                 revolution.orders_mps2
                 if axis == "normalised"
                 else order_coefficients(revolution.axes_mps2[AXIS_NAMES.index(axis)], revolution.order_max)
@@ -493,10 +493,10 @@ class OrderSpectra(ColumnTable):
             wheel=wheel,
             axis=axis,
             order=np.arange(ORDER_COUNT),
-            revolution=np.array([revolution.index for revolution in kept], np.int64),
-            device_start_s=np.array([revolution.start_s for revolution in kept], np.float64),
-            omega_radps=np.array([revolution.omega_radps for revolution in kept], np.float64),
-            usable=np.array([not revolution.faults for revolution in kept], np.bool_),
-            order_max=np.array([revolution.order_max for revolution in kept], np.int64),
+            revolution=np.array([revolution.index for revolution in revolutions], np.int64),
+            device_start_s=np.array([revolution.start_s for revolution in revolutions], np.float64),
+            omega_radps=np.array([revolution.omega_radps for revolution in revolutions], np.float64),
+            usable=np.array([not revolution.faults for revolution in revolutions], np.bool_),
+            order_max=np.array([revolution.order_max for revolution in revolutions], np.int64),
             orders_mps2=orders,
         )
