@@ -201,7 +201,9 @@ def campaign(
             )
     _report(progress, failures, root)
     if diagnose:
-        click.echo(f"tires: {counts.made} diagnosed, {counts.known} done before, {counts.failed} without a diagnosis")
+        click.echo(
+            f"tires: {counts.made} diagnosed, {counts.made_before} done before, {counts.failed} without a diagnosis"
+        )
         _list_tires([(tire, (why,)) for tire, why in counts.reasons])
         if counts.left_out:
             recordings = sum(len(reasons) for _, reasons in counts.left_out)

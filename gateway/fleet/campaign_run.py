@@ -235,11 +235,11 @@ class CampaignRun:
             return False
         if not wheels:
             self.progress.standing.append((content.path, "", text(Reason(Code.NO_SAMPLES))))
-        self.progress.standing += [(content.path, one.position, one.missing) for one in wheels if one.missing]
-        names = {name for one in wheels for name in one.alarms}
+        self.progress.standing += [(content.path, wheel.position, wheel.missing) for wheel in wheels if wheel.missing]
+        names = {name for wheel in wheels for name in wheel.alarms}
         self.progress.alarms.update(names)
         self.progress.with_alarms += bool(names)
-        if damage is not None or any(one.is_damaged for one in wheels):
+        if damage is not None or any(wheel.is_damaged for wheel in wheels):
             self.progress.damaged.append(content.path)
         return True
 
@@ -308,20 +308,20 @@ def find_recordings(paths: Sequence[Path]) -> list[Path]:
     Raises:
         RecordingError: a path does not exist, or there is no recording.
     """
-    found: dict[Path, None] = {}
+    recordings: dict[Path, None] = {}
     for path in paths:
         if path.is_dir():
-            found |= dict.fromkeys(sorted(_resolved(one) for one in _in_folder(path)))
+            recordings |= dict.fromkeys(sorted(_resolved(file) for file in _in_folder(path)))
         elif path.exists():
-            found[path.resolve()] = None
+            recordings[path.resolve()] = None
         else:
             raise RecordingError(f"'{path}' does not exist", "Check the path.")
-    if not found:
+    if not recordings:
         raise RecordingError(
             f"no recording in {', '.join(map(repr, map(str, paths)))}",
             "Recordings in folders are found by their ending, .mcap.",
         )
-    return list(found)
+    return list(recordings)
 
 
 def _resolved(path: Path) -> Path:
@@ -331,9 +331,9 @@ def _resolved(path: Path) -> Path:
 
 def _in_folder(path: Path) -> Iterator[Path]:
     """Yield the recordings of a folder; a link to nothing is one that cannot be read, and is listed as that."""
-    for one in path.rglob("*.mcap"):
-        if not one.name.startswith(".") and (one.is_file() or (one.is_symlink() and not one.exists())):
-            yield one
+    for file in path.rglob("*.mcap"):
+        if not file.name.startswith(".") and (file.is_file() or (file.is_symlink() and not file.exists())):
+            yield file
 
 
 def _read_ahead(paths: Sequence[Path], waiting: queue.Queue[_Hashed | None], end: threading.Event) -> None:

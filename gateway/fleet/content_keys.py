@@ -58,7 +58,7 @@ def _code_digest(packages: tuple[str, ...]) -> str:
     for name in packages:
         package, _, only = name.partition(":")
         root = Path(str(resources.files(package)))
-        for path in sorted(root.rglob(only or "*.py"), key=lambda one: one.relative_to(root).as_posix()):
+        for path in sorted(root.rglob(only or "*.py"), key=lambda source: source.relative_to(root).as_posix()):
             digest.update(f"{package}/{path.relative_to(root).as_posix()}\n".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:SETTINGS_DIGITS]

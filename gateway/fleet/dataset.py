@@ -81,8 +81,8 @@ class Key(NamedTuple):
     @classmethod
     def of_name(cls, name: str) -> Self | None:
         """Return the key in the name of a file, None when it is not one, as of a copy such as `KEY (1).parquet`."""
-        found = _KEY_NAME.fullmatch(name)
-        return cls(*found.groups()) if found else None
+        match = _KEY_NAME.fullmatch(name)
+        return cls(*match.groups()) if match else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +138,8 @@ class Dataset:
 
     def done(self, recording_id: str, settings: str) -> bool:
         """Return whether a content has its rows under these settings."""
-        known = self._done.get(recording_id)
-        return known is not None and known.settings == settings
+        key = self._done.get(recording_id)
+        return key is not None and key.settings == settings
 
     def wheels(self, recording_id: str) -> tuple[RecordedWheel, ...] | None:
         """Return what the rows of a content say of its wheels; None where a file of it is missing or damaged."""
@@ -149,15 +149,15 @@ class Dataset:
         if rows is None:
             return None
         if self.description.rows != _NO_REVOLUTIONS and any(row["revolutions"] for row in rows):
-            kept = self._places.get((REVOLUTIONS, key))
-            if kept is None or not _is_readable(kept):
+            revolutions_path = self._places.get((REVOLUTIONS, key))
+            if revolutions_path is None or not _is_readable(revolutions_path):
                 return None
         return tuple(_recorded_wheel(row) for row in rows)
 
     def failed(self, content: FileContent, settings: str) -> bool:
         """Return whether a content has failed under these settings for a reason that lasts."""
-        known = self._failed.get(path_key(content.path))
-        return known is not None and known[1] and known[0][1:] == (content.recording_id, settings)
+        failure = self._failed.get(path_key(content.path))
+        return failure is not None and failure[1] and failure[0][1:] == (content.recording_id, settings)
 
     def recording_ids(self) -> frozenset[str]:
         """Return the contents that have rows."""
@@ -169,22 +169,22 @@ class Dataset:
 
     def keep(self, content: FileContent) -> None:
         """Note that a content with rows is found at another path, so that a change of the first does not remove it."""
-        known = self._done[content.recording_id]
-        here = path_key(content.path)
-        if known.path == here:
+        old = self._done[content.recording_id]
+        content_path = path_key(content.path)
+        if old.path == content_path:
             return
-        new = known._replace(path=here)
+        new = old._replace(path=content_path)
         with _explained(self.root):
             for table in (REVOLUTIONS, RECORDINGS):
-                for path in self._files(table, known):
+                for path in self._files(table, old):
                     self._places[table, new] = path.replace(path.with_name(f"{new}.parquet"))
-        self._forget(known)
+        self._forget(old)
         self._remember(new)
 
     def follow(self, content: FileContent, given: Collection[str]) -> None:
         """Note the new path of a content whose old path, by its identity, is not among those given any more."""
-        known = self._done.get(content.recording_id)
-        if known is not None and known.path not in given:
+        key = self._done.get(content.recording_id)
+        if key is not None and key.path not in given:
             self.keep(content)
 
     def commit(
@@ -257,9 +257,9 @@ class Dataset:
 
     def clear_failure(self, content: FileContent) -> None:
         """Remove the failure of a path, and those of the same content at others, as after it was estimated."""
-        here = path_key(content.path)
+        content_path = path_key(content.path)
         for path, (key, _) in list(self._failed.items()):
-            if path == here or key.recording_id == content.recording_id:
+            if path == content_path or key.recording_id == content.recording_id:
                 self._drop_failure(path)
 
     def replace_files(self, table: str, parts: Sequence[tuple[Path, str, int, str]], old: Sequence[Path]) -> None:
@@ -331,10 +331,10 @@ class Dataset:
         self._forget(key)
 
     def _drop_failure(self, path: str) -> None:
-        known = self._failed.pop(path, None)
-        if known is not None:
-            for found in (self.root / FAILURES).glob(f"{known[0]}.*.parquet"):
-                found.unlink(missing_ok=True)
+        failure = self._failed.pop(path, None)
+        if failure is not None:
+            for file in (self.root / FAILURES).glob(f"{failure[0]}.*.parquet"):
+                file.unlink(missing_ok=True)
 
 
 def _is_readable(path: Path) -> bool:
@@ -374,7 +374,7 @@ def opened(root: Path, description: Description, waiting: Callable[[str], bool])
     """
     with _explained(root):
         if root.is_dir() and not (root / DESCRIPTION).is_file():
-            others = [one.name for one in root.iterdir() if one.name not in (_LOCK, INCOMING)]
+            others = [entry.name for entry in root.iterdir() if entry.name not in (_LOCK, INCOMING)]
             if others:
                 raise OutputError(
                     f"'{root}' is not a dataset, but contains files such as '{sorted(others)[0]}'",
@@ -384,9 +384,9 @@ def opened(root: Path, description: Description, waiting: Callable[[str], bool])
     with _locked(root, waiting):
         path = root / DESCRIPTION
         if path.is_file():
-            found = read_description(root)
-            if found != description:
-                raise _difference(root, found, description)
+            present = read_description(root)
+            if present != description:
+                raise _difference(root, present, description)
         else:
             entries = {"treadlink": __version__, "format": FORMAT, "time_zone": "UTC", **_as_dict(description)}
             write_whole(path, json.dumps(entries, indent=2, ensure_ascii=False) + "\n", force=True)
@@ -454,18 +454,18 @@ def _as_dict(description: Description) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _difference(root: Path, found: Description, wanted: Description) -> OutputError:
+def _difference(root: Path, present: Description, wanted: Description) -> OutputError:
     for name, word in (("estimators", "estimators"), ("rows", "kept rows")):
-        old, new = getattr(found, name), getattr(wanted, name)
+        old, new = getattr(present, name), getattr(wanted, name)
         if old != new:
-            shown = [", ".join(one) if isinstance(one, tuple) else one for one in (old, new)]
+            shown = [", ".join(setting) if isinstance(setting, tuple) else setting for setting in (old, new)]
             return OutputError(
                 f"the dataset '{root}' was made with other {word}: {shown[0]}; now: {shown[1]}",
                 "Choose a new folder, or the same options.",
             )
     # The estimators are the same, so their code is another: an older or a newer treadlink made the dataset.
-    lacking = [name for name in wanted.estimates if name not in found.estimates]
-    unknown = [name for name in found.estimates if name not in wanted.estimates]
+    lacking = [name for name in wanted.estimates if name not in present.estimates]
+    unknown = [name for name in present.estimates if name not in wanted.estimates]
     parts = [
         f"{word} {', '.join(names)}"
         for word, names in (("it has no columns for", lacking), ("this version gives no", unknown))

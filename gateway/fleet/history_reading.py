@@ -40,7 +40,7 @@ _PLAIN: Final = (
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
     "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
 )  # fmt: skip
-_ESTIMATES: Final = tuple(one.column for one in declared() if one.watch is not None or one.compared)
+_ESTIMATES: Final = tuple(quantity.column for quantity in declared() if quantity.watch is not None or quantity.compared)
 _TIMES: Final = ("start_utc", "begin_utc", "end_utc", "hub_zero_utc")
 _TEXT: Final = frozenset(
     {"recording_id", "recording", "path", "position", "sensor_id", "reference", "load_calibration", "faults", "alarms",
@@ -105,18 +105,18 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
         if key is None or key.recording_id in read:
             notes.append(Reason(Code.TREND_FOREIGN_FILE, path=str(path)))
             continue
-        found = read_rows(path, names, _NEEDED)
-        if found is None:
+        file_rows = read_rows(path, names, _NEEDED)
+        if file_rows is None:
             notes.append(Reason(Code.TREND_UNREADABLE_FILE, path=str(path)))
             continue
         vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
         read.add(key.recording_id)
-        if found and not _EARLIEST_NS <= found[0]["start_utc"] <= latest_ns:
-            date = str(np.datetime64(found[0]["start_utc"], "ns").astype("datetime64[D]"))
-            notes.append(Reason(Code.TREND_CLOCK_WRONG, path=str(found[0]["path"]), date=date))
+        if file_rows and not _EARLIEST_NS <= file_rows[0]["start_utc"] <= latest_ns:
+            date = str(np.datetime64(file_rows[0]["start_utc"], "ns").astype("datetime64[D]"))
+            notes.append(Reason(Code.TREND_CLOCK_WRONG, path=str(file_rows[0]["path"]), date=date))
             of_wrong_clock += 1
             continue
-        for row in found:
+        for row in file_rows:
             rows[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
     if not rows and of_wrong_clock:
         others = (
@@ -139,17 +139,21 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
     vehicles = sorted({vehicle for vehicle, _, _ in rows})
     if odometer is not None:
         odometer = {partition_name(name): readings for name, readings in odometer.items()}
-        notes += [Reason(Code.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=one) for one in vehicles if one not in odometer]
-    unknown = [own for (vehicle, _, sensor), own in rows.items() if not is_identified(vehicle, sensor)]
+        notes += [
+            Reason(Code.TREND_VEHICLE_WITHOUT_ODOMETER, vehicle=vehicle_name)
+            for vehicle_name in vehicles
+            if vehicle_name not in odometer
+        ]
+    unknown = [tire_rows for (vehicle, _, sensor), tire_rows in rows.items() if not is_identified(vehicle, sensor)]
     if unknown:
-        recordings = len({row["path"] for own in unknown for row in own})
+        recordings = len({row["path"] for tire_rows in unknown for row in tire_rows})
         notes.append(Reason(Code.TREND_TIRES_UNIDENTIFIED, recordings=recordings))
     repeated: dict[str, Reason] = {}
     distinct: set[str] = set()
-    for tire, own in rows.items():
+    for tire, tire_rows in rows.items():
         if is_identified(tire[0], tire[2]):
-            kept, repeats = without_repeats(own)
-            rows[tire] = kept
+            distinct_rows, repeats = without_repeats(tire_rows)
+            rows[tire] = distinct_rows
             for repeat, other in repeats:
                 pair = Reason(Code.TREND_REPEATS, path=str(repeat["path"]), other=str(other["path"]))
                 repeated.setdefault(str(repeat["recording_id"]), pair)
@@ -169,7 +173,7 @@ def read_odometer(path: Path) -> Odometer:
     Raises:
         RecordingError: the file cannot be read, or a line is wrong.
     """
-    found: dict[str, list[tuple[int, float]]] = defaultdict(list)
+    points_by_vehicle: dict[str, list[tuple[int, float]]] = defaultdict(list)
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             lines = csv.DictReader(file)
@@ -189,11 +193,11 @@ def read_odometer(path: Path) -> Odometer:
                     ) from error
                 if not math.isfinite(km):
                     raise RecordingError(f"'{path}', line {lines.line_num}: km is not a number", "Correct the line.")
-                found[str(line["vehicle"]).strip()].append((time_ns, km))
+                points_by_vehicle[str(line["vehicle"]).strip()].append((time_ns, km))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise RecordingError(f"'{path}' cannot be read: {error}", "Give a CSV file in UTF-8.") from error
     readings = {}
-    for vehicle, points in found.items():
+    for vehicle, points in points_by_vehicle.items():
         points.sort()
         times = np.array([time for time, _ in points], dtype=np.int64)
         km_read = np.array([km for _, km in points])
@@ -287,10 +291,10 @@ def _commonest_fault(row: Row) -> str:
 
 def _listed(row: Row, name: str) -> list[dict[str, Any]]:
     try:
-        found = json.loads(row.get(name) or "[]")
+        entries = json.loads(row.get(name) or "[]")
     except ValueError:
         return []
-    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+    return [entry for entry in entries if isinstance(entry, dict)] if isinstance(entries, list) else []
 
 
 def _as_text(value: float | None) -> str:
@@ -307,14 +311,14 @@ def _km(
         return np.asarray((np.cumsum(driven) - driven) * 1e-3, dtype=np.float64)
     times, km = readings
     begin = int(times[0])
-    at, known = (time_ns - begin).astype(np.float64), (times - begin).astype(np.float64)
-    found = np.interp(at, known, km)
-    if len(known) > 1:
-        for edge, inner, beyond in ((0, 1, at < known[0]), (-1, -2, at > known[-1])):
-            step = known[edge] - known[inner]
+    at_ns, reading_ns = (time_ns - begin).astype(np.float64), (times - begin).astype(np.float64)
+    km_at = np.interp(at_ns, reading_ns, km)
+    if len(reading_ns) > 1:
+        for edge, inner, beyond in ((0, 1, at_ns < reading_ns[0]), (-1, -2, at_ns > reading_ns[-1])):
+            step = reading_ns[edge] - reading_ns[inner]
             slope = (km[edge] - km[inner]) / step if step else 0.0
-            found = np.where(beyond, km[edge] + slope * (at - known[edge]), found)
-    return np.asarray(found, dtype=np.float64)
+            km_at = np.where(beyond, km[edge] + slope * (at_ns - reading_ns[edge]), km_at)
+    return np.asarray(km_at, dtype=np.float64)
 
 
 def _numbers(rows: Sequence[Mapping[str, Any]], name: str) -> FloatArray:

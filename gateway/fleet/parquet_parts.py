@@ -161,9 +161,9 @@ def read_rows(path: Path, names: Collection[str], needed: Collection[str] | None
             if not present.issuperset(names if needed is None else needed):
                 return None
             table = file.read([name for name in names if name in present])
-        for at, field in enumerate(table.schema):
+        for index, field in enumerate(table.schema):
             if pa.types.is_timestamp(field.type):
-                table = table.set_column(at, field.name, table.column(at).cast(pa.int64()))
+                table = table.set_column(index, field.name, table.column(index).cast(pa.int64()))
         rows: list[dict[str, Any]] = table.to_pylist()
     except (OSError, ValueError, KeyError, pa.ArrowException):
         return None

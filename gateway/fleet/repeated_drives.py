@@ -22,19 +22,19 @@ def without_repeats(rows: Sequence[Row]) -> tuple[list[Row], list[tuple[Row, Row
     the one with the most valid revolutions is kept.
     """
     order = sorted(rows, key=_worth)
-    kept: list[Row] = []
+    distinct: list[Row] = []
     by_zero: dict[int, list[Row]] = defaultdict(list)
     repeats: list[tuple[Row, Row]] = []
     for row in order:
         second = int(row.get("hub_zero_utc") or 0) // _NS
-        near = (one for at in (second - 1, second, second + 1) for one in by_zero.get(at, ()))
-        same = next((one for one in near if _is_same_drive(row, one)), None)
+        near = (other for zero_s in (second - 1, second, second + 1) for other in by_zero.get(zero_s, ()))
+        same = next((other for other in near if _is_same_drive(row, other)), None)
         if same is None:
-            kept.append(row)
+            distinct.append(row)
             by_zero[second].append(row)
         else:
             repeats.append((row, same))
-    return kept, repeats
+    return distinct, repeats
 
 
 def _worth(row: Row) -> tuple[int, int, str]:
@@ -45,7 +45,7 @@ def _worth(row: Row) -> tuple[int, int, str]:
 
 def _is_same_drive(row: Row, other: Row) -> bool:
     names = ("begin_utc", "end_utc", "hub_zero_utc")
-    if any(one.get(name) is None for one in (row, other) for name in names):
+    if any(drive.get(name) is None for drive in (row, other) for name in names):
         return False
     shared = min(row["end_utc"], other["end_utc"]) - max(row["begin_utc"], other["begin_utc"])
     shorter = min(row["end_utc"] - row["begin_utc"], other["end_utc"] - other["begin_utc"])

@@ -74,13 +74,13 @@ class DiagnosisCounts:
 
     Attributes:
         made: diagnosed now.
-        known: diagnosed before.
+        made_before: diagnosed before.
         reasons: tires without a diagnosis, as (vehicle, position, sensor), and why.
         left_out: tires with a diagnosis, now or before, and the recordings that it leaves out with their reasons.
     """
 
     made: int = 0
-    known: int = 0
+    made_before: int = 0
     reasons: list[tuple[tuple[str, str, str], str]] = field(default_factory=list)
     left_out: list[tuple[tuple[str, str, str], tuple[str, ...]]] = field(default_factory=list)
 
@@ -141,7 +141,7 @@ def diagnose_tires(
         old = list((dataset.root / DIAGNOSES).glob(f"*/*/{tire_key}-*.parquet"))
         if done := [path for path in old if path.name == f"{name}.parquet"]:
             outcome = outcome_in(done[0])
-            counts.known += not outcome.failure
+            counts.made_before += not outcome.failure
             counts.add(tire, outcome)
             continue
         paths = tuple(Path(str(row["path"])) for row in chosen)
@@ -245,7 +245,7 @@ def outcome_in(path: Path) -> TireOutcome:
         row: dict[str, Any] = file.read(["code", "text", "left_out"]).to_pylist()[0]
     if row["code"]:
         return TireOutcome(str(row["text"]))
-    return TireOutcome(left_out=tuple(str(one["text"]) for one in json.loads(row["left_out"] or "[]")))
+    return TireOutcome(left_out=tuple(str(reason["text"]) for reason in json.loads(row["left_out"] or "[]")))
 
 
 def _write_failure(order: DiagnosisOrder, reason: Reason) -> TireOutcome:
@@ -257,10 +257,10 @@ def _write_failure(order: DiagnosisOrder, reason: Reason) -> TireOutcome:
 
 def _tires(root: Path, given: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
     """Return the rows of the given recordings by (vehicle, position, sensor)."""
-    known = {str(path).encode("utf-8", "backslashreplace").decode() for path in given}
+    given_paths = {str(path).encode("utf-8", "backslashreplace").decode() for path in given}
     tires: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
     for vehicle, row in _recording_rows(root):
-        if row["path"] in known and row["revolutions_valid"]:
+        if row["path"] in given_paths and row["revolutions_valid"]:
             tires[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
     return tires
 
@@ -279,11 +279,11 @@ def _chosen(rows: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     by_speed = sorted(rows, key=lambda row: (row["speed_mean_mps"] or 0.0, row["recording_id"]))
     if len(by_speed) > MOST_RECORDINGS:
         last = len(by_speed) - 1
-        by_speed = [by_speed[round(at * last / (MOST_RECORDINGS - 1))] for at in range(MOST_RECORDINGS)]
+        by_speed = [by_speed[round(index * last / (MOST_RECORDINGS - 1))] for index in range(MOST_RECORDINGS)]
     return sorted(by_speed, key=lambda row: (row["start_utc"], row["recording_id"]))
 
 
 def _finite(value: Any) -> Any:
     if isinstance(value, dict):
-        return {name: _finite(one) for name, one in value.items()}
+        return {name: _finite(part) for name, part in value.items()}
     return value if not isinstance(value, float) or abs(value) < float("inf") else None
