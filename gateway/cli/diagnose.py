@@ -24,6 +24,7 @@ from gateway.views.text import clean
 
 if TYPE_CHECKING:
     from gateway.closure.result import Diagnosis
+    from gateway.closure.transfer import Transfer
     from gateway.config.vehicle import VehicleConfig
     from gateway.worker_pool import Workers
 
@@ -178,10 +179,8 @@ def diagnose(
       treadlink diagnose other.mcap --effects fl.effects.json
       treadlink diagnose ahead.mcap back.mcap --reverse back.mcap
     """
-    if known_path is not None and (html_path or effects_path or plugin_path or empirical):
-        raise click.UsageError(
-            "--effects only compares: leave out --html, --save-effects, --law-plugin and --empirical."
-        )
+    if known_path is not None and (effects_path or plugin_path or empirical):
+        raise click.UsageError("--effects only compares: leave out --save-effects, --law-plugin and --empirical.")
     if known_path is not None and (wheel is not None or budget_s is not None):
         raise click.UsageError(
             "--effects states the wheel, and nothing is searched for: leave out --wheel and --budget."
@@ -203,7 +202,8 @@ def diagnose(
         require_report_packages()
     others = (jobs or min(2, os.cpu_count() or 1)) - 1
     if known_path is not None:
-        _transfer(recordings, known_path, config_path, model, folds, others, reverse, key_file, json_path, force=force)
+        result = _transferred(recordings, known_path, config_path, model, folds, others, reverse, key_file)
+        _report_transfer(result, known_path, json_path, html_path, force=force)
         return
     with _work(others) as (workers, on_progress):
         from gateway.closure.effects.effect import BaselineModel
@@ -223,8 +223,7 @@ def diagnose(
             budget_s=budget_s,
             on_progress=on_progress,
         )
-    if diagnosis.origin is not None:
-        diagnosis = replace(diagnosis, origin=replace(diagnosis.origin, command=given_command()))
+    diagnosis = _by_command(diagnosis)
     outputs_to_stdout = any(map(is_stdout, (json_path, html_path, effects_path)))
     on_terminal = (sys.stderr if outputs_to_stdout else sys.stdout).isatty()
     columns = shutil.get_terminal_size().columns if on_terminal else 0
@@ -253,7 +252,14 @@ def _vehicle(config_path: Path | None) -> VehicleConfig | None:
     return load_vehicle(config_path) if config_path is not None else None
 
 
-def _transfer(
+def _by_command(diagnosis: Diagnosis) -> Diagnosis:
+    """Return a diagnosis that holds the command that made it."""
+    if diagnosis.origin is None:
+        return diagnosis
+    return replace(diagnosis, origin=replace(diagnosis.origin, command=given_command()))
+
+
+def _transferred(
     recordings: tuple[Path, ...],
     known_path: Path,
     config_path: Path | None,
@@ -262,18 +268,14 @@ def _transfer(
     others: int,
     reverse: tuple[Path, ...],
     key_file: Path | None,
-    json_path: Path | None,
-    *,
-    force: bool,
-) -> None:
-    """Report the error with the effects of a file, as found before."""
+) -> Transfer:
+    """Return the error with the effects of a file, as found before."""
     with _work(min(others, len(recordings) - 1)) as (workers, on_progress):
         from gateway.closure.effects.effect import BaselineModel
         from gateway.session.campaign_diagnosis import transfer_effects
         from gateway.session.effects_opening import open_effects_file
-        from gateway.views.report.transfer_report import transfer_json, transfer_lines
 
-        result = transfer_effects(
+        return transfer_effects(
             recordings,
             open_effects_file(known_path),
             vehicle=_vehicle(config_path),
@@ -285,7 +287,15 @@ def _transfer(
             origin=str(known_path),
             on_progress=on_progress,
         )
-    to_stdout = json_path is not None and is_stdout(json_path)
+
+
+def _report_transfer(
+    result: Transfer, known_path: Path, json_path: Path | None, html_path: Path | None, *, force: bool
+) -> None:
+    from gateway.views.report.html import write_html
+    from gateway.views.report.transfer_report import transfer_json, transfer_lines
+
+    to_stdout = any(path is not None and is_stdout(path) for path in (json_path, html_path))
     say = SummaryOutput(err=to_stdout)
     for line in transfer_lines(result, str(known_path)):
         say(clean(line))
@@ -294,6 +304,10 @@ def _transfer(
         write_whole(json_path, text + "\n", force=force)
         if not to_stdout:
             say(clean(f"written: {json_path}"))
+    if html_path is not None and result.report is not None:
+        write_html(_by_command(result.report), html_path, force=force)
+        if not to_stdout:
+            say(clean(f"written: {html_path}"))
     say.finish()
 
 

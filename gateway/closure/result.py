@@ -481,6 +481,7 @@ class Diagnosis:
         left_out: recordings that were given but not used, each with its reason.
         laws: for the angle-locked part of `unexplained`, or clues to them; empty where nothing is credible.
         origin: what it was made of; None where that is not known.
+        taken_from: where the effects were found, if nothing was searched for and they are as found there.
     """
 
     model: str
@@ -512,6 +513,7 @@ class Diagnosis:
     left_out: tuple[Reason, ...] = ()
     laws: tuple[Law, ...] = ()
     origin: Origin | None = None
+    taken_from: str = ""
 
     @property
     def named(self) -> tuple[Finding, ...]:

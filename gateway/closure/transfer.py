@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.findings import fitted_parameter, sizes_of
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.hold_out import alignment_note, hold_out
 from gateway.closure.inference.likelihood import Whitened, whiten
+from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.posterior import Posterior
+from gateway.closure.inference.residual import PLANE, residual_ratio, unexplained
 from gateway.closure.inference.set_evidence import evaluate
 from gateway.closure.inference.set_search import baseline_fit
 from gateway.closure.known_effects import known_effects
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
-from gateway.closure.result import HeldOut
+from gateway.closure.report_curves import curves_of, trends_of
+from gateway.closure.result import Diagnosis, Finding, HeldOut, Verdict
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
-from gateway.signal.effect_correction import CorrectedSignal, CorrectionTable
+from gateway.signal.effect_correction import CorrectedEffect, CorrectedSignal, CorrectionTable
 from gateway.types import FloatArray
 
 # Effects that do not matter change the error by less than this, either way.
@@ -43,6 +50,7 @@ class Transfer:
         held_out: error without the effects and with them, on revolutions that no fit has seen.
         noise_floor_mps2: error that a perfect model would leave.
         notes: limitations of the recordings, and what differs from those in which the effects were found.
+        report: the same for a page, with waveforms, the tire's numbers and what stays unexplained.
     """
 
     model: str
@@ -54,6 +62,7 @@ class Transfer:
     held_out: HeldOut
     noise_floor_mps2: float
     notes: tuple[Reason, ...] = ()
+    report: Diagnosis | None = None
 
 
 def transfer(
@@ -94,21 +103,71 @@ def transfer(
     masses = {kept.names: 1.0, baseline.names: 0.0}
     certain = Posterior(pair, masses, masses, (kept,), (1.0,))
     errors = hold_out(certain, data)
+    notes = (
+        *_enlarged(errors.summary),
+        *alignment_note(errors.summary),
+        *table.differences(_signal_of(campaign)),
+        *campaign.notes,
+    )
+    revolutions = sum(block.count for group in campaign.groups for block in group.blocks)
+    shown = errors.fit_of[baseline.names], errors.fit_of[kept.names]
+    (before, determined_before), (after, determined) = (
+        estimates_of([(one.fit, 1.0)], left_ratio=math.sqrt(residual_ratio(one.fit, data, PLANE)))
+        for one in (baseline, kept)
+    )
+    report = Diagnosis(
+        model=str(model),
+        wheel=campaign.wheel,
+        recordings=campaign.recordings,
+        assumed=campaign.assumed,
+        revolutions=revolutions,
+        rejected=sum(campaign.rejected.values()),
+        noise_floor_mps2=errors.noise_mps2,
+        held_out=errors.summary,
+        findings=tuple(
+            _as_found(kept.fit, effect, one) for (effect, _), one in zip(effects, table.effects, strict=True)
+        ),
+        unexplained=unexplained(kept.fit, data),
+        estimates_before=before,
+        estimates_after=after,
+        determined=determined,
+        determined_before=determined_before,
+        curves=curves_of(*shown, data),
+        trends=trends_of(*shown, data),
+        notes=notes,
+        stated=campaign.stated,
+        load_known=all(group.load_known for group in campaign.groups),
+        pressure_known=all(group.pressure_known for group in campaign.groups),
+        taken_from=origin,
+    )
     return Transfer(
         model=str(model),
         wheel=campaign.wheel,
         recordings=campaign.recordings,
-        revolutions=sum(block.count for group in campaign.groups for block in group.blocks),
+        revolutions=revolutions,
         effects={one.name: {p.name: p.value for p in one.parameters} for one in table.effects},
         refitted=(*core.names, "contact centre"),
         held_out=errors.summary,
         noise_floor_mps2=errors.noise_mps2,
-        notes=(
-            *_enlarged(errors.summary),
-            *alignment_note(errors.summary),
-            *table.differences(_signal_of(campaign)),
-            *campaign.notes,
-        ),
+        notes=notes,
+        report=report,
+    )
+
+
+def _as_found(fit: Fit, effect: AngleEffect, one: CorrectedEffect) -> Finding:
+    """Return an effect of a file as a finding: parameters and errors are those of the file."""
+    given = {parameter.name: parameter for parameter in one.parameters}
+    return Finding(
+        name=effect.name,
+        verdict=Verdict.NAMED,
+        parameters={
+            parameter.name: fitted_parameter(parameter, given[parameter.name].value, given[parameter.name].std)
+            for parameter in effect.parameters
+        },
+        chi2=math.nan,
+        rms_mps2=float(np.max(sizes_of(fit, effect))),
+        summary=effect.summary,
+        equation=effect.equation,
     )
 
 

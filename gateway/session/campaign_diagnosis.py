@@ -244,4 +244,5 @@ def transfer_effects(
     report(_READ_SHARE, "comparing with and without the effects")
     result = transfer(campaign, table, model=model, origin=origin)
     report(1.0, "done")
-    return result
+    assert result.report is not None
+    return replace(result, report=_with_origin(result.report, campaign, paths))

@@ -309,12 +309,23 @@ class TestEffectsFiles:
         assert "no configuration" in str(result.exception)
 
 
+def test_effects_of_another_recording_have_a_page(recording, tmp_path):
+    path, page = tmp_path / "w0.effects.json", tmp_path / "a.html"
+    path.write_text(effects_text(table()))
+    result = run(recording, "--effects", path, "--html", page)
+    assert result.exit_code == 0, result.output
+    assert f"written: {page}" in result.output
+    text = page.read_text()
+    assert f"as found in {path}" in text
+    assert hashlib.sha256(Path(recording).read_bytes()).hexdigest() in text
+
+
 def test_effects_of_another_recording_exclude_a_search(closed, recording, tmp_path):
     path = tmp_path / "w0.effects.json"
     assert run(recording, "--save-effects", path).exit_code == 0
-    result = run(recording, "--effects", path, "--html", tmp_path / "a.html")
+    result = run(recording, "--effects", path, "--empirical")
     assert result.exit_code == 2
-    assert "--html" in result.output
+    assert "--empirical" in result.output
     for ignored in (("--wheel", "W0"), ("--budget", "5")):
         result = run(recording, "--effects", path, *ignored)
         assert result.exit_code == 2

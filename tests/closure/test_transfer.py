@@ -58,7 +58,31 @@ def test_right_effects_lower_the_error_to_the_noise() -> None:
     assert found.held_out.rms_before_mps2 > 2.0 * found.noise_floor_mps2
     assert found.held_out.rms_after_mps2 == pytest.approx(found.noise_floor_mps2, rel=0.05)
     assert "contact centre" in found.refitted
+    report = found.report
+    assert report is not None
+    assert (report.held_out, report.taken_from) == (found.held_out, "effects")
+    (effect,) = report.findings
+    assert effect.parameters["roll_rad"].value == ROLL_RAD
+    # sin(0.03) of the radial axis.
+    assert effect.rms_mps2 == pytest.approx(
+        ROLL_RAD * math.sqrt(np.mean(np.square(report.curves[0].measured_mps2[2]))), rel=0.05
+    )
+    assert report.determined["Cw"]
+    assert report.unexplained == ()
     assert "roll tilt" not in found.refitted
+
+
+def test_page_says_where_the_effects_are_from() -> None:
+    pytest.importorskip("matplotlib", reason="matplotlib (extra 'plot') is not installed")
+    from gateway.views.report.html import diagnosis_html
+
+    report = with_roll(ROLL_RAD).report
+    assert report is not None
+    page = diagnosis_html(report)
+    assert "Roll tilt: as found in effects, nothing of it refitted." in page
+    assert "falls, on the lateral axis only," in page
+    assert "The model lacks" not in page
+    assert "correct the vehicle file" not in page
 
 
 def test_transferred_parameters_are_not_refitted() -> None:

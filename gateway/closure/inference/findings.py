@@ -110,7 +110,7 @@ def beside_more(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
     for one in findings:
         effect = next((effect for effect in fit.model.effects if effect.name == one.name), None)
         if effect is not None and one.verdict is Verdict.NAMED:
-            sizes = _sizes(fit, effect)
+            sizes = sizes_of(fit, effect)
             if bool((sizes <= left)[sizes > 0.0].all()):
                 axis = int(np.argmax(sizes))
                 reason = Reason(Code.SMALLER_THAN_LEFT, size_mps2=float(sizes[axis]), left_mps2=float(left[axis]))
@@ -195,7 +195,7 @@ def _of_set(
         verdict=verdict,
         parameters=_parameters(one, effect, others),
         chi2=chi2,
-        rms_mps2=float(np.max(_sizes(one.fit, effect))),
+        rms_mps2=float(np.max(sizes_of(one.fit, effect))),
         rms_before_mps2=rms_before,
         rms_after_mps2=rms_after,
         estimates=estimates or {},
@@ -275,7 +275,7 @@ def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: f
     return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)
 
 
-def _sizes(fit: Fit, effect: AngleEffect) -> FloatArray:
+def sizes_of(fit: Fit, effect: AngleEffect) -> FloatArray:
     """Return the rms of an effect's contribution to each axis over the groups, (3,)."""
     squares = [(POWER_SHARE * np.abs(added) ** 2).sum(axis=1) for added in added_by(fit, effect)]
     result: FloatArray = np.sqrt(np.mean(squares, axis=0))

@@ -246,7 +246,10 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
     named = [finding.name for finding in diagnosis.named]
     undecided = undecided_sets(diagnosis)
     before, after = significant(held_out.rms_before_mps2), significant(held_out.rms_after_mps2)
-    if named:
+    if named and diagnosis.taken_from:
+        source = clean(diagnosis.taken_from)
+        yield f"{sentence(effects_listed(named))[:-1]}: as found in {source}, nothing of it refitted."
+    elif named:
         yield f"The model lacks {effects_listed(named)}."
     elif not undecided:
         if diagnosis.complete:

@@ -56,6 +56,8 @@ def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
 def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     for of_sensor in (True, False):
         names = [one.name for one in diagnosis.named if _is_of_sensor(one.name) == of_sensor]
+        if diagnosis.taken_from:
+            break
         if names and of_sensor:
             yield effects_listed(names), "correct the vehicle file or the sensor, and diagnose again"
         elif names:
