@@ -129,7 +129,7 @@ class _Line(NamedTuple):
     def newest(self) -> int:
         """Recordings used since the change."""
         assert self.change is not None
-        return sum(not one for one in self.search.is_outlier[self.change.begin :].tolist())
+        return sum(not is_outlier for is_outlier in self.search.is_outlier[self.change.begin :].tolist())
 
 
 @dataclass(slots=True)
@@ -160,12 +160,15 @@ def analyse(
     """
     family = max(1, len(histories)) * _SERIES_OF_TIRE
     tires = [part for history in histories for part in _tires_of(history, family)]
-    found = [_trend_of(_Tire(one, family, plausible_readings(one), stated_changes(one))) for one in tires]
+    trends = [
+        _trend_of(_Tire(tire_history, family, plausible_readings(tire_history), stated_changes(tire_history)))
+        for tire_history in tires
+    ]
     return FleetTrends(
-        tires=_with_fast_wear([trend for trend, _ in found]),
+        tires=_with_fast_wear([trend for trend, _ in trends]),
         pairs=tuple(_pairs(tires)),
-        outliers=tuple(outlier for _, tire in found for outlier in tire.outliers),
-        tested=sum(tire.tested for _, tire in found),
+        outliers=tuple(outlier for _, tire in trends for outlier in tire.outliers),
+        tested=sum(tire.tested for _, tire in trends),
         recordings=recordings,
         failures=failures,
         notes=tuple(notes),
@@ -175,22 +178,22 @@ def analyse(
 def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:
     """Yield the tires that one sensor has seen: a fall of the wear is a new tire, unless a statement explains it."""
     wear = history.column("wear_mm")
-    known = np.flatnonzero(np.isfinite(wear))
+    measured = np.flatnonzero(np.isfinite(wear))
     begins: list[int] = []
-    if len(known) > LEAST_FREEDOM + 2:
-        levels = _levels(known, places_of(stated_changes(history), "wear_mm"))
-        design = np.column_stack([np.ones(len(known)), _centred(history.km[known]), *levels])
-        steps = find_steps(design, wear[known], family=family, least=NEW_TIRE_MM)
+    if len(measured) > LEAST_FREEDOM + 2:
+        levels = _levels(measured, places_of(stated_changes(history), "wear_mm"))
+        design = np.column_stack([np.ones(len(measured)), _centred(history.km[measured]), *levels])
+        steps = find_steps(design, wear[measured], family=family, least=NEW_TIRE_MM)
         if levels and steps:
-            whole = np.column_stack([design, *_levels(np.arange(len(known)), steps)])
-            by_levels = np.linalg.lstsq(whole, wear[known], rcond=None)[0][2 : 2 + len(levels)]
+            whole = np.column_stack([design, *_levels(np.arange(len(measured)), steps)])
+            by_levels = np.linalg.lstsq(whole, wear[measured], rcond=None)[0][2 : 2 + len(levels)]
             wear = wear.copy()
-            wear[known] -= np.column_stack(levels) @ by_levels
-        edges = [0, *steps, len(known)]
+            wear[measured] -= np.column_stack(levels) @ by_levels
+        edges = [0, *steps, len(measured)]
         for before, after in zip(edges, edges[2:], strict=False):
-            at = _fall(history.km[known[before:after]], wear[known[before:after]])
-            if at is not None:
-                begins.append(int(known[before + at]))
+            fall = _fall(history.km[measured[before:after]], wear[measured[before:after]])
+            if fall is not None:
+                begins.append(int(measured[before + fall]))
     yield from history.split(begins)
 
 
@@ -206,30 +209,30 @@ def _fall(km: FloatArray, wear: FloatArray) -> int | None:
     index = np.arange(count)
 
     def squares(columns: FloatArray) -> float:
-        left = wear - columns @ np.linalg.lstsq(columns, wear, rcond=None)[0]
-        return float(left @ left)
+        residuals = wear - columns @ np.linalg.lstsq(columns, wear, rcond=None)[0]
+        return float(residuals @ residuals)
 
-    def two_lines(at: int) -> FloatArray:
-        late = (index >= at).astype(np.float64)
-        return np.column_stack([along, late, late * (km - 0.5 * (km[at - 1] + km[at]))])
+    def two_lines(begin: int) -> FloatArray:
+        late = (index >= begin).astype(np.float64)
+        return np.column_stack([along, late, late * (km - 0.5 * (km[begin - 1] + km[begin]))])
 
     places = range(LEAST_POINTS, count - LEAST_POINTS + 1)
     if not places or count - 4 < LEAST_FREEDOM:
         return None
-    at = min(places, key=lambda place: squares(two_lines(place)))
-    columns, freedom = two_lines(at), count - 4
+    begin = min(places, key=lambda candidate: squares(two_lines(candidate)))
+    columns, freedom = two_lines(begin), count - 4
     fall = -float(np.linalg.lstsq(columns, wear, rcond=None)[0][2])
     scatter = math.sqrt(squares(columns) / freedom)
     std = scatter * math.sqrt(max(float(np.linalg.pinv(columns.T @ columns)[2, 2]), 0.0))
     if fall >= NEW_TIRE_MM and fall > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, freedom)) * std:
-        return at
+        return begin
     # Few recordings give no slope of their own.
-    at = min(places, key=lambda place: squares(two_lines(place)[:, :3]))
-    step = two_lines(at)[:, :3]
+    begin = min(places, key=lambda candidate: squares(two_lines(candidate)[:, :3]))
+    step = two_lines(begin)[:, :3]
     fall = -float(np.linalg.lstsq(step, wear, rcond=None)[0][2])
     knees = range(1, count - 1)
     bent = min(squares(np.column_stack([along, np.maximum(km - km[knee], 0.0)])) for knee in knees)
-    return at if fall >= NEW_TIRE_MM and squares(step) < bent else None
+    return begin if fall >= NEW_TIRE_MM and squares(step) < bent else None
 
 
 def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
@@ -275,18 +278,18 @@ def _of_unknown_tire(number: TrendNumber) -> TrendNumber:
 def _with_fast_wear(tires: Sequence[TireTrend]) -> tuple[TireTrend, ...]:
     """Add a finding to tires that wear much faster than the median of the fleet: that tires wear is none."""
     rates = [next(n for n in tire.numbers if n.quantity == Quantity.WEAR_RATE) for tire in tires]
-    known = [rate.value for rate in rates if rate.status is Status.VALID]
-    if len(known) < _LEAST_FLEET:
+    valid_rates = [rate.value for rate in rates if rate.status is Status.VALID]
+    if len(valid_rates) < _LEAST_FLEET:
         return tuple(tires)
-    middle = float(np.median(known))
-    found = []
+    middle = float(np.median(valid_rates))
+    judged = []
     for tire, rate in zip(tires, rates, strict=True):
         is_fast = rate.status is Status.VALID and rate.value - middle > max(
             _FAST_WEAR_STDS * rate.std, (_FAST_WEAR - 1.0) * max(middle, 0.0)
         )
         finding = Reason(Code.TREND_WEARS_FAST, rate_m=1e-3 * rate.value, std_m=1e-3 * rate.std, median_m=1e-3 * middle)
-        found.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
-    return tuple(found)
+        judged.append(replace(tire, findings=(finding, *tire.findings)) if is_fast else tire)
+    return tuple(judged)
 
 
 def _wear(tire: _Tire) -> None:
@@ -323,23 +326,23 @@ def _pressure(tire: _Tire) -> None:
         why = Reason(Code.TREND_TEMPERATURE_UNKNOWN)
     elif np.isfinite(cold).sum() > LEAST_FREEDOM + 1 and _is_same(gauge[np.isfinite(cold)]):
         # A gas that is warmed and cooled does not keep its pressure: a repeated value is no measurement of a loss.
-        known = np.isfinite(cold)
-        why = Reason(Code.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[known][0]), count=int(known.sum()))
+        usable = np.isfinite(cold)
+        why = Reason(Code.TREND_PRESSURE_CONSTANT, pressure_pa=float(gauge[usable][0]), count=int(usable.sum()))
         cold = np.full(len(cold), math.nan)
     else:
         why = _missing(history, "", cold)
     unknown = np.full(len(cold), math.nan)
     steps_from = _LEAST_REFILL_PA * 1e-3
     line = _line(tire, "pressure_at_20_degc", history.months, cold * 1e-3, unknown, steps_from=steps_from)
-    found = None
+    refilled = None
     if line is not None and line.search.fit is not None:
         normal, change = ~line.search.is_outlier, line.change
         if change is not None and change.is_slope:
             normal[: change.begin - 1] = False
         elif change is not None:
             normal[change.begin :] = False
-        found = pressure_loss(history.months[line.places[normal]], line.values[normal])
-        if found is None and change is None:
+        refilled = pressure_loss(history.months[line.places[normal]], line.values[normal])
+        if refilled is None and change is None:
             why = Reason(Code.TREND_TOO_FEW, count=int(normal.sum()), needed=LEAST_RECORDINGS)
             line = None
     if line is None or line.search.fit is None:
@@ -360,7 +363,9 @@ def _pressure(tire: _Tire) -> None:
         status=status,
         reasons=notes,
     )
-    loss = _with_refills(plain, found, line) if plain.status is not Status.INVALID and found is not None else plain
+    loss = (
+        _with_refills(plain, refilled, line) if plain.status is not Status.INVALID and refilled is not None else plain
+    )
     tire.numbers.append(loss)
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
@@ -368,7 +373,7 @@ def _pressure(tire: _Tire) -> None:
             tire.findings.append(fell)
         return
     least = loss.value - _quantile(line) * plain.std
-    is_certain = (least if found is None else min(found.least, least)) > 0.0
+    is_certain = (least if refilled is None else min(refilled.least, least)) > 0.0
     if loss.status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
         tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
 
@@ -391,9 +396,9 @@ def _hidden_by_frequent_refills(line: _Line) -> Reason | None:
 
 def _fallen(history: TireHistory, line: _Line) -> Reason | None:
     """Return the finding of a large fall of the pressure within a time that is too short for a rate."""
-    at = np.flatnonzero(~line.search.is_outlier)
-    first, last = int(line.places[at[0]]), int(line.places[at[-1]])
-    change, std = _along(line, line.design[at[-1]] - line.design[at[0]])
+    used = np.flatnonzero(~line.search.is_outlier)
+    first, last = int(line.places[used[0]]), int(line.places[used[-1]])
+    change, std = _along(line, line.design[used[-1]] - line.design[used[0]])
     if -1e3 * change < _NOTABLE_FALL_PA or -change < _quantile(line) * std:
         return None
     return Reason(
@@ -406,21 +411,21 @@ def _fallen(history: TireHistory, line: _Line) -> Reason | None:
     )
 
 
-def _with_refills(plain: TrendNumber, found: PressureLoss, line: _Line) -> TrendNumber:
+def _with_refills(plain: TrendNumber, refilled: PressureLoss, line: _Line) -> TrendNumber:
     """Return the pressure loss with refills that no step shows; its errors are those of the line at least.
 
     The line knows of recordings that follow each other, the likelihood of refills does not.
     """
     half = 0.5 * (plain.high - plain.low)
-    low, high = min(found.low, found.value - half), max(found.high, found.value + half)
+    low, high = min(refilled.low, refilled.value - half), max(refilled.high, refilled.value + half)
     notes = plain.reasons
     # Without refills the interval would be less than half as wide upwards: they are what limits it.
-    if high - found.value > 2.0 * (found.high_unrefilled - found.value) and high - found.value > half:
+    if high - refilled.value > 2.0 * (refilled.high_unrefilled - refilled.value) and high - refilled.value > half:
         notes = (*notes, Reason(Code.TREND_REFILLS_HIDE, low_pa=1e3 * max(low, 0.0), high_pa=1e3 * high))
     if (often := _hidden_by_frequent_refills(line)) is not None:
         notes = (*notes, often)
-    std = max(found.std, plain.std)
-    return replace(plain, value=found.value, std=std, low=low, high=high, reasons=notes)
+    std = max(refilled.std, plain.std)
+    return replace(plain, value=refilled.value, std=std, low=low, high=high, reasons=notes)
 
 
 def _load(tire: _Tire) -> None:
@@ -462,10 +467,10 @@ def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
     yield _judged(load, line)
     yield _rate(Quantity.LOAD_RATE, "N/month", line)
     scatter = float(np.std(fit.residuals[used], ddof=fit.coefficients.size))
-    own = scatter / math.sqrt(2.0 * fit.freedom)
+    scatter_std = scatter / math.sqrt(2.0 * fit.freedom)
     spread = TrendNumber(
-        Quantity.LOAD_SCATTER, scatter, own, "N", Status.VALID, steps, count, fit.freedom,
-        scatter - 2.0 * own, scatter + 2.0 * own,
+        Quantity.LOAD_SCATTER, scatter, scatter_std, "N", Status.VALID, steps, count, fit.freedom,
+        scatter - 2.0 * scatter_std, scatter + 2.0 * scatter_std,
     )  # fmt: skip
     yield _judged(spread, line)
 
@@ -473,11 +478,11 @@ def _measured_load(line: _Line, fit: Fit) -> Iterator[TrendNumber]:
 def _stated_load(history: TireHistory, why: Reason) -> Iterator[TrendNumber]:
     """Yield the stated load where none is measured."""
     stated = history.column("load_n")
-    known = np.isfinite(stated)
+    is_stated = np.isfinite(stated)
     reasons = (Reason(Code.TREND_LOAD_STATED), why)
-    if known.any():
-        std = _shared_std(history.column("load_std_n")[known]) or math.nan
-        value, count = float(np.mean(stated[known])), int(known.sum())
+    if is_stated.any():
+        std = _shared_std(history.column("load_std_n")[is_stated]) or math.nan
+        value, count = float(np.mean(stated[is_stated])), int(is_stated.sum())
         yield TrendNumber(Quantity.LOAD, value, std, "N", Status.PROVISIONAL, reasons, count)
     else:
         yield TrendNumber(Quantity.LOAD, unit="N", reasons=(why,))
@@ -542,18 +547,18 @@ def _softened_by_wear(tire: _Tire, name: str, line: _Line, along: FloatArray) ->
     more = set(places_of(tire.changes, "wear_mm")) - set(places_of(tire.changes, name))
     design = np.column_stack([line.design, *_levels(line.places, sorted(more))])
     with np.errstate(invalid="ignore"):
-        left = 1.0 - wear_mm[line.places] / thickness_mm
-        used = ~line.search.is_outlier & (left > 0.0)
+        remaining = 1.0 - wear_mm[line.places] / thickness_mm
+        used = ~line.search.is_outlier & (remaining > 0.0)
     if used.sum() < (~line.search.is_outlier).sum():
         return None
-    percent = np.zeros(len(left))
-    percent[used] = 100.0 * bending_left(left[used])
-    found = fitted(design, percent, np.ones(len(left)), used)
-    if found is None:
+    percent = np.zeros(len(remaining))
+    percent[used] = 100.0 * bending_left(remaining[used])
+    wear_fit = fitted(design, percent, np.ones(len(remaining)), used)
+    if wear_fit is None:
         return None
     whole = np.concatenate([along, np.zeros(design.shape[1] - len(along))])
-    value = float(whole @ found.coefficients)
-    return (value, math.sqrt(max(float(whole @ found.covariance @ whole), 0.0))) if value < 0.0 else None
+    value = float(whole @ wear_fit.coefficients)
+    return (value, math.sqrt(max(float(whole @ wear_fit.covariance @ whole), 0.0))) if value < 0.0 else None
 
 
 def _sensor(tire: _Tire) -> None:
@@ -573,7 +578,7 @@ def _sensor(tire: _Tire) -> None:
             values, stds = watch.factor * history.column(name), watch.factor * history.column(_std_of(name))
         covariate = log_speed if name == "noise_mps2" else None
         tested = name in _TESTED_OF_SENSOR
-        known = len(tire.findings)
+        findings_before = len(tire.findings)
         line = _line(tire, name, history.months, values, stds, covariate=covariate, tested=tested)
         quantity, unit = rate_of(watch), f"{watch.unit}/month"
         if line is None or line.search.fit is None:
@@ -589,7 +594,7 @@ def _sensor(tire: _Tire) -> None:
             rate = replace(rate, status=Status.PROVISIONAL, reasons=(why, *rate.reasons))
         tire.numbers.append(rate)
         worse = not watch.worse or rate.value * watch.worse > 0.0
-        has_finding = line.change is not None and len(tire.findings) > known
+        has_finding = line.change is not None and len(tire.findings) > findings_before
         if not has_finding and worse and over > watch.notable and _is_significant(rate, line) and watch.drift:
             code, value = watch.drift
             tire.findings.append(Reason(code, **{value: _DRIFTS[value](rate.value * _span(history.months))}))
@@ -603,7 +608,7 @@ def _std_of(name: str) -> str:
 def _line(
     tire: _Tire,
     name: str,
-    at: FloatArray,
+    abscissa: FloatArray,
     values: FloatArray,
     stds: FloatArray,
     *,
@@ -618,7 +623,7 @@ def _line(
     Args:
         tire: to add series and outliers to.
         name: of the series.
-        at: (n,) abscissa.
+        abscissa: (n,).
         values: (n,) NaN where unknown, in the unit of the series.
         stds: (n,) stated errors.
         against: name of the abscissa.
@@ -628,13 +633,13 @@ def _line(
         tested: whether outliers are reported.
     """
     history, watch = tire.history, SERIES[name].watch
-    known = np.isfinite(values)
+    usable = np.isfinite(values)
     if warm:
-        known &= ~tire.readings.is_impossible
-    index = np.flatnonzero(known)
-    if len(index) < LEAST_FREEDOM + 2 or not _span(at[index]) > 0.0:
+        usable &= ~tire.readings.is_impossible
+    index = np.flatnonzero(usable)
+    if len(index) < LEAST_FREEDOM + 2 or not _span(abscissa[index]) > 0.0:
         return None
-    columns = [np.ones(len(index)), _centred(at[index])]
+    columns = [np.ones(len(index)), _centred(abscissa[index])]
     other = tire.readings.temperature_degc if warm else covariate
     least = _LEAST_SPREAD_K if warm else _LEAST_SPREAD_SPEED
     has_covariate = other is not None and len(index) >= _LEAST_FOR_TEMPERATURE and _varies(other[index], least)
@@ -642,7 +647,7 @@ def _line(
         columns.append(_centred(other[index]))
     levels = _levels(index, places_of(tire.changes, name))
     design = np.column_stack([*columns, *levels])
-    chosen, own = values[index], stds[index]
+    chosen, chosen_stds = values[index], stds[index]
     shape = find_shape(
         design,
         chosen,
@@ -653,13 +658,13 @@ def _line(
     )
     steps, change = shape.steps, shape.change
     of_all = history.doubts_of(name)
-    doubts = [of_all[at] for at in index]
+    doubts = [of_all[row] for row in index]
 
     def fitted_line(change: LateChange | None) -> _Line:
         plain = with_steps(design, steps)
         for columns in _columns_of(change, steps, len(index)):
             whole = np.column_stack([plain, *columns])
-            weights = np.multiply(weights_of(whole, chosen, own), weights_by_doubt(doubts))
+            weights = np.multiply(weights_of(whole, chosen, chosen_stds), weights_by_doubt(doubts))
             if tested:
                 search = find_outliers(whole, chosen, weights, family=tire.family)
             else:
@@ -667,10 +672,21 @@ def _line(
                 search = OutlierSearch(~every, fitted(whole, chosen, weights, every))
             if search.fit is not None:
                 break
-        doubt = doubt_of([doubts[at] for at in np.flatnonzero(~search.is_outlier)])
-        dates = tuple(_date(int(history.time_ns[at])) for at in index)
+        doubt = doubt_of([doubts[row] for row in np.flatnonzero(~search.is_outlier)])
+        dates = tuple(_date(int(history.time_ns[row])) for row in index)
         return _Line(
-            index, chosen, own, whole, steps, search, has_covariate, doubt, len(levels), dates, change, len(columns) > 1
+            index,
+            chosen,
+            chosen_stds,
+            whole,
+            steps,
+            search,
+            has_covariate,
+            doubt,
+            len(levels),
+            dates,
+            change,
+            len(columns) > 1,
         )
 
     line = fitted_line(change)
@@ -689,15 +705,15 @@ def _line(
     if tested:
         tire.tested += len(index)
         outliers = np.flatnonzero(search.is_outlier).tolist()
-        tire.outliers += [_outlier(history, name, watch.unit, line, fit, one) for one in outliers]
+        tire.outliers += [_outlier(history, name, watch.unit, line, fit, number) for number in outliers]
     tire.series.append(
         TrendSeries(
             name=name,
             unit=watch.unit,
             against=against,
-            at=at[index] * (1e3 if against == "km" else 1.0),
+            abscissa=abscissa[index] * (1e3 if against == "km" else 1.0),
             values=chosen - moved,
-            stds=own,
+            stds=chosen_stds,
             expected=fit.expected - moved,
             is_outlier=search.is_outlier if tested else np.zeros(len(index), dtype=bool),
             steps=tuple(sorted({*steps, *([line.change.begin] if line.change is not None else [])})),
@@ -717,7 +733,7 @@ def _columns_of(change: LateChange | None, steps: Sequence[int], count: int) -> 
         return [[]]
     if not change.is_slope or count - change.begin < _LEAST_OWN_LINE:
         return [[change.column]]
-    if any(abs(change.begin - at) < LEAST_POINTS for at in steps):
+    if any(abs(change.begin - step) < LEAST_POINTS for step in steps):
         return [[change.column]]
     level = (np.arange(count) >= change.begin).astype(np.float64)
     return [[change.column, level], [change.column]]
@@ -730,9 +746,9 @@ def _last_run(line: _Line) -> int | None:
 
 def _runs(line: _Line) -> list[tuple[int, int]]:
     """Return begin and end of each run of outliers to one side."""
-    fit, found = line.search.fit, line.search.is_outlier
+    fit, is_outlier = line.search.fit, line.search.is_outlier
     assert fit is not None
-    both = [*runs(found & (fit.residuals > 0.0)), *runs(found & (fit.residuals < 0.0))]
+    both = [*runs(is_outlier & (fit.residuals > 0.0)), *runs(is_outlier & (fit.residuals < 0.0))]
     return sorted((begin, end) for begin, end in both if end - begin >= _LEAST_RUN)
 
 
@@ -767,8 +783,8 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Reason]:
     # Steps of the load have their own finding.
     for number, begin in enumerate(line.steps if name != "estimated_load_n" else ()):
         along = np.zeros(line.design.shape[1], dtype=np.float64)
-        at = line.design.shape[1] - len(line.steps) + number - (0 if change is None else 1 + line.has_own_line)
-        along[at] = 1.0
+        column = line.design.shape[1] - len(line.steps) + number - (0 if change is None else 1 + line.has_own_line)
+        along[column] = 1.0
         size, std = _along(line, along)
         if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
@@ -848,21 +864,21 @@ def _date(time_ns: int) -> str:
     return str(np.datetime64(time_ns, "ns").astype("datetime64[D]"))
 
 
-def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, one: int) -> TrendOutlier:
-    at = int(line.places[one])
-    scale = fit.scale / math.sqrt(float(fit.weights[one]))
+def _outlier(history: TireHistory, name: str, unit: str, line: _Line, fit: Fit, number: int) -> TrendOutlier:
+    recording = int(line.places[number])
+    scale = fit.scale / math.sqrt(float(fit.weights[number]))
     return TrendOutlier(
         history.vehicle,
         history.position,
         history.sensor_id,
-        history.recordings[at],
-        history.paths[at],
-        int(history.time_ns[at]),
+        history.recordings[recording],
+        history.paths[recording],
+        int(history.time_ns[recording]),
         name,
-        float(line.values[one]),
-        float(fit.expected[one]),
+        float(line.values[number]),
+        float(fit.expected[number]),
         unit,
-        float(fit.residuals[one]) / scale if scale > 0.0 else math.inf,
+        float(fit.residuals[number]) / scale if scale > 0.0 else math.inf,
     )
 
 
@@ -903,8 +919,10 @@ def _rate(
         return _number(quantity, unit, line, before, factor=factor, status=status, reasons=reasons)
     end = len(line.values)
     if not change.is_slope or line.newest < LEAST_AFTER or np.ptp(line.design[change.begin - 1 :, 1]) < least:
-        left = Reason(Code.TREND_NEWEST_LEFT, count=end - change.begin, date=line.dates[change.begin])
-        return _number(quantity, unit, line, before, factor=factor, status=Status.PROVISIONAL, reasons=(left, *reasons))
+        omitted = Reason(Code.TREND_NEWEST_LEFT, count=end - change.begin, date=line.dates[change.begin])
+        return _number(
+            quantity, unit, line, before, factor=factor, status=Status.PROVISIONAL, reasons=(omitted, *reasons)
+        )
     value, std = _along(line, before)
     since = Reason(
         Code.TREND_RATE_SINCE, count=end - change.begin, date=line.dates[change.begin], before=factor * value,
@@ -982,8 +1000,8 @@ def _deviation_of_last(line: _Line) -> float | None:
     if line.search.is_outlier[-1]:
         return deviation
     square = deviation**2 / (1.0 - float(fit.leverage[-1]))
-    left = fit.freedom - square
-    apart = math.sqrt(square * (fit.freedom - 1) / left) if left > 0.0 else math.inf
+    remaining = fit.freedom - square
+    apart = math.sqrt(square * (fit.freedom - 1) / remaining) if remaining > 0.0 else math.inf
     return deviation if apart > float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, fit.freedom - 1)) else None
 
 
@@ -997,7 +1015,7 @@ def _judged(number: TrendNumber, line: _Line) -> TrendNumber:
 
 def _levels(index: IntArray, places: Sequence[int]) -> list[FloatArray]:
     """Return a column for each change that some recordings come before and some after, 0 before and 1 after."""
-    columns = [(index >= at).astype(np.float64) for at in places]
+    columns = [(index >= begin).astype(np.float64) for begin in places]
     return [
         column
         for number, column in enumerate(columns)
@@ -1027,28 +1045,40 @@ def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
     for tire in tires:
         by_vehicle[tire.vehicle][tire.position].append(tire)
     for vehicle, wheels in by_vehicle.items():
-        for left in wheels:
-            right = _opposite(left)
-            if right in wheels:
-                numbers = tuple(_difference(one, wheels[left], wheels[right]) for one in declared() if one.compared)
-                if not all(one.is_identified for side in (left, right) for one in wheels[side]):
+        for left_position in wheels:
+            right_position = _opposite(left_position)
+            if right_position in wheels:
+                numbers = tuple(
+                    _difference(quantity, wheels[left_position], wheels[right_position])
+                    for quantity in declared()
+                    if quantity.compared
+                )
+                if not all(tire.is_identified for side in (left_position, right_position) for tire in wheels[side]):
                     numbers = tuple(map(_of_unknown_tire, numbers))
-                yield PairTrend(vehicle, left, right, numbers)
+                yield PairTrend(vehicle, left_position, right_position, numbers)
 
 
 def _opposite(position: str) -> str | None:
     """Return the right position of a left one: FL -> FR, rear.left -> rear.right; None for other names."""
-    for left, right in _LETTERS.items():
-        if (len(left) > 1 and left in position) or (len(left) == 1 and position.endswith(left)):
-            head, _, tail = position.rpartition(left)
-            return f"{head}{right}{tail}"
+    for left_letter, right_letter in _LETTERS.items():
+        if (len(left_letter) > 1 and left_letter in position) or (
+            len(left_letter) == 1 and position.endswith(left_letter)
+        ):
+            head, _, tail = position.rpartition(left_letter)
+            return f"{head}{right_letter}{tail}"
     return None
 
 
-def _difference(compared: Declared, left: Sequence[TireHistory], right: Sequence[TireHistory]) -> TrendNumber:
+def _difference(
+    compared: Declared, left_tires: Sequence[TireHistory], right_tires: Sequence[TireHistory]
+) -> TrendNumber:
     quantity = asymmetry_of(compared)
-    first, second = _by_path(left, compared.column), _by_path(right, compared.column)
-    starts = {path: (int(at), path) for tire in left for path, at in zip(tire.paths, tire.time_ns, strict=True)}
+    first, second = _by_path(left_tires, compared.column), _by_path(right_tires, compared.column)
+    starts = {
+        path: (int(time_ns), path)
+        for tire in left_tires
+        for path, time_ns in zip(tire.paths, tire.time_ns, strict=True)
+    }
     common = sorted(first.keys() & second.keys(), key=lambda path: starts[path])
     differences = np.array([first[path][0] - second[path][0] for path in common]) * _ANGLES
     stds = np.array([math.hypot(first[path][1], second[path][1]) for path in common]) * _ANGLES
@@ -1069,11 +1099,11 @@ def _difference(compared: Declared, left: Sequence[TireHistory], right: Sequence
         if not left_out
     ]
     why = [doubt] if (doubt := doubt_of(doubts)) is not None else []
-    found = search.is_outlier
-    for begin, end in [*runs(found & (fit.residuals > 0.0)), *runs(found & (fit.residuals < 0.0))]:
+    is_outlier = search.is_outlier
+    for begin, end in [*runs(is_outlier & (fit.residuals > 0.0)), *runs(is_outlier & (fit.residuals < 0.0))]:
         if end == len(common) and end - begin >= _LEAST_RUN:
             why.append(Reason(Code.TREND_NEWEST_LEFT, count=end - begin, date=_date(starts[common[begin]][0])))
-    notes = [Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=int(found.sum()))] if found.any() else []
+    notes = [Reason(Code.TREND_OUTLIERS_LEFT_OUT, count=int(is_outlier.sum()))] if is_outlier.any() else []
     return TrendNumber(
         quantity,
         value,
@@ -1090,13 +1120,13 @@ def _difference(compared: Declared, left: Sequence[TireHistory], right: Sequence
 
 def _by_path(tires: Sequence[TireHistory], name: str) -> dict[str, tuple[float, float, str]]:
     """Return value, standard error and doubt of a quantity by the path of the recording."""
-    found: dict[str, tuple[float, float, str]] = {}
+    by_path: dict[str, tuple[float, float, str]] = {}
     for tire in tires:
         values, stds = tire.column(name), tire.column(f"{name}_std")
         doubts = tire.doubts_of(name)
-        known = np.flatnonzero(np.isfinite(values))
-        found |= {tire.paths[i]: (float(values[i]), float(stds[i]), doubts[i]) for i in known}
-    return found
+        rows = np.flatnonzero(np.isfinite(values))
+        by_path |= {tire.paths[i]: (float(values[i]), float(stds[i]), doubts[i]) for i in rows}
+    return by_path
 
 
 def _missing(history: TireHistory, name: str, values: FloatArray) -> Reason:
@@ -1131,5 +1161,5 @@ def _is_same(values: FloatArray) -> bool:
 
 
 def _span(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.ptp(known)) if known.size else 0.0
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if finite.size else 0.0

@@ -102,7 +102,7 @@ def find_shape(
             # Steps alone that leave no change are not replaced by more parts: a scatter that grows would call for them.
             if again is not None and (options[0].change is not None or len(others) < len(steps)):
                 options.append(Shape(others, again))
-    best = min(options, key=lambda one: _criterion(design[keep], values[keep], one, keep))
+    best = min(options, key=lambda shape: _criterion(design[keep], values[keep], shape, keep))
     if best.change is not None and best.change.is_slope and least_step > 0.0:
         # Steps that are too small to be reported make a change of slope, too.
         small = Shape(find_steps(design, values, family=family), None)
@@ -118,8 +118,8 @@ def _criterion(rows: FloatArray, wanted: FloatArray, shape: Shape, keep: BoolArr
     count = len(keep)
     steps = (np.arange(count)[:, None] >= np.array(shape.steps, dtype=int)).astype(np.float64)[keep]
     columns = [rows, steps, *([shape.change.column[keep, None]] if shape.change is not None else [])]
-    left = _left(np.column_stack(columns), wanted)
-    squares = max(float(left @ left), _ROUNDING * float(wanted @ wanted), np.finfo(np.float64).tiny)
+    residuals = _residuals(np.column_stack(columns), wanted)
+    squares = max(float(residuals @ residuals), _ROUNDING * float(wanted @ wanted), np.finfo(np.float64).tiny)
     parameters = 2 * (len(shape.steps) + (shape.change is not None))
     return len(wanted) * math.log(squares) + parameters * math.log(len(wanted))
 
@@ -128,52 +128,52 @@ def _find_change(
     design: FloatArray, values: FloatArray, keep: BoolArray, family: int, least: float
 ) -> LateChange | None:
     """Return the most significant change; None without one that is significant and large enough."""
-    at = np.flatnonzero(keep)
-    rows, wanted = design[at], values[at]
+    retained = np.flatnonzero(keep)
+    rows, wanted = design[retained], values[retained]
     count, columns = rows.shape
     if count - columns - 1 < LEAST_FREEDOM + 1:
         return None
-    candidates = _candidates(design[:, 1], at)
+    candidates = _candidates(design[:, 1], retained)
     if not candidates:
         return None
-    tried = np.column_stack([one.column[at] for one in candidates])
+    tried = np.column_stack([candidate.column[retained] for candidate in candidates])
     basis = np.linalg.qr(rows)[0]
-    left = wanted - basis @ (basis.T @ wanted)
+    residuals = wanted - basis @ (basis.T @ wanted)
     across = tried - basis @ (basis.T @ tried)
     squares = np.einsum("ij,ij->j", across, across)
     usable = squares > 1e-9 * np.einsum("ij,ij->j", tried, tried)
-    gains = np.where(usable, (across.T @ left) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    gains = np.where(usable, (across.T @ residuals) ** 2 / np.where(usable, squares, 1.0), 0.0)
     best = int(np.argmax(gains))
     level = _FALSE_RATE / max(family, 1) / len(candidates)
     column = tried[:, best]
     if not gains[best] > 0.0 or not _is_significant(rows, column, wanted, level):
         return None
-    support = across[:, best] * left * np.sign(across[:, best] @ left)
-    for one in np.argsort(-support)[:_LEFT_OUT]:
-        others = np.arange(count) != one
+    support = across[:, best] * residuals * np.sign(across[:, best] @ residuals)
+    for omitted in np.argsort(-support)[:_LEFT_OUT]:
+        others = np.arange(count) != omitted
         if not _is_significant(rows[others], column[others], wanted[others], level):
             return None
-    size = abs(float(across[:, best] @ left) / float(squares[best]) * float(column[-1]))
-    rest = math.sqrt(max(float(left @ left) - float(gains[best]), 0.0) / (count - columns - 1))
+    size = abs(float(across[:, best] @ residuals) / float(squares[best]) * float(column[-1]))
+    rest = math.sqrt(max(float(residuals @ residuals) - float(gains[best]), 0.0) / (count - columns - 1))
     return candidates[best] if size >= max(least, _LEAST_SCATTERS * rest) else None
 
 
-def _candidates(time: FloatArray, at: IntArray) -> list[LateChange]:
+def _candidates(time: FloatArray, retained: IntArray) -> list[LateChange]:
     """Return changes of slope at each value, and of the level of the last few."""
-    count, index = len(at), np.arange(len(time))
+    count, index = len(retained), np.arange(len(time))
     knees = range(LEAST_POINTS - 1, count - LEAST_AFTER)
     apart = -(-len(knees) // _MOST_KNEES) or 1
-    found = [
-        LateChange(int(at[knee + 1]), True, np.maximum(time - time[at[knee]], 0.0))
+    candidates = [
+        LateChange(int(retained[knee + 1]), True, np.maximum(time - time[retained[knee]], 0.0))
         for number, knee in enumerate(reversed(knees))
-        if (number < _MOST_KNEES or number % apart == 0) and time[at[knee + 1]] > time[at[knee]]
+        if (number < _MOST_KNEES or number % apart == 0) and time[retained[knee + 1]] > time[retained[knee]]
     ]
-    found += [
-        LateChange(int(at[count - last]), False, (index >= at[count - last]).astype(np.float64))
+    candidates += [
+        LateChange(int(retained[count - last]), False, (index >= retained[count - last]).astype(np.float64))
         for last in _LAST_VALUES
         if count - last >= LEAST_POINTS
     ]
-    return found
+    return candidates
 
 
 def _is_significant(rows: FloatArray, column: FloatArray, wanted: FloatArray, level: float) -> bool:
@@ -185,9 +185,9 @@ def _is_significant(rows: FloatArray, column: FloatArray, wanted: FloatArray, le
     square = float(across @ across)
     if not square > 1e-9 * float(column @ column):
         return False
-    left = wanted - basis @ (basis.T @ wanted)
-    gain = float(across @ left) ** 2 / square
-    after = left - across * (float(across @ left) / square)
+    residuals = wanted - basis @ (basis.T @ wanted)
+    gain = float(across @ residuals) ** 2 / square
+    after = residuals - across * (float(across @ residuals) / square)
     freedom = len(wanted) - rows.shape[1] - 1
     rest, rounding = float(after @ after), _ROUNDING * float(wanted @ wanted)
     if gain <= rounding or rest <= rounding:
@@ -198,17 +198,17 @@ def _is_significant(rows: FloatArray, column: FloatArray, wanted: FloatArray, le
 
 def _isolated(design: FloatArray, values: FloatArray) -> BoolArray:
     """Return (n,) whether a value lies far beyond the two before and the two after it, on the same side of all."""
-    found = np.zeros(len(values), dtype=bool)
+    is_isolated = np.zeros(len(values), dtype=bool)
     if len(values) < 5:
-        return found
-    left = _left(design, values)
-    near = np.stack([left[:-4], left[1:-3], left[3:-1], left[4:]])
-    middle = left[2:-2]
+        return is_isolated
+    residuals = _residuals(design, values)
+    near = np.stack([residuals[:-4], residuals[1:-3], residuals[3:-1], residuals[4:]])
+    middle = residuals[2:-2]
     beyond = np.maximum(middle - near.max(axis=0), near.min(axis=0) - middle)
-    scale = _MAD_TO_STD * float(np.median(np.abs(np.diff(left, 2)))) / math.sqrt(6.0)
-    found[2:-2] = beyond > _ISOLATED * scale
-    return found if scale > 0.0 else np.zeros(len(values), dtype=bool)
+    scale = _MAD_TO_STD * float(np.median(np.abs(np.diff(residuals, 2)))) / math.sqrt(6.0)
+    is_isolated[2:-2] = beyond > _ISOLATED * scale
+    return is_isolated if scale > 0.0 else np.zeros(len(values), dtype=bool)
 
 
-def _left(rows: FloatArray, wanted: FloatArray) -> FloatArray:
+def _residuals(rows: FloatArray, wanted: FloatArray) -> FloatArray:
     return np.asarray(wanted - rows @ np.linalg.lstsq(rows, wanted, rcond=None)[0])

@@ -55,17 +55,17 @@ def find_steps(design: FloatArray, values: FloatArray, *, family: int = 1, least
         added.append(best)
         if _is_step(rows, wanted, added, best, level, least):
             significant = len(added)
-    return sorted(int(keep[at]) for at in _significant(rows, wanted, added[:significant], level, least))
+    return sorted(int(keep[index]) for index in _significant(rows, wanted, added[:significant], level, least))
 
 
 def _significant(rows: FloatArray, wanted: FloatArray, places: list[int], level: float, least: float) -> list[int]:
     """Return the steps that are significant beside each other; the last ones given are dropped first."""
-    found = list(places)
+    steps = list(places)
     while True:
-        weak = [at for at in found if not _is_step(rows, wanted, found, at, level, least)]
+        weak = [step for step in steps if not _is_step(rows, wanted, steps, step, level, least)]
         if not weak:
-            return found
-        found.remove(weak[-1])
+            return steps
+        steps.remove(weak[-1])
 
 
 def _jumps(rows: FloatArray, wanted: FloatArray) -> list[int]:
@@ -79,62 +79,62 @@ def _jumps(rows: FloatArray, wanted: FloatArray) -> list[int]:
         return []
     slopes, changes = np.diff(rows, axis=0), np.diff(wanted)
     slopes = slopes[:, np.abs(slopes).max(axis=0) > 0.0]
-    left, scale = changes, 0.0
+    residuals, scale = changes, 0.0
     weights = np.ones(count - 1)
     for _ in range(_LAD_ROUNDS):
         root = np.sqrt(weights)
-        left = changes - slopes @ np.linalg.lstsq(slopes * root[:, None], changes * root, rcond=None)[0]
-        scale = _MAD_TO_STD * float(np.median(np.abs(left)))
+        residuals = changes - slopes @ np.linalg.lstsq(slopes * root[:, None], changes * root, rcond=None)[0]
+        scale = _MAD_TO_STD * float(np.median(np.abs(residuals)))
         if not scale > 0.0:
             return []
-        weights = 1.0 / np.maximum(np.abs(left), 1e-3 * scale)
-    found: list[int] = []
-    for at in (np.argsort(-np.abs(left), kind="stable") + 1).tolist():
-        if abs(left[at - 1]) <= _JUMP * scale:
+        weights = 1.0 / np.maximum(np.abs(residuals), 1e-3 * scale)
+    jumps: list[int] = []
+    for begin in (np.argsort(-np.abs(residuals), kind="stable") + 1).tolist():
+        if abs(residuals[begin - 1]) <= _JUMP * scale:
             break
-        if LEAST_POINTS <= at <= count - LEAST_POINTS and all(abs(at - other) >= LEAST_POINTS for other in found):
-            found.append(at)
+        if LEAST_POINTS <= begin <= count - LEAST_POINTS and all(abs(begin - other) >= LEAST_POINTS for other in jumps):
+            jumps.append(begin)
     freedom = count - rows.shape[1] - LEAST_POINTS
-    return found[: max(freedom, 0)]
+    return jumps[: max(freedom, 0)]
 
 
-def _best_step(rows: FloatArray, wanted: FloatArray, found: list[int]) -> int | None:
+def _best_step(rows: FloatArray, wanted: FloatArray, present: list[int]) -> int | None:
     """Return the place where one more step reduces the residual most; None without a place or freedom."""
     count = len(wanted)
     places = [
-        at
-        for at in range(LEAST_POINTS, count - LEAST_POINTS + 1)
-        if all(abs(at - other) >= LEAST_POINTS for other in found)
+        begin
+        for begin in range(LEAST_POINTS, count - LEAST_POINTS + 1)
+        if all(abs(begin - other) >= LEAST_POINTS for other in present)
     ]
-    if not places or count - rows.shape[1] - len(found) - 1 < LEAST_POINTS:
+    if not places or count - rows.shape[1] - len(present) - 1 < LEAST_POINTS:
         return None
     # The residuals of the values and of all candidate steps after the columns present give each step's gain.
-    basis = np.linalg.qr(with_steps(rows, found))[0]
-    left = wanted - basis @ (basis.T @ wanted)
+    basis = np.linalg.qr(with_steps(rows, present))[0]
+    residuals = wanted - basis @ (basis.T @ wanted)
     steps = (np.arange(count)[:, None] >= np.array(places)).astype(np.float64)
     steps -= basis @ (basis.T @ steps)
     squares = np.einsum("ij,ij->j", steps, steps)
     usable = squares > 1e-9 * count
-    gains = np.where(usable, (steps.T @ left) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    gains = np.where(usable, (steps.T @ residuals) ** 2 / np.where(usable, squares, 1.0), 0.0)
     best = int(np.argmax(gains))
     return places[best] if gains[best] > 0.0 else None
 
 
-def _is_step(rows: FloatArray, wanted: FloatArray, found: list[int], at: int, level: float, least: float) -> bool:
+def _is_step(rows: FloatArray, wanted: FloatArray, steps: list[int], step: int, level: float, least: float) -> bool:
     """Return whether one of the steps found is significant beside the others, and large enough."""
     from scipy import stats
 
     count = len(wanted)
-    columns = with_steps(rows, [at, *(other for other in found if other != at)])
+    columns = with_steps(rows, [step, *(other for other in steps if other != step)])
     # The step as the last column: its coefficient and gain stand alone in the last row of R.
     columns = np.column_stack([np.delete(columns, rows.shape[1], axis=1), columns[:, rows.shape[1]]])
     basis, triangle = np.linalg.qr(columns)
     along = basis.T @ wanted
-    left = wanted - basis @ along
+    residuals = wanted - basis @ along
     freedom = count - columns.shape[1]
     if freedom < LEAST_POINTS or not abs(triangle[-1, -1]) > 1e-9:
         return False
-    rest, gain, size = float(left @ left), float(along[-1]) ** 2, abs(float(along[-1] / triangle[-1, -1]))
+    rest, gain, size = float(residuals @ residuals), float(along[-1]) ** 2, abs(float(along[-1] / triangle[-1, -1]))
     rounding = _ROUNDING * float(wanted @ wanted)
     if gain <= rounding or rest <= rounding:
         return gain > rounding and size >= least
@@ -164,11 +164,11 @@ def _spikes(values: FloatArray) -> BoolArray:
     off = np.fmin(np.abs(values - before), np.abs(values - after))
     # The nearer of two medians: its scatter is about half that of the values.
     scale = 2.0 * _MAD_TO_STD * float(np.median(off))
-    found = np.asarray(off > _SPIKE * scale if scale > 0.0 else np.zeros(count, dtype=bool))
-    for begin, end in runs(found):
+    is_spike = np.asarray(off > _SPIKE * scale if scale > 0.0 else np.zeros(count, dtype=bool))
+    for begin, end in runs(is_spike):
         if end - begin >= LEAST_POINTS:
-            found[begin:end] = False
-    return found
+            is_spike[begin:end] = False
+    return is_spike
 
 
 def runs(marked: BoolArray) -> list[tuple[int, int]]:

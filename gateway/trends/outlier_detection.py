@@ -63,10 +63,10 @@ def find_outliers(
     root = np.sqrt(weights)
     rows, wanted = design * root[:, None], values * root
     removed: list[int] = []
-    found = 0
+    outlier_count = 0
     for step in range(1, int(MOST_SHARE * count) + 1):
         freedom = count - step - design.shape[1]
-        if freedom < LEAST_FREEDOM or step - found > _LOOK_AHEAD:
+        if freedom < LEAST_FREEDOM or step - outlier_count > _LOOK_AHEAD:
             break
         deviates = _studentized(rows, wanted, used)
         worst = int(np.argmax(deviates))
@@ -77,19 +77,19 @@ def find_outliers(
         removed.append(worst)
         used[worst] = False
         if deviates[worst] > limit:
-            found = step
+            outlier_count = step
     is_outlier = np.zeros(count, dtype=bool)
-    is_outlier[removed[:found]] = True
+    is_outlier[removed[:outlier_count]] = True
     return OutlierSearch(is_outlier, fit(design, values, weights, ~is_outlier))
 
 
 def _studentized(rows: FloatArray, wanted: FloatArray, used: BoolArray) -> FloatArray:
     """Return (n,) residuals of the points used over their own standard deviation; -1 for the others."""
     basis = np.linalg.qr(rows[used])[0]
-    left = wanted[used] - basis @ (basis.T @ wanted[used])
+    residuals = wanted[used] - basis @ (basis.T @ wanted[used])
     leverage = np.minimum(np.einsum("ij,ij->i", basis, basis), _LARGEST_LEVERAGE)
-    scale = math.sqrt(float(left @ left) / (len(left) - basis.shape[1]))
+    scale = math.sqrt(float(residuals @ residuals) / (len(residuals) - basis.shape[1]))
     deviates = np.full(len(wanted), -1.0)
     if scale > _ROUNDING * float(np.abs(wanted).max()):
-        deviates[used] = np.abs(left) / (scale * np.sqrt(1.0 - leverage))
+        deviates[used] = np.abs(residuals) / (scale * np.sqrt(1.0 - leverage))
     return deviates

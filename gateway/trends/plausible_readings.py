@@ -44,23 +44,23 @@ def plausible_readings(history: TireHistory) -> PlausibleReadings:
         worst = float(degc[impossible][np.argmax(np.abs(degc[impossible]))])
         findings.append(Reason(Code.TREND_TEMPERATURE_IMPOSSIBLE, temperature_degc=worst, count=int(impossible.sum())))
     degc = np.where(impossible, np.nan, degc)
-    known = np.flatnonzero((history.column("pressure_measured") > 0.0) & np.isfinite(pressure_pa))
-    for run in _runs(pressure_pa[known]):
-        at = known[run]
-        if at.size < known.size and _is_stuck(pressure_pa[at], degc[at]):
+    measured = np.flatnonzero((history.column("pressure_measured") > 0.0) & np.isfinite(pressure_pa))
+    for run in _runs(pressure_pa[measured]):
+        rows = measured[run]
+        if rows.size < measured.size and _is_stuck(pressure_pa[rows], degc[rows]):
             first, last = (
-                str(np.datetime64(int(history.time_ns[one]), "ns").astype("datetime64[D]")) for one in at[[0, -1]]
+                str(np.datetime64(int(history.time_ns[row]), "ns").astype("datetime64[D]")) for row in rows[[0, -1]]
             )
             findings.append(
                 Reason(
                     Code.TREND_PRESSURE_STUCK,
-                    pressure_pa=float(pressure_pa[at[0]]),
-                    count=int(at.size),
+                    pressure_pa=float(pressure_pa[rows[0]]),
+                    count=int(rows.size),
                     first=first,
                     last=last,
                 )
             )
-            pressure_pa[at] = np.nan
+            pressure_pa[rows] = np.nan
     return PlausibleReadings(pressure_pa, degc, np.asarray(impossible, dtype=bool), tuple(findings))
 
 
@@ -72,8 +72,8 @@ def _runs(values: FloatArray) -> list[slice]:
 
 def _is_stuck(pressure_pa: FloatArray, degc: FloatArray) -> bool:
     """Return whether a closed volume of gas cannot have kept its pressure at these temperatures."""
-    known = degc[np.isfinite(degc)]
-    if len(pressure_pa) < _LEAST_RUN or known.size < _LEAST_RUN:
+    finite_degc = degc[np.isfinite(degc)]
+    if len(pressure_pa) < _LEAST_RUN or finite_degc.size < _LEAST_RUN:
         return False
     absolute_pa = float(pressure_pa[0]) + STANDARD_ATMOSPHERE_PA
-    return absolute_pa * float(np.ptp(known)) / (float(known.mean()) + ZERO_CELSIUS_K) >= _LEAST_EXPECTED_PA
+    return absolute_pa * float(np.ptp(finite_degc)) / (float(finite_degc.mean()) + ZERO_CELSIUS_K) >= _LEAST_EXPECTED_PA

@@ -50,8 +50,8 @@ def findings_of_recordings(history: TireHistory) -> Iterator[Reason]:
     few = np.flatnonzero((revolutions > 0.0) & (valid < _LEAST_VALID_SHARE * revolutions))
     if few.size and history.faults:
         whys: dict[str, int] = defaultdict(int)
-        for at in few:
-            whys[history.faults[at]] += 1
+        for index in few:
+            whys[history.faults[index]] += 1
         yield Reason(Code.TREND_FEW_VALID, count=int(few.size), of=of, why=max(whys, key=lambda why: whys[why]))
     damaged = int(np.nansum(history.column("damaged"))) if "damaged" in history.columns else 0
     if damaged:

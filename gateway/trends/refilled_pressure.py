@@ -82,26 +82,26 @@ def pressure_loss(months: FloatArray, cold_kpa: FloatArray) -> PressureLoss | No
     if len(months) < LEAST_RECORDINGS or not months[-1] > months[0]:
         return None
     scatter = max(_scatter(cold_kpa), _LEAST_SCATTER_KPA)
-    at, values, counts = _averaged(months, cold_kpa)
-    losses, kinds = _tried(at, values, scatter), _kinds(scatter, (1.0,))
-    found = _log_likelihood(at, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
+    times_months, values, counts = _averaged(months, cold_kpa)
+    losses, kinds = _tried(times_months, values, scatter), _kinds(scatter, (1.0,))
+    log_likelihood = _log_likelihood(times_months, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
     for _ in range(_EXTENSIONS):
-        likely = found.max(axis=1) >= found.max() - _REFINED
+        likely = log_likelihood.max(axis=1) >= log_likelihood.max() - _REFINED
         if not (likely[0] or likely[-1]):
             break
         reach = float(losses[-1] - losses[0])
         losses = np.linspace(losses[0] - reach * likely[0], losses[-1] + reach * likely[-1], _COARSE)
-        found = _log_likelihood(at, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
+        log_likelihood = _log_likelihood(times_months, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
     kinds = _kinds(scatter, _SCATTERS)
     for _ in range(2):
-        every = found.max(axis=1)
+        every = log_likelihood.max(axis=1)
         near = np.flatnonzero(every >= every.max() - _REFINED)
         losses = np.linspace(losses[max(near[0] - 1, 0)], losses[min(near[-1] + 1, len(losses) - 1)], _FINE)
-        found = _log_likelihood(at, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
+        log_likelihood = _log_likelihood(times_months, values, counts, losses, kinds, scatter / _CELLS_A_SCATTER)
         # Kinds that are out of the question everywhere cost time only; that without refills is reported.
-        kept = (found.max(axis=0) >= found.max() - _REFINED) | (kinds[:, 0] == 0.0)
-        kinds, found = kinds[kept], found[:, kept]
-    every, unrefilled = found.max(axis=1), found[:, kinds[:, 0] == 0.0].max(axis=1)
+        is_possible = (log_likelihood.max(axis=0) >= log_likelihood.max() - _REFINED) | (kinds[:, 0] == 0.0)
+        kinds, log_likelihood = kinds[is_possible], log_likelihood[:, is_possible]
+    every, unrefilled = log_likelihood.max(axis=1), log_likelihood[:, kinds[:, 0] == 0.0].max(axis=1)
     narrow = _interval(losses, every, _NARROW)
     return PressureLoss(
         value=_vertex(losses, every),
@@ -176,13 +176,13 @@ def _log_likelihood(
     shape = (len(losses), len(rates), size)
     total = np.zeros(shape[:2])
     state = np.full(shape, 1.0 / size)
-    for at in range(len(months)):
-        if at:
-            source = index + (centres[:, at] - centres[:, at - 1])[:, None]
-            jumped = 1.0 - np.exp(-rates * (months[at] - months[at - 1]))
+    for recording in range(len(months)):
+        if recording:
+            source = index + (centres[:, recording] - centres[:, recording - 1])[:, None]
+            jumped = 1.0 - np.exp(-rates * (months[recording] - months[recording - 1]))
             state = _moved(state, source, jumped, steps, grown)
-        stds = scatters / math.sqrt(counts[at])
-        deviations = (offsets[:, at, None] - levels)[:, None, :] / stds[:, None]
+        stds = scatters / math.sqrt(counts[recording])
+        deviations = (offsets[:, recording, None] - levels)[:, None, :] / stds[:, None]
         state = state * np.exp(-0.5 * deviations**2) / stds[:, None]
         sums = np.maximum(state.sum(axis=2), np.finfo(np.float64).tiny)
         total += np.log(sums)
@@ -204,11 +204,11 @@ def _moved(
     """
     size = state.shape[2]
 
-    def taken(values: FloatArray, at: NDArray[np.int64]) -> FloatArray:
+    def taken(values: FloatArray, cells: NDArray[np.int64]) -> FloatArray:
         """Return values (k, h, size) at other cells, 0 outside the window."""
-        inside = np.clip(at, 0, size - 1)
-        found = np.take_along_axis(values, np.broadcast_to(inside[:, None, :], values.shape), axis=2)
-        return np.asarray(np.where((at == inside)[:, None, :], found, 0.0))
+        inside = np.clip(cells, 0, size - 1)
+        gathered = np.take_along_axis(values, np.broadcast_to(inside[:, None, :], values.shape), axis=2)
+        return np.asarray(np.where((cells == inside)[:, None, :], gathered, 0.0))
 
     below, above = np.minimum(source, size - 1), np.maximum(source, 0)
     rate = steps[:, None]
@@ -216,28 +216,28 @@ def _moved(
     down = taken(np.cumsum((state / grown)[:, :, ::-1], axis=2)[:, :, ::-1], above)
     down = down * np.exp(rate * source[:, None, :].clip(max=size - 1))
     jumps = rate * ((1.0 - _DOWNWARD) * up + _DOWNWARD * down)
-    there = jumped[:, None]
-    return np.asarray((1.0 - there) * taken(state, source) + there * jumps)
+    jump_share = jumped[:, None]
+    return np.asarray((1.0 - jump_share) * taken(state, source) + jump_share * jumps)
 
 
-def _vertex(at: FloatArray, heights: FloatArray) -> float:
+def _vertex(abscissa: FloatArray, heights: FloatArray) -> float:
     """Return the place of the maximum, by a parabola through the highest point and its neighbours."""
     top = int(np.argmax(heights))
-    if not 0 < top < len(at) - 1:
-        return float(at[top])
-    left, middle, right = heights[top - 1 : top + 2]
-    bend = left - 2.0 * middle + right
-    return float(at[top] + 0.5 * (at[1] - at[0]) * ((left - right) / bend if bend < 0.0 else 0.0))
+    if not 0 < top < len(abscissa) - 1:
+        return float(abscissa[top])
+    before, middle, after = heights[top - 1 : top + 2]
+    bend = before - 2.0 * middle + after
+    return float(abscissa[top] + 0.5 * (abscissa[1] - abscissa[0]) * ((before - after) / bend if bend < 0.0 else 0.0))
 
 
-def _interval(at: FloatArray, heights: FloatArray, fall: float) -> tuple[float, float]:
+def _interval(abscissa: FloatArray, heights: FloatArray, fall: float) -> tuple[float, float]:
     """Return the outermost places at which the heights have fallen by this from their maximum."""
     limit = float(heights.max()) - fall
     inside = np.flatnonzero(heights >= limit)
     first, last = int(inside[0]), int(inside[-1])
-    low, high = float(at[first]), float(at[last])
+    low, high = float(abscissa[first]), float(abscissa[last])
     if first > 0:
-        low = float(np.interp(limit, heights[first - 1 : first + 1], at[first - 1 : first + 1]))
-    if last < len(at) - 1:
-        high = float(np.interp(-limit, -heights[last : last + 2], at[last : last + 2]))
+        low = float(np.interp(limit, heights[first - 1 : first + 1], abscissa[first - 1 : first + 1]))
+    if last < len(abscissa) - 1:
+        high = float(np.interp(-limit, -heights[last : last + 2], abscissa[last : last + 2]))
     return low, high

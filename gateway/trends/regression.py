@@ -48,15 +48,15 @@ class Fit:
     weights: FloatArray
     freedom: int
 
-    def std(self, at: int) -> float:
+    def std(self, index: int) -> float:
         """Return the standard error of a coefficient."""
-        return math.sqrt(max(float(self.covariance[at, at]), 0.0))
+        return math.sqrt(max(float(self.covariance[index, index]), 0.0))
 
-    def half_width(self, at: int, share: float = 0.95) -> float:
+    def half_width(self, index: int, share: float = 0.95) -> float:
         """Return half the width of the interval that covers a coefficient with this probability (Student's t)."""
         from scipy import stats
 
-        return float(stats.t.ppf(0.5 + 0.5 * share, self.freedom)) * self.std(at)
+        return float(stats.t.ppf(0.5 + 0.5 * share, self.freedom)) * self.std(index)
 
 
 def weights_of(design: FloatArray, values: FloatArray, stds: FloatArray) -> FloatArray:
@@ -66,13 +66,13 @@ def weights_of(design: FloatArray, values: FloatArray, stds: FloatArray) -> Floa
     mostly shared by all points: they are scaled down to it, so that they do not decide either. Unknown errors count as
     none.
     """
-    own = np.where(np.isfinite(stds) & (stds > 0.0), stds, 0.0)
+    errors = np.where(np.isfinite(stds) & (stds > 0.0), stds, 0.0)
     residuals = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
     tau = _MAD_TO_STD * float(np.median(np.abs(residuals - np.median(residuals))))
-    stated = own[own > 0.0]
+    stated = errors[errors > 0.0]
     if stated.size:
-        own *= min(1.0, tau / float(np.median(stated)))
-    variance = own**2 + tau**2
+        errors *= min(1.0, tau / float(np.median(stated)))
+    variance = errors**2 + tau**2
     largest = float(variance.max())
     if not largest > 0.0:
         return np.ones_like(values)
@@ -102,11 +102,11 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
         return None
     inverse = np.linalg.inv((rows / norms).T @ (rows / norms)) / np.outer(norms, norms)
     coefficients = inverse @ (rows.T @ wanted)
-    left = wanted - rows @ coefficients
+    residuals = wanted - rows @ coefficients
     leverage = np.minimum(np.einsum("ij,jk,ik->i", rows, inverse, rows), _LARGEST_LEVERAGE)
-    scaled = rows * (left / (1.0 - leverage))[:, None]
+    scaled = rows * (residuals / (1.0 - leverage))[:, None]
     covariance = inverse @ (scaled.T @ scaled) @ inverse
-    covariance *= correlation_factor(left / np.sqrt(1.0 - leverage), columns)
+    covariance *= correlation_factor(residuals / np.sqrt(1.0 - leverage), columns)
     everywhere = np.zeros(len(values))
     everywhere[used] = leverage
     expected = design @ coefficients
@@ -116,7 +116,7 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
         residuals=values - expected,
         expected=expected,
         leverage=everywhere,
-        scale=math.sqrt(float(left @ left) / freedom),
+        scale=math.sqrt(float(residuals @ residuals) / freedom),
         weights=weights,
         freedom=freedom,
     )

@@ -29,43 +29,43 @@ class StatedChange(NamedTuple):
 
     Attributes:
         statement: what is stated.
-        at: index of the first recording with the new statement.
+        index: of the first recording with the new statement.
         before: statement before, as text.
         after: statement from then on.
     """
 
     statement: Statement
-    at: int
+    recording_index: int
     before: str
     after: str
 
 
 def stated_changes(history: TireHistory) -> list[StatedChange]:
     """Return the changes of all statements, in the order of time; recordings that state nothing are passed over."""
-    found: list[StatedChange] = []
+    all_changes: list[StatedChange] = []
     for statement, texts in history.stated.items():
-        known = [(at, text) for at, text in enumerate(texts) if text]
+        stated = [(index, text) for index, text in enumerate(texts) if text]
         changes = [
-            StatedChange(statement, at, before, after)
-            for (_, before), (at, after) in pairwise(known)
+            StatedChange(statement, index, before, after)
+            for (_, before), (index, after) in pairwise(stated)
             if before != after
         ]
         if statement is not Statement.LOAD or len(changes) <= _MOST_LOADS:
-            found += changes
-    return sorted(found, key=lambda change: change.at)
+            all_changes += changes
+    return sorted(all_changes, key=lambda change: change.recording_index)
 
 
 def places_of(changes: Iterable[StatedChange], name: str) -> list[int]:
     """Return the recordings at which the level of a series changes with what is stated, each once."""
     resting = SERIES[name].watch.shifted_by
-    return sorted({change.at for change in changes if change.statement in resting})
+    return sorted({change.recording_index for change in changes if change.statement in resting})
 
 
 def findings_of_changes(history: TireHistory, changes: Iterable[StatedChange]) -> list[Reason]:
     """Return a finding for each change, the first ones of each statement only."""
     named: dict[Statement, list[Reason]] = {}
     for change in changes:
-        date = str(np.datetime64(int(history.time_ns[change.at]), "ns").astype("datetime64[D]"))
+        date = str(np.datetime64(int(history.time_ns[change.recording_index]), "ns").astype("datetime64[D]"))
         mine = named.setdefault(change.statement, [])
         if len(mine) < _MOST_NAMED:
             mine.append(_FINDINGS[change.statement](change, date))

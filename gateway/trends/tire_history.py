@@ -64,8 +64,8 @@ class TireHistory:
 
     def column(self, name: str) -> FloatArray:
         """Return a column, NaN throughout when the dataset has none of this name."""
-        found = self.columns.get(name)
-        return np.full(len(self.recordings), math.nan) if found is None else found
+        column = self.columns.get(name)
+        return np.full(len(self.recordings), math.nan) if column is None else column
 
     def doubts_of(self, name: str) -> tuple[str, ...]:
         """Return (n,) why the values of a column are provisional, empty where they are valid."""
@@ -73,19 +73,19 @@ class TireHistory:
 
     def chosen(self, keep: BoolArray, part: int) -> TireHistory:
         """Return the history of some of the recordings."""
-        at = np.flatnonzero(keep)
+        index = np.flatnonzero(keep)
         return replace(
             self,
-            recordings=tuple(self.recordings[i] for i in at),
-            paths=tuple(self.paths[i] for i in at),
-            time_ns=self.time_ns[at],
-            km=self.km[at],
-            columns={name: column[at] for name, column in self.columns.items()},
+            recordings=tuple(self.recordings[i] for i in index),
+            paths=tuple(self.paths[i] for i in index),
+            time_ns=self.time_ns[index],
+            km=self.km[index],
+            columns={name: column[index] for name, column in self.columns.items()},
             part=part,
-            doubts={name: tuple(texts[i] for i in at) for name, texts in self.doubts.items()},
-            alarms=tuple(self.alarms[i] for i in at if self.alarms),
-            faults=tuple(self.faults[i] for i in at if self.faults),
-            stated={name: tuple(texts[i] for i in at) for name, texts in self.stated.items()},
+            doubts={name: tuple(texts[i] for i in index) for name, texts in self.doubts.items()},
+            alarms=tuple(self.alarms[i] for i in index if self.alarms),
+            faults=tuple(self.faults[i] for i in index if self.faults),
+            stated={name: tuple(texts[i] for i in index) for name, texts in self.stated.items()},
         )
 
     def split(self, begins: list[int]) -> Iterator[TireHistory]:

@@ -86,7 +86,7 @@ class TrendSeries:
         name: of the quantity in the dataset.
         unit: of values.
         against: "months" or "km": the abscissa of the line.
-        at: (n,) abscissa.
+        abscissa: (n,).
         values: (n,).
         stds: (n,) stated standard errors, NaN where unknown.
         expected: (n,) fitted trend.
@@ -97,7 +97,7 @@ class TrendSeries:
     name: str
     unit: str
     against: str
-    at: FloatArray
+    abscissa: FloatArray
     values: FloatArray
     stds: FloatArray
     expected: FloatArray

@@ -82,7 +82,11 @@ SERIES: Final = {
     series.name: series
     for series in (
         *_OF_RECORDINGS,
-        *(Series(one.column, one.label or one.name, one.watch) for one in declared() if one.watch is not None),
+        *(
+            Series(quantity.column, quantity.label or quantity.name, quantity.watch)
+            for quantity in declared()
+            if quantity.watch is not None
+        ),
     )
 }
 """Every series by its name."""

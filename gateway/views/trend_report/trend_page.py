@@ -49,9 +49,9 @@ _TABLES: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     (
         "stiffness",
         "Stiffness with age and temperature",
-        tuple(name(one.watch) for one in followed_by(Trend.STIFFNESS) for name in (rate_of, by_temperature)),
+        tuple(name(quantity.watch) for quantity in followed_by(Trend.STIFFNESS) for name in (rate_of, by_temperature)),
     ),
-    ("sensors", "Sensors", tuple(rate_of(one.watch) for one in followed_by(Trend.SENSOR))),
+    ("sensors", "Sensors", tuple(rate_of(quantity.watch) for quantity in followed_by(Trend.SENSOR))),
 )
 
 
@@ -149,7 +149,7 @@ def _page(trends: FleetTrends) -> _Page:
             )
             for trend in trends.tires
         ],
-        tables=[_table(trends.tires, *one) for one in _TABLES],
+        tables=[_table(trends.tires, *table) for table in _TABLES],
         pairs=[
             (clean(pair.vehicle), f"{pair.left}, {pair.right}", LABELS[number.quantity], _with_unit(number))
             for pair in trends.pairs
@@ -157,14 +157,14 @@ def _page(trends: FleetTrends) -> _Page:
         ],
         outliers=[
             (
-                clean(one.recording),
-                tire_name(one),
-                label_of(one.name),
-                plain_number(one.value, one.unit),
-                plain_number(one.expected, one.unit),
-                f"{one.deviation:+.1f}",
+                clean(outlier.recording),
+                tire_name(outlier),
+                label_of(outlier.name),
+                plain_number(outlier.value, outlier.unit),
+                plain_number(outlier.expected, outlier.unit),
+                f"{outlier.deviation:+.1f}",
             )
-            for one in trends.outliers[:MOST_OUTLIERS]
+            for outlier in trends.outliers[:MOST_OUTLIERS]
         ],
         outliers_left=max(len(trends.outliers) - MOST_OUTLIERS, 0),
         drawings=_drawings(drawn),
@@ -175,7 +175,7 @@ def _page(trends: FleetTrends) -> _Page:
 def _facts(trends: FleetTrends) -> str:
     parts = [counted(trends.recordings, "recording"), counted(len(trends.tires), "tire"), vehicles_of(trends)]
     if trends.tires:
-        first, last = min(one.first_ns for one in trends.tires), max(one.last_ns for one in trends.tires)
+        first, last = min(tire.first_ns for tire in trends.tires), max(tire.last_ns for tire in trends.tires)
         parts.append(f"{day(first)} to {day(last)} (UTC)")
     if trends.failures:
         parts.append(f"{trends.failures} recordings without results")
@@ -185,7 +185,7 @@ def _facts(trends: FleetTrends) -> str:
 def _answer(trends: FleetTrends) -> list[str]:
     """Return the summary, sentence by sentence."""
     notable = sum(bool(trend.findings) for trend in trends.tires)
-    recordings = len({one.path for one in trends.outliers})
+    recordings = len({outlier.path for outlier in trends.outliers})
     return [
         f"{notable} of {len(trends.tires)} tires have a finding." if notable else "No tire has a finding.",
         f"{recordings} of {trends.recordings} recordings do not fit the trend of their tire."
@@ -219,7 +219,7 @@ def _with_unit(number: TrendNumber) -> str:
 
 
 def _most_notable(trends: FleetTrends) -> list[TireTrend]:
-    with_outliers = {(one.vehicle, one.position, one.sensor_id) for one in trends.outliers}
+    with_outliers = {(outlier.vehicle, outlier.position, outlier.sensor_id) for outlier in trends.outliers}
     order = sorted(
         trends.tires,
         key=lambda tire: (
@@ -233,7 +233,7 @@ def _most_notable(trends: FleetTrends) -> list[TireTrend]:
 def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
     from markupsafe import Markup
 
-    found = []
+    drawings = []
     with report_style():
         for number, tire in enumerate(tires):
             figure = tire_figure(tire)
@@ -243,5 +243,5 @@ def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
             alt = f"Values of the recordings of {name} over distance or months, with the fitted trend."
             caption = clean(joined(tire.findings)) or "No finding."
             # Matplotlib escapes what it draws, and figures draw no names of recordings.
-            found.append(Drawing(Markup(inline_svg(figure, f"t{number}")), alt, f"{name}.", caption))
-    return found
+            drawings.append(Drawing(Markup(inline_svg(figure, f"t{number}")), alt, f"{name}.", caption))
+    return drawings

@@ -43,14 +43,18 @@ LABELS: Final[dict[str, str]] = {
     Quantity.LOAD: "load",
     Quantity.LOAD_RATE: "change of the load",
     Quantity.LOAD_SCATTER: "scatter of the load",
-    **{rate_of(one.watch): f"change of the {one.label}" for one in followed_by(Trend.LINE)},
+    **{rate_of(quantity.watch): f"change of the {quantity.label}" for quantity in followed_by(Trend.LINE)},
     **{
-        name(one.watch): f"{one.label} with {what}"
-        for one in followed_by(Trend.STIFFNESS)
+        name(quantity.watch): f"{quantity.label} with {what}"
+        for quantity in followed_by(Trend.STIFFNESS)
         for name, what in ((rate_of, "age"), (by_temperature, "temperature"))
     },
-    **{rate_of(one.watch): one.label.removeprefix("ln ") for one in followed_by(Trend.SENSOR)},
-    **{asymmetry_of(one): f"{split_name(one.name)[0]}, left less right" for one in declared() if one.compared},
+    **{rate_of(quantity.watch): quantity.label.removeprefix("ln ") for quantity in followed_by(Trend.SENSOR)},
+    **{
+        asymmetry_of(quantity): f"{split_name(quantity.name)[0]}, left less right"
+        for quantity in declared()
+        if quantity.compared
+    },
 }
 """Label of each number of a trend."""
 _SHORT: Final = (Quantity.WEAR_RATE, Quantity.PRESSURE_LOSS, Quantity.LOAD, "Bs_rate", "noise_rate")
@@ -134,19 +138,19 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
         ],
         "outliers": [
             {
-                "vehicle": storable(one.vehicle),
-                "position": one.position,
-                "sensor_id": one.sensor_id,
-                "recording": storable(one.recording),
-                "path": storable(one.path),
-                "start_utc": _utc(one.time_ns),
-                "name": one.name,
-                "value": _known(one.value),
-                "expected": _known(one.expected),
-                "unit": one.unit,
-                "deviation": _known(one.deviation),
+                "vehicle": storable(outlier.vehicle),
+                "position": outlier.position,
+                "sensor_id": outlier.sensor_id,
+                "recording": storable(outlier.recording),
+                "path": storable(outlier.path),
+                "start_utc": _utc(outlier.time_ns),
+                "name": outlier.name,
+                "value": _known(outlier.value),
+                "expected": _known(outlier.expected),
+                "unit": outlier.unit,
+                "deviation": _known(outlier.deviation),
             }
-            for one in trends.outliers
+            for outlier in trends.outliers
         ],
     }
 
@@ -174,10 +178,10 @@ def trends_csv(trends: FleetTrends) -> bytes:
 def vehicles_of(trends: FleetTrends) -> str:
     """Return `2 vehicles`, `1 vehicle and unknown ones` or `unknown vehicles`."""
     names = {trend.vehicle for trend in trends.tires}
-    known = len(names - {UNKNOWN_VEHICLE})
+    known_count = len(names - {UNKNOWN_VEHICLE})
     if UNKNOWN_VEHICLE not in names:
-        return counted(known, "vehicle")
-    return f"{counted(known, 'vehicle')} and unknown ones" if known else "unknown vehicles"
+        return counted(known_count, "vehicle")
+    return f"{counted(known_count, 'vehicle')} and unknown ones" if known_count else "unknown vehicles"
 
 
 def trend_lines(trends: FleetTrends) -> Iterator[str]:
@@ -192,9 +196,9 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
         quantity: next((n.unit for t in trends.tires for n in t.numbers if n.quantity == quantity), "")
         for quantity in _SHORT
     }
-    rows = [["tire", "recordings", *(f"{LABELS[one]}, {units[one]}" for one in _SHORT)]]
+    rows = [["tire", "recordings", *(f"{LABELS[name]}, {units[name]}" for name in _SHORT)]]
     rows += [
-        [tire_name(trend), str(trend.recordings), *(shown(number_of(trend.numbers, one)) for one in _SHORT)]
+        [tire_name(trend), str(trend.recordings), *(shown(number_of(trend.numbers, name)) for name in _SHORT)]
         for trend in trends.tires[:_LISTED]
     ]
     widths = [max(width(row[column]) for row in rows) for column in range(len(rows[0]))]
@@ -202,19 +206,19 @@ def trend_lines(trends: FleetTrends) -> Iterator[str]:
     if len(trends.tires) > _LISTED:
         yield f"... and {len(trends.tires) - _LISTED} more tires: --json, --csv or --html"
     yield from _mark_lines(trends.tires[:_LISTED])
-    found = [(trend, finding) for trend in trends.tires for finding in trend.findings]
+    findings = [(trend, finding) for trend in trends.tires for finding in trend.findings]
     yield ""
-    yield "findings:" if found else "no finding"
-    yield from (f"  {tire_name(trend)}: {clean(text(finding))}" for trend, finding in found[:_LISTED])
-    if len(found) > _LISTED:
-        yield f"  ... and {len(found) - _LISTED} more"
+    yield "findings:" if findings else "no finding"
+    yield from (f"  {tire_name(trend)}: {clean(text(finding))}" for trend, finding in findings[:_LISTED])
+    if len(findings) > _LISTED:
+        yield f"  ... and {len(findings) - _LISTED} more"
     yield from _pair_lines(trends.pairs)
-    recordings = dict.fromkeys((one.recording, one.path) for one in trends.outliers)
+    recordings = dict.fromkeys((outlier.recording, outlier.path) for outlier in trends.outliers)
     yield ""
     yield f"outliers: {len(recordings)} of {trends.recordings} recordings" if recordings else "no outlier"
     for name, path in list(recordings)[:_LISTED]:
-        mine = [one for one in trends.outliers if one.path == path]
-        what = "; ".join(f"{label_of(one.name)} {one.deviation:+.1f}" for one in mine)
+        mine = [outlier for outlier in trends.outliers if outlier.path == path]
+        what = "; ".join(f"{label_of(outlier.name)} {outlier.deviation:+.1f}" for outlier in mine)
         yield f"  {clean(name)}: {what} standard deviations from its trend"
     if len(recordings) > _LISTED:
         yield f"  ... and {len(recordings) - _LISTED} more"
@@ -247,11 +251,11 @@ def tires_text(names: Sequence[str], every: int) -> str:
 
 
 def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
-    known = [(pair, n) for pair in pairs for n in pair.numbers if n.status is not Status.INVALID]
-    if known:
+    valid = [(pair, n) for pair in pairs for n in pair.numbers if n.status is not Status.INVALID]
+    if valid:
         yield ""
         yield "asymmetry:"
-    for pair, number in known[:_LISTED]:
+    for pair, number in valid[:_LISTED]:
         wheels = f"{clean(pair.vehicle)} {pair.left} {pair.right}"
         yield f"  {wheels}: {LABELS[number.quantity]} {shown(number)} {number.unit}"
 
