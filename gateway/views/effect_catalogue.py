@@ -50,9 +50,9 @@ these data do not separate them. The baseline models are those that lack the eff
 def find_effects(part: str = "") -> list[Effect]:
     """Return the effects whose name or title contains a text, by group; all of them when it is empty."""
     wanted = part.casefold()
-    found = [e for e in catalogue().values() if wanted in e.name.casefold() or wanted in e.title.casefold()]
+    matches = [e for e in catalogue().values() if wanted in e.name.casefold() or wanted in e.title.casefold()]
     groups = list(dict.fromkeys(group_of(effect) for effect in catalogue().values()))
-    return sorted(found, key=lambda effect: groups.index(group_of(effect)))
+    return sorted(matches, key=lambda effect: groups.index(group_of(effect)))
 
 
 def effect_lines(effects: Iterable[Effect], columns: int) -> Iterator[str]:
@@ -92,8 +92,12 @@ def effects_json(effects: Iterable[Effect]) -> list[dict[str, Any]]:
             "axes": [AXIS_NAMES[axis] for axis in effect.axes],
             "observed_in": effect.observed_in,
             "confounders": [
-                {"names": list(one.names), "similarity": one.similarity, "distinction": one.distinction}
-                for one in effect.confounders
+                {
+                    "names": list(confounder.names),
+                    "similarity": confounder.similarity,
+                    "distinction": confounder.distinction,
+                }
+                for confounder in effect.confounders
             ],
             "baseline_models": _baseline_models(effect),
         }
@@ -140,9 +144,9 @@ def _section(effect: Effect) -> Iterator[str]:
     yield ""
     yield "| Confused with | Similarity | Distinction |"
     yield "|---|---|---|"
-    for one in effect.confounders:
-        names = ", ".join(_link(name) if name in catalogue() else _escaped(typeset(name)) for name in one.names)
-        similarity, data = _escaped(typeset(one.similarity)), _escaped(typeset(one.distinction))
+    for confounder in effect.confounders:
+        names = ", ".join(_link(name) if name in catalogue() else _escaped(typeset(name)) for name in confounder.names)
+        similarity, data = _escaped(typeset(confounder.similarity)), _escaped(typeset(confounder.distinction))
         yield f"| {names} | {similarity or '—'} | {data or '—'} |"
 
 
@@ -156,14 +160,16 @@ def _rows(effect: Effect) -> Iterator[tuple[str, str]]:
     yield "Acts on", _acts_on(effect)
     yield "Visible in", typeset(effect.observed_in)
     yield "Baseline models", ", ".join(_baseline_models(effect))
-    for index, one in enumerate(effect.confounders):
-        yield "" if index else "Confused with", typeset(_confounder_text(one))
+    for index, confounder in enumerate(effect.confounders):
+        yield "" if index else "Confused with", typeset(_confounder_text(confounder))
 
 
-def _confounder_text(one: Confounder) -> str:
-    names = [catalogue()[name].display_title if name in catalogue() else name for name in one.names]
-    similarity = f" (similarity {one.similarity})" if one.similarity else ""
-    return f"{', '.join(names)}{similarity}" + (f". Distinction: {one.distinction}" if one.distinction else "")
+def _confounder_text(confounder: Confounder) -> str:
+    names = [catalogue()[name].display_title if name in catalogue() else name for name in confounder.names]
+    similarity = f" (similarity {confounder.similarity})" if confounder.similarity else ""
+    return f"{', '.join(names)}{similarity}" + (
+        f". Distinction: {confounder.distinction}" if confounder.distinction else ""
+    )
 
 
 def _kind(effect: Effect) -> tuple[str, str]:

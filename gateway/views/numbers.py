@@ -105,16 +105,16 @@ def round_to_error(value: float, std: float = math.nan) -> Rounded:
     """
     if not abs(value) < _HUGE:
         return UNKNOWN
-    known = _TINY < std < _HUGE
+    has_error = _TINY < std < _HUGE
     if abs(value) < _TINY:
         value = 0.0
-    size = max(abs(value), std) if known else abs(value)
+    size = max(abs(value), std) if has_error else abs(value)
     exponent = 0
     if size and not 1e-2 <= size < 1e6:
         exponent = 3 * (_decade(size) // 3)
         value, std, size = value / 10.0**exponent, std / 10.0**exponent, size / 10.0**exponent
     finest = _SIGNIFICANT_DIGITS - 1 - _decade(size) if size else _SIGNIFICANT_DIGITS
-    if not known:
+    if not has_error:
         digits = min(_DIGITS_WITHOUT_ERROR - 1 - _decade(size), finest) if size else 0
         return Rounded(f"{round(value, digits) + 0.0:.{max(digits, 0)}f}", "", exponent)
     digits = 1 - _decade(std)

@@ -84,8 +84,8 @@ def read_result(result: RevolutionResult) -> Reading:
             others[estimate.name] = estimate
     speed, rotation, distance = others.pop(SPEED, None), others.pop(ROTATION, None), others.pop(DISTANCE, None)
     leading, trailing = others.pop(LEADING, None), others.pop(TRAILING, None)
-    known = any(number.status is not Status.INVALID for number in whole)
-    ratios_only = not known and any(ratio.status is not Status.INVALID for ratio in ratios)
+    has_whole = any(number.status is not Status.INVALID for number in whole)
+    ratios_only = not has_whole and any(ratio.status is not Status.INVALID for ratio in ratios)
     shown = tuple(show(number) for number in (ratios if ratios_only else whole))
     revolution = result.revolution
     kinematic = (

@@ -53,8 +53,8 @@ def estimate_fields(estimate: Estimate, taken: Collection[str] = ()) -> dict[str
 
 
 def _reasons(key: str, reasons: Iterable[Reason]) -> dict[str, Any]:
-    found = [as_json(reason) for reason in reasons]
-    return {key: found} if found else {}
+    entries = [as_json(reason) for reason in reasons]
+    return {key: entries} if entries else {}
 
 
 def revolution_payload(result: RevolutionResult) -> dict[str, Any]:
@@ -142,5 +142,5 @@ def notice_payload(notice: Notice, link: str) -> dict[str, Any]:
 
 def log_level(message: LogText) -> str:
     """Return the severity in words, `level 7` for one that this version does not know."""
-    known = {level.value: level.name.lower() for level in LogLevel}
-    return known.get(message.level, f"level {message.level}")
+    names = {level.value: level.name.lower() for level in LogLevel}
+    return names.get(message.level, f"level {message.level}")

@@ -168,7 +168,7 @@ class ResultSummary:
             speed_min_mps=wheel.speed_min_mps if rolled else math.nan,
             speed_max_mps=wheel.speed_max_mps if rolled else math.nan,
             missing_fraction=wheel.missing_s / wheel.rolling_s if rolled else math.nan,
-            estimates=tuple(wheel.usable.get(name, (0, one))[1] for name, one in wheel.newest.items()),
+            estimates=tuple(wheel.usable.get(name, (0, estimate))[1] for name, estimate in wheel.newest.items()),
             stale={
                 name: Stale(number, wheel.newest[name].reasons)
                 for name, (number, _) in wheel.usable.items()
@@ -182,14 +182,14 @@ class ResultSummary:
 
 def effects_line(wheel: WheelSummary, effects: Sequence[str]) -> str:
     """Return whether a wheel's known effects were subtracted; they hold only where they were found."""
-    names, count, left = ", ".join(effects), wheel.revolutions, wheel.uncorrected
+    names, count, uncorrected = ", ".join(effects), wheel.revolutions, wheel.uncorrected
     if wheel.uncorrected_reason is None:
         return f"{wheel.position}: subtracted from its axes: {names}"
     why = text(wheel.uncorrected_reason)
-    if left == count:
+    if uncorrected == count:
         return f"{wheel.position}: NOT subtracted from its axes: {names}: {why}"
     return (
-        f"{wheel.position}: subtracted from its axes in {count - left} of {count} revolutions: {names}; "
+        f"{wheel.position}: subtracted from its axes in {count - uncorrected} of {count} revolutions: {names}; "
         f"not in the others: {why}"
     )
 
@@ -233,7 +233,7 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     span = f"{fixed(wheel.speed_min_mps, 2, 3.6)} to {fixed(wheel.speed_max_mps, 2, 3.6)} km/h"
     rows.append(("mean speed", f"{fixed(wheel.speed_mean_mps, 3, 3.6)} km/h", span))
     took = f"in {duration(wheel.rolling_s) if wheel.rolling_s >= 60 else fixed(wheel.rolling_s, 2) + ' s'}"
-    rolled = next((show(one) for one in wheel.estimates if one.name == DISTANCE), None)
+    rolled = next((show(estimate) for estimate in wheel.estimates if estimate.name == DISTANCE), None)
     if rolled is None or rolled.status is Status.INVALID or DISTANCE in wheel.stale:
         rows.append(("distance", f"{fixed(wheel.distance_m, 1)} m", took))
     else:
@@ -244,26 +244,31 @@ def _wheel_lines(wheel: WheelSummary) -> list[str]:
     # Names of a shared row wrap, so that they do not widen the column of all labels.
     widest = max(width(label) for label, _, _ in every)
     of_one = max(width(name) for label, _, _ in every for name in _names(label))
-    left = max(min(widest, _LABEL_WIDTH), of_one)
-    middle = max(width(value) for _, value, _ in every)
-    right = max(LINE_WIDTH - left - middle - 2 * len(_GAP), _LEAST_NOTE)
-    blocks = [_row_lines(row, left, middle, right) for row in every]
+    label_width = max(min(widest, _LABEL_WIDTH), of_one)
+    value_width = max(width(value) for _, value, _ in every)
+    note_width = max(LINE_WIDTH - label_width - value_width - 2 * len(_GAP), _LEAST_NOTE)
+    blocks = [_row_lines(row, label_width, value_width, note_width) for row in every]
     lines = [[line for block in part for line in block] for part in (blocks[: len(rows)], blocks[len(rows) :])]
     return [wheel.position, *lines[0], *(["  at the end:"] if last else []), *lines[1]]
 
 
-def _row_lines(row: _Row, left: int, middle: int, right: int) -> list[str]:
+def _row_lines(row: _Row, label_width: int, value_width: int, note_width: int) -> list[str]:
     """Return a row of label, value and note as one line, as more where label or note do not fit their columns."""
     label, value, note = row
     labels = [""]
     for name in _names(label):
-        if labels[-1] and width(f"{labels[-1]} {name}") > left:
+        if labels[-1] and width(f"{labels[-1]} {name}") > label_width:
             labels.append(name)
         else:
             labels[-1] = f"{labels[-1]} {name}".lstrip()
-    notes = wrap(note, right, break_long_words=False, break_on_hyphens=False) if width(note) > right else [note]
+    notes = (
+        wrap(note, note_width, break_long_words=False, break_on_hyphens=False) if width(note) > note_width else [note]
+    )
     lines = zip_longest(labels, [value], notes, fillvalue="")
-    return [f"  {pad(one, left)}{_GAP}{pad(two, middle)}{_GAP}{three}".rstrip() for one, two, three in lines]
+    return [
+        f"  {pad(label_line, label_width)}{_GAP}{pad(value_line, value_width)}{_GAP}{note_line}".rstrip()
+        for label_line, value_line, note_line in lines
+    ]
 
 
 def _names(label: str) -> list[str]:
@@ -279,7 +284,7 @@ def _estimate_rows(wheel: WheelSummary) -> list[_Row]:
     def shared(estimate: Estimate) -> tuple[Status, tuple[Reason, ...], Stale | None]:
         return estimate.status, estimate.reasons, wheel.stale.get(estimate.name)
 
-    others = [one for one in wheel.estimates if one.name != DISTANCE]
+    others = [quantity for quantity in wheel.estimates if quantity.name != DISTANCE]
     for (status, reasons, stale), group in groupby(others, shared):
         shown = [show(estimate) for estimate in group]
         reason = joined(reasons)
@@ -289,10 +294,12 @@ def _estimate_rows(wheel: WheelSummary) -> list[_Row]:
             word = f"of revolution {stale.revolution} of {wheel.revolutions}, invalid since"
             note = f"{word}: {joined(stale.reasons)}"
         if status is Status.INVALID:
-            rows.append((_NEXT_NAME.join(one.label for one in shown), MISSING, note))
+            rows.append((_NEXT_NAME.join(quantity.label for quantity in shown), MISSING, note))
             continue
-        for index, one in enumerate(shown):
-            rows.append((one.label, f"{one.number.joined()} {one.unit}".rstrip(), word if index else note))
+        for index, quantity in enumerate(shown):
+            rows.append(
+                (quantity.label, f"{quantity.number.joined()} {quantity.unit}".rstrip(), word if index else note)
+            )
     return rows
 
 

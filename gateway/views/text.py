@@ -54,13 +54,13 @@ def crop(text: str, cells: int) -> str:
         return text
     if cells <= 0:
         return ""
-    kept, used = 0, 1
+    length, used = 0, 1
     for character in text:
         used += _cells(character)
         if used > cells:
             break
-        kept += 1
-    return text[:kept] + ELLIPSIS
+        length += 1
+    return text[:length] + ELLIPSIS
 
 
 def crop_middle(text: str, cells: int) -> str:

@@ -98,22 +98,22 @@ class TrendHistory:
         if wheel is None:
             return []
         factor = split_name(name)[1].factor
-        found: list[TrendPoint] = []
+        points: list[TrendPoint] = []
         for row in reversed(wheel.rows):
             if row.at_s < since_s:
                 break
             if column is not None and column < len(row.statuses) and row.statuses[column]:
                 value, std = row.numbers[2 * column], row.numbers[2 * column + 1]
-                found.append(TrendPoint(row.at_s, value * factor, std * factor, _STATUSES[row.statuses[column]]))
-        found.reverse()
+                points.append(TrendPoint(row.at_s, value * factor, std * factor, _STATUSES[row.statuses[column]]))
+        points.reverse()
         if wheel.present is not None:
             at_s, result = wheel.present
-            found += [
+            points += [
                 TrendPoint(at_s, estimate.value * factor, estimate.std * factor, estimate.status)
                 for estimate in _estimates(result)
                 if estimate.name == name and estimate.status is not Status.INVALID
             ]
-        return found
+        return points
 
     def _number(self, estimates: list[Estimate]) -> None:
         for estimate in estimates:

@@ -48,27 +48,27 @@ _HELP: Final = (
 def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> Row:
     """Return the header: clock, number of rolling wheels, recording, and whether the view is paused or has ended."""
     rolling = sum(wheel.state is WheelState.ROLLING for wheel in snapshot.wheels)
-    left: list[Run] = [
+    left_runs: list[Run] = [
         (" treadlink ", Role.TITLE),
         (f" {duration(snapshot.elapsed_s)} ", Role.BAR),
         (f" {rolling}/{len(snapshot.wheels)} rolling ", Role.BAR),
     ]
     silent = sum(wheel.silence is not None for wheel in snapshot.wheels)
     if silent:
-        left.append((f" {silent} SILENT ", Role.ALARM))
-    right: list[Run] = []
+        left_runs.append((f" {silent} SILENT ", Role.ALARM))
+    right_runs: list[Run] = []
     if paused_at_s is not None:
-        right.append((f" PAUSED at {duration(paused_at_s)} ", Role.ALARM))
+        right_runs.append((f" PAUSED at {duration(paused_at_s)} ", Role.ALARM))
     if snapshot.ended:
-        right.append((" ENDED ", Role.ALARM))
-    room = cells - sum(len(text) for text, _ in (*left, *right))
+        right_runs.append((" ENDED ", Role.ALARM))
+    room = cells - sum(len(text) for text, _ in (*left_runs, *right_runs))
     if snapshot.recording:
         size = f" {file_size(snapshot.recorded_bytes)} "
         path = crop_middle(clean(snapshot.recording), max(room - len(size) - 6, 8))
-        left += [(" REC ", Role.GOOD), (path + size, Role.BAR)]
+        left_runs += [(" REC ", Role.GOOD), (path + size, Role.BAR)]
     else:
-        left.append((" not recording ", Role.BAR))
-    return spread(tuple(left), tuple(right), cells, Role.BAR)
+        left_runs.append((" not recording ", Role.BAR))
+    return spread(tuple(left_runs), tuple(right_runs), cells, Role.BAR)
 
 
 def alarms(present: Sequence[Alarm], cells: int, rows: int) -> list[Row]:

@@ -46,16 +46,16 @@ def fit(row: Row, cells: int, fill: Role = Role.TEXT) -> Row:
         return (*row, (" " * missing, fill))
     if missing == 0:
         return row
-    kept: list[Run] = []
+    fitted: list[Run] = []
     used = 0
     for text, role in row:
         piece = text if used + width(text) < cells else crop(text + " ", cells - used)
-        kept.append((piece, role))
+        fitted.append((piece, role))
         used += width(piece)
         if used >= cells or piece != text:
             break
     # A wide character may leave one cell free at the cut.
-    return (*kept, (" " * (cells - used), fill)) if used < cells else tuple(kept)
+    return (*fitted, (" " * (cells - used), fill)) if used < cells else tuple(fitted)
 
 
 def spread(left: Row, right: Row, cells: int, fill: Role = Role.TEXT) -> Row:

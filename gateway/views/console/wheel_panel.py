@@ -69,9 +69,9 @@ class Plots:
         if wheel.last is None or wheel.silence is not None:
             return []
         shape = (width_cells, height, zoom, self.trend)
-        known = self._drawn.get(wheel.position)
-        if known and known[0] is wheel.last and known[1] is wheel.average_mps2 and known[2] == shape:
-            return known[3]
+        drawn = self._drawn.get(wheel.position)
+        if drawn and drawn[0] is wheel.last and drawn[1] is wheel.average_mps2 and drawn[2] == shape:
+            return drawn[3]
         if self.trend is None:
             revolution = wheel.last.revolution
             plot = draw_waveform(
@@ -206,17 +206,17 @@ def number_rows(wheel: WheelSnapshot, reading: Reading | None) -> list[Row]:
 def _grid(rows: Sequence[Row], columns: int, cells: int) -> list[Row]:
     """Return rows side by side in columns of `cells` cells; one that is too long for a column gets several."""
     lines: list[list[Run]] = []
-    left = 0
+    free_columns = 0
     for row in rows:
         taken = min(-(-row_width(row) // cells), columns)
-        if taken > left:
+        if taken > free_columns:
             lines.append([])
-            left = columns
-        if row_width(row) == taken * cells and taken < left:
+            free_columns = columns
+        if row_width(row) == taken * cells and taken < free_columns:
             # It would touch its neighbour.
             taken += 1
         lines[-1] += fit(row, taken * cells)
-        left -= taken
+        free_columns -= taken
     return [tuple(line) for line in lines]
 
 
@@ -287,9 +287,10 @@ def panel(
     if plot:
         body += [_legend(wheel, plots.trend), *plot]
     frame = Role.SELECTED_FRAME if selected else Role.FRAME
-    left, right = ("║ ", " ║") if selected else ("│ ", " │")
+    left_edge, right_edge = ("║ ", " ║") if selected else ("│ ", " │")
     rows = [
-        ((left, frame), *fit(body[i] if i < len(body) else EMPTY, inner), (right, frame)) for i in range(inner_height)
+        ((left_edge, frame), *fit(body[i] if i < len(body) else EMPTY, inner), (right_edge, frame))
+        for i in range(inner_height)
     ]
     return [_panel_top(wheel, number, cells, selected, alarm), *rows, _panel_bottom(wheel, cells, selected)]
 
@@ -328,20 +329,22 @@ def details(wheel: WheelSnapshot, number: int, cells: int, height: int, zoom: Zo
     end = (*legend, (" ══", Role.SELECTED_FRAME)) if reading is not None else EMPTY
     line = cells - row_width(rule) - len(revolution) - row_width(end) - 1
     rule = (*rule, (revolution, Role.LABEL), ("═" * line + " ", Role.SELECTED_FRAME), *end)
-    left: list[Row] = number_rows(wheel, reading)
+    left_rows: list[Row] = number_rows(wheel, reading)
     note = _cut(_wrap(note_of(wheel, reading), _DETAIL_WIDTH - 1), 4, _DETAIL_WIDTH - 1)
     if reading is not None:
         motion = (("speed", reading.speed), ("lead ", reading.leading), ("trail", reading.trailing))
-        left[len(reading.numbers) : len(reading.numbers)] = [
+        left_rows[len(reading.numbers) : len(reading.numbers)] = [
             ((f"{label} ", Role.LABEL), (shown.text(), Role.VALUE)) for label, shown in motion
         ]
-        left[len(reading.numbers) : len(reading.numbers)] = [(("car ", Role.LABEL), run) for run in car_runs(reading)]
+        left_rows[len(reading.numbers) : len(reading.numbers)] = [
+            (("car ", Role.LABEL), run) for run in car_runs(reading)
+        ]
         # The note matters more than the last rows of the list, and replaces them where room is short.
-        kept = max(height - 1 - len(note), len(reading.numbers))
-        left = left[:kept]
-    left = [*left, *note, *((run,) for run in counter_runs(wheel))]
+        shown_rows = max(height - 1 - len(note), len(reading.numbers))
+        left_rows = left_rows[:shown_rows]
+    left_rows = [*left_rows, *note, *((run,) for run in counter_runs(wheel))]
     plot = plots.rows(wheel, cells - _DETAIL_WIDTH, height - 1, zoom)
-    return [rule, *beside(left, _DETAIL_WIDTH, plot, height - 1)]
+    return [rule, *beside(left_rows, _DETAIL_WIDTH, plot, height - 1)]
 
 
 def _wrap(run: Run | None, cells: int) -> list[Row]:

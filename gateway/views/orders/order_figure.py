@@ -75,30 +75,30 @@ def _drawn(wheels: Sequence[WheelOrders], kind: str, *, title: str = "") -> byte
     if title:
         figure.suptitle(title)
     parts = figure.subfigures(len(wheels), 1, squeeze=False)[:, 0]
-    for part, found in zip(parts, wheels, strict=True):
-        _draw(part, found)
+    for part, wheel in zip(parts, wheels, strict=True):
+        _draw(part, wheel)
     buffer = io.BytesIO()
     # No date, so that the same recording gives the same file.
     figure.savefig(buffer, format=kind, metadata={"Date": None} if kind == "svg" else None)
     return buffer.getvalue()
 
 
-def _draw(figure: Any, found: WheelOrders) -> None:
-    low, high = found.speed_range_kmh
+def _draw(figure: Any, wheel: WheelOrders) -> None:
+    low, high = wheel.speed_range_kmh
     figure.suptitle(
-        f"{found.wheel}: {found.statistics.revolutions} revolutions, {low:.0f} to {high:.0f} km/h", fontsize=11.0
+        f"{wheel.wheel}: {wheel.statistics.revolutions} revolutions, {low:.0f} to {high:.0f} km/h", fontsize=11.0
     )
     (spectrum, waterfall), (signal, speeds), (average, share) = figure.subplots(3, 2, width_ratios=(1.35, 1.0))
-    _spectrum(spectrum, found)
-    _waterfall(figure, waterfall, found)
-    _signal(signal, found)
-    _by_speed(speeds, found)
-    _average(average, found)
-    _share(share, found)
+    _spectrum(spectrum, wheel)
+    _waterfall(figure, waterfall, wheel)
+    _signal(signal, wheel)
+    _by_speed(speeds, wheel)
+    _average(average, wheel)
+    _share(share, wheel)
 
 
-def _spectrum(axes: Axes, found: WheelOrders) -> None:
-    statistics = found.statistics
+def _spectrum(axes: Axes, wheel: WheelOrders) -> None:
+    statistics = wheel.statistics
     if statistics.blocks:
         orders, values = statistics.fine_order, statistics.fine_mps2
         title = f"order spectrum, resolution 1/{statistics.block_revolutions} order"
@@ -119,19 +119,19 @@ def _spectrum(axes: Axes, found: WheelOrders) -> None:
     axes.legend(fontsize=8.0)
 
 
-def _waterfall(figure: Any, axes: Axes, found: WheelOrders) -> None:
+def _waterfall(figure: Any, axes: Axes, wheel: WheelOrders) -> None:
     from matplotlib.colors import LogNorm
 
-    speeds = found.statistics.speeds
-    edges = [found.kmh(speeds[0].low_radps)]
+    speeds = wheel.statistics.speeds
+    edges = [wheel.kmh(speeds[0].low_radps)]
     rows = []
-    for one in speeds:
-        low, high = found.kmh(one.low_radps), found.kmh(one.high_radps)
+    for speed_bin in speeds:
+        low, high = wheel.kmh(speed_bin.low_radps), wheel.kmh(speed_bin.high_radps)
         if low > edges[-1] + 1e-9:
             # A range without a revolution stays empty.
-            rows.append(np.full(one.amplitude_mps2.shape[1] - 1, math.nan))
+            rows.append(np.full(speed_bin.amplitude_mps2.shape[1] - 1, math.nan))
             edges.append(low)
-        rows.append(one.amplitude_mps2[_RADIAL][1:])
+        rows.append(speed_bin.amplitude_mps2[_RADIAL][1:])
         edges.append(high)
     values = np.array(rows)
     axes.set(xlabel="order", ylabel="speed, km/h", title="radial amplitude against speed")
@@ -145,18 +145,18 @@ def _waterfall(figure: Any, axes: Axes, found: WheelOrders) -> None:
     figure.colorbar(mesh, ax=axes, label="m/s²")
 
 
-def _signal(axes: Axes, found: WheelOrders) -> None:
+def _signal(axes: Axes, wheel: WheelOrders) -> None:
     """Draw the radial axis over consecutive revolutions."""
     axes.set(xlabel="revolutions", ylabel="radial, m/s²", title="radial axis over consecutive revolutions, as measured")
-    radial = found.statistics.block_mps2[_RADIAL]
+    radial = wheel.statistics.block_mps2[_RADIAL]
     if np.isfinite(radial).all() and len(radial):
         # Every second sample of the grid is enough for the eye.
-        turns = np.arange(len(radial)) * (found.statistics.block_revolutions / len(radial))
+        turns = np.arange(len(radial)) * (wheel.statistics.block_revolutions / len(radial))
         axes.plot(turns[::2], radial[::2], color=_COLOURS[_RADIAL], lw=0.7)
-        axes.set_xlim(0, found.statistics.block_revolutions)
+        axes.set_xlim(0, wheel.statistics.block_revolutions)
 
 
-def _by_speed(axes: Axes, found: WheelOrders) -> None:
+def _by_speed(axes: Axes, wheel: WheelOrders) -> None:
     """Draw the radial spectra at several speeds over the square of the angular speed: a tire's own shape coincides."""
     axes.set(
         xlim=(0, _SHOWN_ORDERS),
@@ -164,17 +164,17 @@ def _by_speed(axes: Axes, found: WheelOrders) -> None:
         ylabel="radial amplitude / Ω², mm",
         title="radial spectrum by speed",
     )
-    ranges = found.speeds_with_spectrum
+    ranges = wheel.speeds_with_spectrum
     picked = np.unique(np.linspace(0, len(ranges) - 1, min(len(ranges), len(_SPEED_COLOURS))).round().astype(int))
     top = 0.0
-    for place, colour in zip(picked.tolist(), _SPEED_COLOURS, strict=False):
-        one = ranges[place]
-        values = 1e3 * one.fine_mps2[_RADIAL][1:] / (0.5 * (one.low_radps + one.high_radps)) ** 2
+    for index, colour in zip(picked.tolist(), _SPEED_COLOURS, strict=False):
+        speed_bin = ranges[index]
+        values = 1e3 * speed_bin.fine_mps2[_RADIAL][1:] / (0.5 * (speed_bin.low_radps + speed_bin.high_radps)) ** 2
         if not np.isfinite(values).any():
             continue
-        speed = f"{found.kmh(one.low_radps):.0f} to {found.kmh(one.high_radps):.0f} km/h"
-        label = f"{speed}: {share_texts(one)[_RADIAL]} on integer orders"
-        axes.plot(found.statistics.fine_order[1:], values, color=colour, lw=0.8, label=label)
+        speed = f"{wheel.kmh(speed_bin.low_radps):.0f} to {wheel.kmh(speed_bin.high_radps):.0f} km/h"
+        label = f"{speed}: {share_texts(speed_bin)[_RADIAL]} on integer orders"
+        axes.plot(wheel.statistics.fine_order[1:], values, color=colour, lw=0.8, label=label)
         top = max(top, float(np.nanmax(values)))
     if top > 0.0:
         axes.set_yscale("log")
@@ -183,8 +183,8 @@ def _by_speed(axes: Axes, found: WheelOrders) -> None:
         axes.legend(fontsize=7.0, loc="upper right")
 
 
-def _average(axes: Axes, found: WheelOrders) -> None:
-    radial = found.mean.radial
+def _average(axes: Axes, wheel: WheelOrders) -> None:
+    radial = wheel.mean.radial
     degrees = np.degrees(angle_grid())
     scatter = np.nan_to_num(radial.scatter_mps2)
     mean = radial.radial_mps2
@@ -192,7 +192,7 @@ def _average(axes: Axes, found: WheelOrders) -> None:
         degrees, mean - scatter, mean + scatter, color=_COLOURS[_RADIAL], alpha=0.3, lw=0, label="scatter"
     )
     axes.plot(degrees, mean, color=_COLOURS[_RADIAL], lw=1.0, label="mean")
-    speed = found.kmh(found.mean.omega_radps)
+    speed = wheel.kmh(wheel.mean.omega_radps)
     axes.set(
         xlim=(-180, 180),
         xlabel="angle from the contact's centre, deg",
@@ -203,14 +203,14 @@ def _average(axes: Axes, found: WheelOrders) -> None:
     axes.legend(fontsize=8.0)
 
 
-def _share(axes: Axes, found: WheelOrders) -> None:
-    statistics = found.statistics
+def _share(axes: Axes, wheel: WheelOrders) -> None:
+    statistics = wheel.statistics
     places = np.arange(len(AXIS_NAMES))
     share = 100.0 * statistics.integer_share
     error = np.nan_to_num(100.0 * statistics.integer_share_std)
     axes.bar(places, np.nan_to_num(share), yerr=error, color=_COLOURS, width=0.6)
-    for place, text in zip(places.tolist(), share_texts(statistics), strict=True):
-        axes.text(place, 2.0, text, ha="center", fontsize=8.0, bbox={"facecolor": "white", "lw": 0, "pad": 1.5})
+    for axis, text in zip(places.tolist(), share_texts(statistics), strict=True):
+        axes.text(axis, 2.0, text, ha="center", fontsize=8.0, bbox={"facecolor": "white", "lw": 0, "pad": 1.5})
     axes.axhline(100.0 * statistics.noise_share, color="0.4", ls="--", lw=0.8)
     axes.set_xticks(places, AXIS_NAMES)
     axes.set(ylim=(0, 105), ylabel="%", title="power on integer orders (dashed: noise)")
@@ -228,11 +228,11 @@ def _page(wheels: Sequence[WheelOrders], recording: str) -> bytes:
         "<p>Amplitudes are root mean squares over the revolutions. What repeats in every revolution lies on integer "
         "orders; road, cavity and other shafts lie between them.</p>",
     ]
-    for found in wheels:
-        svg = _drawn([found], "svg").decode()
-        lines = "\n".join(order_lines(found, _SHOWN_ORDERS))
+    for wheel in wheels:
+        svg = _drawn([wheel], "svg").decode()
+        lines = "\n".join(order_lines(wheel, _SHOWN_ORDERS))
         parts += [
-            f"<section><h2>{html.escape(found.wheel)}</h2>",
+            f"<section><h2>{html.escape(wheel.wheel)}</h2>",
             svg[svg.index("<svg") :],
             f"<details><summary>Numbers</summary><pre>{html.escape(lines)}</pre></details></section>",
         ]

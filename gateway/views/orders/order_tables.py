@@ -31,23 +31,23 @@ _COLUMNS: Final = (
 )
 
 
-def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
+def order_lines(wheel: WheelOrders, orders: int) -> Iterator[str]:
     """Yield the orders of a wheel for a terminal: shares, then the amplitudes up to an order."""
-    statistics = found.statistics
-    low, high = found.speed_range_kmh
-    left_out = f", {found.rejected} with faults left out" if found.rejected else ""
-    yield f"{found.wheel}  {statistics.revolutions} revolutions at {low:.1f} to {high:.1f} km/h{left_out}"
-    for doubt in found.doubts:
+    statistics = wheel.statistics
+    low, high = wheel.speed_range_kmh
+    left_out = f", {wheel.rejected} with faults left out" if wheel.rejected else ""
+    yield f"{wheel.wheel}  {statistics.revolutions} revolutions at {low:.1f} to {high:.1f} km/h{left_out}"
+    for doubt in wheel.doubts:
         yield f"  {text(doubt)}"
     cells = "".join(f"{name:>21}" for name in AXIS_NAMES)
     yield f"  {'':<24}{cells}"
     yield f"  {'power on integer orders':<24}" + _columns(share_texts(statistics))
     noise = f"{100.0 * statistics.noise_share:.1f} %"
     yield f"  {'(white noise alone)':<24}" + _columns([noise] * len(AXIS_NAMES))
-    measured = found.speeds_with_spectrum
-    for one in measured if len(measured) > 1 else ():
-        between = f"{found.kmh(one.low_radps):.0f} to {found.kmh(one.high_radps):.0f} km/h"
-        yield f"    {between:<22}" + _columns(share_texts(one))
+    measured = wheel.speeds_with_spectrum
+    for speed_bin in measured if len(measured) > 1 else ():
+        between = f"{wheel.kmh(speed_bin.low_radps):.0f} to {wheel.kmh(speed_bin.high_radps):.0f} km/h"
+        yield f"    {between:<22}" + _columns(share_texts(speed_bin))
     yield "  amplitude in m/s^2, rms over the revolutions (the part that repeats):"
     for order in range(min(orders, statistics.amplitude_mps2.shape[1] - 1) + 1):
         texts = (
@@ -58,7 +58,7 @@ def order_lines(found: WheelOrders, orders: int) -> Iterator[str]:
         )
         name = "mean" if order == 0 else f"order {order}"
         yield f"  {name:<24}" + "".join(f"{text:>21}" for text in texts)
-    radial, speed = found.mean.radial, found.kmh(found.mean.omega_radps)
+    radial, speed = wheel.mean.radial, wheel.kmh(wheel.mean.omega_radps)
     yield (
         f"  radial average at {speed:.1f} km/h without gravity: rms {fixed(_rms(radial.radial_mps2), 2)}, scatter from "
         f"revolution to revolution {fixed(_rms(radial.scatter_mps2), 2)} m/s^2"
@@ -69,10 +69,10 @@ def _columns(texts: Iterable[str]) -> str:
     return "".join(f"{text:>21}" for text in texts)
 
 
-def share_texts(found: OrderStatistics | SpeedBin) -> list[str]:
+def share_texts(statistics: OrderStatistics | SpeedBin) -> list[str]:
     """Return the share of the power on integer orders of each axis, `99.21 ± 0.13 %`."""
     texts = []
-    for share, std in zip(found.integer_share.tolist(), found.integer_share_std.tolist(), strict=True):
+    for share, std in zip(statistics.integer_share.tolist(), statistics.integer_share_std.tolist(), strict=True):
         number = round_to_error(100.0 * share, 100.0 * std) if math.isfinite(share) else None
         texts.append(MISSING if number is None else f"{number.joined()} %")
     return texts
@@ -91,17 +91,17 @@ def write_csv(path: Path, wheels: Sequence[WheelOrders], recording: str, *, forc
     with OutputFile(path, force=force) as output, output.explained():
         sink = CsvSink(output.file)
         sink.header(_COLUMNS)
-        for found in wheels:
-            for row in _rows(found):
-                sink.row([recording, found.wheel, *row])
+        for wheel in wheels:
+            for row in _rows(wheel):
+                sink.row([recording, wheel.wheel, *row])
         sink.end()
 
 
-def _rows(found: WheelOrders) -> Iterator[list[Cell]]:
-    statistics = found.statistics
+def _rows(wheel: WheelOrders) -> Iterator[list[Cell]]:
+    statistics = wheel.statistics
     for order in range(statistics.amplitude_mps2.shape[1]):
         yield [
-            *found.speed_range_kmh,
+            *wheel.speed_range_kmh,
             statistics.revolutions,
             order,
             *map(_known, statistics.amplitude_mps2[:, order].tolist()),
@@ -110,8 +110,8 @@ def _rows(found: WheelOrders) -> Iterator[list[Cell]]:
     for speeds in statistics.speeds:
         for order in range(speeds.amplitude_mps2.shape[1]):
             yield [
-                found.kmh(speeds.low_radps),
-                found.kmh(speeds.high_radps),
+                wheel.kmh(speeds.low_radps),
+                wheel.kmh(speeds.high_radps),
                 speeds.revolutions,
                 order,
                 *map(_known, speeds.amplitude_mps2[:, order].tolist()),
@@ -134,26 +134,26 @@ def write_json(path: Path, wheels: Sequence[WheelOrders], recording: str, *, for
         "recording": recording,
         "unit": "m/s^2",
         "noise_share": _NOISE_SHARE,
-        "wheels": [_as_json(found) for found in wheels],
+        "wheels": [_as_json(wheel) for wheel in wheels],
     }
     write_whole(path, json.dumps(document, ensure_ascii=False, allow_nan=False) + "\n", force=force)
 
 
-def _as_json(found: WheelOrders) -> dict[str, object]:
-    statistics, mean = found.statistics, found.mean
+def _as_json(wheel: WheelOrders) -> dict[str, object]:
+    statistics, mean = wheel.statistics, wheel.mean
     return {
-        "wheel": found.wheel,
+        "wheel": wheel.wheel,
         "revolutions": statistics.revolutions,
-        "revolutions_with_faults": found.rejected,
-        "speed_range_kmh": list(found.speed_range_kmh),
+        "revolutions_with_faults": wheel.rejected,
+        "speed_range_kmh": list(wheel.speed_range_kmh),
         "integer_share": _by_axis(statistics.integer_share),
         "integer_share_std": _by_axis(statistics.integer_share_std),
         "amplitude_mps2": _by_axis(statistics.amplitude_mps2),
         "repeated_mps2": _by_axis(statistics.repeated_mps2),
         "speeds": [
             {
-                "low_kmh": found.kmh(speeds.low_radps),
-                "high_kmh": found.kmh(speeds.high_radps),
+                "low_kmh": wheel.kmh(speeds.low_radps),
+                "high_kmh": wheel.kmh(speeds.high_radps),
                 "revolutions": speeds.revolutions,
                 "amplitude_mps2": _by_axis(speeds.amplitude_mps2),
                 "fine_blocks": speeds.blocks,

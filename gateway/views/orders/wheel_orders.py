@@ -38,7 +38,7 @@ class WheelOrders:
     @property
     def speeds_with_spectrum(self) -> tuple[SpeedBin, ...]:
         """Ranges of speed that have a spectrum over several revolutions, slowest first."""
-        return tuple(one for one in self.statistics.speeds if one.blocks)
+        return tuple(speed_bin for speed_bin in self.statistics.speeds if speed_bin.blocks)
 
     def kmh(self, omega_radps: float) -> float:
         """Return the rolling speed of an angular speed."""

@@ -212,5 +212,5 @@ def _over_noise(curves: Curves) -> float:
 
 
 def _rms(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else math.nan
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else math.nan

@@ -30,11 +30,11 @@ def page_file() -> PageFile:
     html = folder.joinpath("page.html").read_text(encoding="utf-8")
     html = html.replace("LICENCE OF THE PLOTS", folder.joinpath("uPlot.LICENSE").read_text(encoding="utf-8"))
     hashes: list[str] = []
-    for place, (element, name) in _PARTS.items():
+    for placeholder, (element, name) in _PARTS.items():
         text = folder.joinpath(name).read_text(encoding="utf-8")
         if element == "script":
             hashes.append(f"'sha256-{b64encode(sha256(text.encode()).digest()).decode()}'")
-        html = html.replace(place, f"<{element}>{text}</{element}>")
+        html = html.replace(placeholder, f"<{element}>{text}</{element}>")
     policy = (
         f"default-src 'none'; script-src {' '.join(hashes)}; style-src 'unsafe-inline'; connect-src 'self'; "
         "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
