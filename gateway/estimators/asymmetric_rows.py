@@ -184,8 +184,8 @@ def row_sensitivity(shape: AsymmetricShape, motion: FreeMotion, unknowns: FloatA
     cw, rs, ts = unknowns[U.CW], unknowns[U.RS], unknowns[U.TS]
 
     def stiffened(field: ComplexArray) -> ComplexArray:
-        found: ComplexArray = -(rs * _dot(field, out) * out + ts * _dot(field, along) * along)
-        return found
+        restoring: ComplexArray = -(rs * _dot(field, out) * out + ts * _dot(field, along) * along)
+        return restoring
 
     side = -(rs * (_dot(moved, out) - 1.0) * out + ts * _dot(moved, along) * along)
     summed = integral(-1j * cw * tangent + side)
@@ -235,7 +235,7 @@ def _levers(side: ComplexArray) -> tuple[float, float, float]:
     return -total.real, total.imag, 0.0
 
 
-def _dot(left: ComplexArray, right: ComplexArray) -> FloatArray:
+def _dot(first: ComplexArray, second: ComplexArray) -> FloatArray:
     """Return the scalar product of plane vectors."""
-    product: FloatArray = left.real * right.real + left.imag * right.imag
+    product: FloatArray = first.real * second.real + first.imag * second.imag
     return product

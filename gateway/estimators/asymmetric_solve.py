@@ -96,14 +96,14 @@ class AsymmetricSolution:
     def noise(self, order_std: FloatArray) -> FloatArray:
         """Return the covariance of the forces by errors of the orders, (ORDER_COUNT,), (4, 4)."""
         weighted = self.response * _both(order_std)
-        found: FloatArray = weighted @ weighted.T
-        return found
+        covariance: FloatArray = weighted @ weighted.T
+        return covariance
 
     def common(self) -> FloatArray:
         """Return the covariance of the forces by priors and model error, (4, 4)."""
         waves = self._waves() @ self.response.T
-        found: FloatArray = waves.T @ waves + self.prior_response @ self.prior_response.T
-        return found
+        covariance: FloatArray = waves.T @ waves + self.prior_response @ self.prior_response.T
+        return covariance
 
     def tire(self, order_std: FloatArray) -> TirePrior:
         """Return the tire's own unknowns with their covariance, by errors of the orders, priors and model error."""
@@ -125,10 +125,10 @@ class AsymmetricSolution:
         cosine, sine = self.correction[:_HALF], self.correction[_HALF:]
         waves = []
         for first, following in pairwise(_BAND_EDGES):
-            for one, other in ((cosine, sine), (-sine, cosine)):
+            for cosine_part, sine_part in ((cosine, sine), (-sine, cosine)):
                 wave = np.zeros(2 * _HALF)
-                wave[first:following] = one[first:following]
-                wave[_HALF + first : _HALF + following] = other[first:following]
+                wave[first:following] = cosine_part[first:following]
+                wave[_HALF + first : _HALF + following] = sine_part[first:following]
                 waves.append(wave)
         result: FloatArray = np.sqrt(0.5 * excess) * np.array(waves)
         return result
@@ -139,8 +139,8 @@ _FREEDOM: Final = ROWS + 1 - len(U) + 1
 
 def corrected_orders(orders: FloatArray) -> FloatArray:
     """Return the orders (2 MAX_ORDER,) to which `AsymmetricSolution.response` refers, (118,)."""
-    found: FloatArray = orders[..., _CORRECTED]
-    return found
+    corrected: FloatArray = orders[..., _CORRECTED]
+    return corrected
 
 
 def solve_asymmetric(
@@ -216,17 +216,17 @@ def _step(
     factor = np.asarray(np.linalg.qr((by_order * np.sqrt(variance)).T, mode="r"), dtype=np.float64).T
     whitened = np.linalg.solve(factor, np.column_stack([by_unknown * _UNITS, target, by_order]))
     jacobian, goal, orders = whitened[:, : len(U)], whitened[:, len(U)], whitened[:, len(U) + 1 :]
-    root, at = _prior_rows(prior, unknowns)
+    root, prior_goal = _prior_rows(prior, unknowns)
     basis, upper = np.linalg.qr(np.concatenate([jacobian, root]))
-    change = np.linalg.solve(upper, basis.T @ np.append(goal, at))
+    change = np.linalg.solve(upper, basis.T @ np.append(goal, prior_goal))
     if not np.isfinite(change).all():
         raise np.linalg.LinAlgError("the balance has no solution")
-    left = goal - jacobian @ change
+    remainder = goal - jacobian @ change
     change *= min(1.0, _LARGEST_STEP / max(float(np.abs(change).max()), 1e-300))
     response = -np.linalg.solve(upper, basis[: len(goal)].T @ orders) * _UNITS[:, np.newaxis]
     by_prior = np.linalg.solve(upper, basis[len(goal) :].T) * _UNITS[:, np.newaxis]
-    found = variance * (by_order.T @ np.linalg.solve(factor.T, left))
-    return _Step(change * _UNITS, found, response, by_prior, float(left @ left) / _FREEDOM)
+    new_correction = variance * (by_order.T @ np.linalg.solve(factor.T, remainder))
+    return _Step(change * _UNITS, new_correction, response, by_prior, float(remainder @ remainder) / _FREEDOM)
 
 
 def _prior_rows(prior: TirePrior | None, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:

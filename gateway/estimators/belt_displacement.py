@@ -70,7 +70,7 @@ def _rows(begin: int) -> FloatArray:
     covariance = work @ work.T
     covariance += _RIDGE * np.trace(covariance) / len(covariance) * np.eye(len(covariance))
     weighted = np.linalg.solve(covariance, unknowns).T
-    found: FloatArray = -np.linalg.solve(weighted @ unknowns, weighted @ work)
-    rows = found[[0, 2]]
+    weights: FloatArray = -np.linalg.solve(weighted @ unknowns, weighted @ work)
+    rows = weights[[0, 2]]
     rows.setflags(write=False)
     return rows

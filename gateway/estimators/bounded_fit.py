@@ -74,45 +74,47 @@ def fit_nonnegative(
     Returns:
         The minimum found; deterministic.
     """
-    here = start.copy()
-    values, jacobian = model(here)
+    parameters = start.copy()
+    values, jacobian = model(parameters)
     residuals = data - values
     cost = float(residuals @ residuals)
     damping = _FIRST_DAMPING
     evaluations = 1
     converged = False
-    normal, gradient = _normal(here, residuals, jacobian, curvature), jacobian.T @ residuals
+    normal, gradient = _normal(parameters, residuals, jacobian, curvature), jacobian.T @ residuals
     while evaluations < max_evaluations and not converged:
-        step = _projected_step(normal, gradient, here, damping)
+        step = _projected_step(normal, gradient, parameters, damping)
         # Data that no parameters describe would drive them to infinity, quadratically with every step.
-        there = np.clip(here + step, 0.0, _MAX_GROWTH * max(1.0, float(here.max())))
-        reach = float(np.abs(there - here).max())
-        if reach <= tolerance * float(here.max()):
+        trial = np.clip(parameters + step, 0.0, _MAX_GROWTH * max(1.0, float(parameters.max())))
+        reach = float(np.abs(trial - parameters).max())
+        if reach <= tolerance * float(parameters.max()):
             converged = True
             break
-        values, new_jacobian = model(there)
+        values, new_jacobian = model(trial)
         evaluations += 1
         new_residuals = data - values
         new_cost = float(new_residuals @ new_residuals)
         if new_cost <= cost:  # False for NaN as well
-            here, residuals, jacobian = there, new_residuals, new_jacobian
+            parameters, residuals, jacobian = trial, new_residuals, new_jacobian
             cost = new_cost
-            normal, gradient = _normal(here, residuals, jacobian, curvature), jacobian.T @ residuals
+            normal, gradient = _normal(parameters, residuals, jacobian, curvature), jacobian.T @ residuals
             damping = max(damping * 0.1, _MIN_DAMPING)
         else:
             damping *= 8.0
             if damping > _MAX_DAMPING:
                 converged = True
-    free = (here > 0.0) | (gradient > 0.0)
-    return BoundedFit(here, free, residuals, jacobian, cost, evaluations, converged)
+    free = (parameters > 0.0) | (gradient > 0.0)
+    return BoundedFit(parameters, free, residuals, jacobian, cost, evaluations, converged)
 
 
-def _normal(here: FloatArray, residuals: FloatArray, jacobian: FloatArray, curvature: Curvature | None) -> FloatArray:
+def _normal(
+    parameters: FloatArray, residuals: FloatArray, jacobian: FloatArray, curvature: Curvature | None
+) -> FloatArray:
     """Return the Hessian of half the cost where it is positive definite, else its Gauss-Newton part."""
     normal: FloatArray = jacobian.T @ jacobian
     if curvature is None:
         return normal
-    full = normal - curvature(here, residuals)
+    full = normal - curvature(parameters, residuals)
     try:
         np.linalg.cholesky(full)
     except np.linalg.LinAlgError:
@@ -120,12 +122,12 @@ def _normal(here: FloatArray, residuals: FloatArray, jacobian: FloatArray, curva
     return full
 
 
-def _projected_step(normal: FloatArray, gradient: FloatArray, here: FloatArray, damping: float) -> FloatArray:
+def _projected_step(normal: FloatArray, gradient: FloatArray, parameters: FloatArray, damping: float) -> FloatArray:
     """Return the damped step of the parameters that are not held on their bound."""
-    free = (here > 0.0) | (gradient > 0.0)
-    step = np.zeros_like(here)
+    free = (parameters > 0.0) | (gradient > 0.0)
+    step = np.zeros_like(parameters)
     # A free parameter that the step carries below zero ends on its bound; the others are then solved without it.
-    for _ in range(len(here)):
+    for _ in range(len(parameters)):
         count = int(np.count_nonzero(free))
         if not count:
             break
@@ -138,9 +140,9 @@ def _projected_step(normal: FloatArray, gradient: FloatArray, here: FloatArray, 
         except np.linalg.LinAlgError:
             solved = right / np.maximum(diagonal, 1e-300)
         step[free] = solved
-        leaving = free & (here + step < 0.0)
+        leaving = free & (parameters + step < 0.0)
         if not leaving.any():
             break
-        step[leaving] = -here[leaving]
+        step[leaving] = -parameters[leaving]
         free = free & ~leaving
     return step

@@ -54,7 +54,7 @@ class CavityEstimator:
     def reset(self) -> None:
         """Forget everything."""
         self._spectrum = RollingSpectrum()
-        self._found: tuple[Estimate, ...] = ()
+        self._latest: tuple[Estimate, ...] = ()
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return cavity_hz, cavity_temperature_degc if the gas is air, and cavity_gas_ratio.
@@ -64,11 +64,11 @@ class CavityEstimator:
         """
         is_new, reason = self._spectrum.take(revolution, average)
         if is_new:
-            self._found = self._estimates(revolution.omega_radps / (2.0 * math.pi), conditions)
-        if not self._found:
+            self._latest = self._estimates(revolution.omega_radps / (2.0 * math.pi), conditions)
+        if not self._latest:
             waiting = reason or Reason(Code.NEEDS_UNINTERRUPTED_ROLLING, duration_s=SPECTRUM_S)
             return tuple(Estimate.invalid(name, waiting) for name in NAMES)
-        return self._found
+        return self._latest
 
     def _estimates(self, wheel_hz: float, conditions: TireConditions) -> tuple[Estimate, ...]:
         spectrum = self._spectrum.latest

@@ -89,10 +89,12 @@ class FittedSeries:
         return cls(np.zeros((count, 4)), np.zeros((count, 4), dtype=np.bool_), noise, model)
 
     @classmethod
-    def of(cls, one: FittedNumbers) -> Self:
+    def of(cls, numbers: FittedNumbers) -> Self:
         """Return the numbers of one revolution."""
-        here = np.newaxis
-        return cls(one.values[here], one.free[here], one.noise[here], one.model[here])
+        first_axis = np.newaxis
+        return cls(
+            numbers.values[first_axis], numbers.free[first_axis], numbers.noise[first_axis], numbers.model[first_axis]
+        )
 
     def at(self, index: int) -> FittedNumbers:
         """Return the numbers of a revolution."""
@@ -141,12 +143,12 @@ def determination(fitted: FittedNumbers) -> Determination:
     std = np.sqrt(np.where(usable, np.maximum(variance, 0.0), 0.0))
     relative = np.full(4, math.inf)
     relative[usable] = std[usable] / fitted.values[usable]
-    known = usable & (std > 0.0)
-    scale = np.where(known, std, 1.0)
-    correlation = np.where(np.outer(known, known), covariance / np.outer(scale, scale), 0.0)
+    has_error = usable & (std > 0.0)
+    scale = np.where(has_error, std, 1.0)
+    correlation = np.where(np.outer(has_error, has_error), covariance / np.outer(scale, scale), 0.0)
     correlation[np.diag_indices(4)] = 1.0
-    eigenvalues = np.linalg.eigvalsh(correlation[np.ix_(known, known)]) if known.any() else np.ones(1)
-    share = np.where(known, np.diagonal(fitted.model) / np.square(scale), 0.0)
+    eigenvalues = np.linalg.eigvalsh(correlation[np.ix_(has_error, has_error)]) if has_error.any() else np.ones(1)
+    share = np.where(has_error, np.diagonal(fitted.model) / np.square(scale), 0.0)
     determined = relative * DETERMINED <= 1.0
     if usable[0] and usable[_CW] and fitted.values[0] < _WEAK_BENDING * fitted.values[_CW]:
         determined[0] = relative[0] * DETERMINED * _WEAK_FACTOR <= 1.0
@@ -199,11 +201,13 @@ def series_estimates(
     covariance = fitted.noise + fitted.model
     variance = np.diagonal(covariance, axis1=1, axis2=2)
     std = np.sqrt(np.maximum(variance, 0.0))
-    missing = [missing_conditions(at) for at in conditions]
-    scales = [0.0 if lacking else scale_error(at) for lacking, at in zip(missing, conditions, strict=True)]
+    missing = [missing_conditions(condition) for condition in conditions]
+    scales = [
+        0.0 if lacking else scale_error(condition) for lacking, condition in zip(missing, conditions, strict=True)
+    ]
     widths = [
-        None if lacking else _width(estimator, cw, cw_std, at, scale)
-        for lacking, cw, cw_std, at, scale in zip(
+        None if lacking else _width(estimator, cw, cw_std, condition, scale)
+        for lacking, cw, cw_std, condition, scale in zip(
             missing, values[:, _CW].tolist(), std[:, _CW].tolist(), conditions, scales, strict=True
         )
     ]
@@ -213,25 +217,27 @@ def series_estimates(
     ratios, ratio_errors, ratio_fits = _ratios(values, free, covariance)
     # Weak bending must be determined better than the ratio's own error tells.
     ratio_fits[:, 0] &= determined[:, 0]
-    known = np.concatenate([values, ratios], axis=1)
+    all_values = np.concatenate([values, ratios], axis=1)
     errors = np.concatenate([np.hypot(std, values * scale), ratio_errors], axis=1)
-    sound = np.concatenate([determined, ratio_fits], axis=1) & (known > 0.0) & np.isfinite(errors)
-    rows = list(zip(known.tolist(), errors.tolist(), sound.tolist(), strict=True))
+    sound = np.concatenate([determined, ratio_fits], axis=1) & (all_values > 0.0) & np.isfinite(errors)
+    rows = list(zip(all_values.tolist(), errors.tolist(), sound.tolist(), strict=True))
     made = []
     for index, (lacking, width) in enumerate(zip(missing, widths, strict=True)):
-        own = doubts[index]
+        revolution_doubts = doubts[index]
         if lacking:
             numbers = [Estimate.invalid(name, *lacking) for name in RING_NUMBERS]
         else:
             reason = None if width is None else width.reason
             code = None if reason is None else reason.code
             of_all = () if reason is None or code is Code.SCALE_BY_WIDTH else (reason,)
-            doubted = (*own, *of_all) if code is Code.WIDTH_CONTRADICTED else own
+            doubted = (*revolution_doubts, *of_all) if code is Code.WIDTH_CONTRADICTED else revolution_doubts
             noted = (*notes, *of_all) if code is Code.WIDTH_DISAGREES else notes
             numbers = _estimates(fitted, index, rows[index], range(_COUNT), doubted, noted)
             if reason is not None and code is Code.SCALE_BY_WIDTH and numbers[_CW].status is not Status.INVALID:
                 numbers[_CW] = numbers[_CW]._replace(reasons=(*numbers[_CW].reasons, reason))
-        made.append((*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), own, notes)))
+        made.append(
+            (*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), revolution_doubts, notes))
+        )
     return made
 
 
@@ -239,7 +245,7 @@ def _estimates(
     fitted: FittedSeries,
     index: int,
     row: tuple[list[float], list[float], list[bool]],
-    places: range,
+    columns: range,
     doubts: tuple[Reason, ...],
     notes: tuple[Reason, ...],
 ) -> list[Estimate]:
@@ -249,31 +255,31 @@ def _estimates(
         fitted: the numbers.
         index: of the revolution.
         row: its values and errors, and whether each is known and determined, numbers first, then ratios.
-        places: of the estimates that are wanted.
+        columns: of the estimates that are wanted.
         doubts: why they are provisional.
         notes: what valid ones rest on.
     """
     values, errors, sound = row
     status, reasons = (Status.PROVISIONAL, doubts) if doubts else (Status.VALID, notes)
     return [
-        Estimate(_NAMES[place], values[place], errors[place], status, reasons)
-        if sound[place]
-        else _undetermined(fitted.at(index), place, values[place], errors[place], doubts)
-        for place in places
+        Estimate(_NAMES[column], values[column], errors[column], status, reasons)
+        if sound[column]
+        else _undetermined(fitted.at(index), column, values[column], errors[column], doubts)
+        for column in columns
     ]
 
 
 def _undetermined(
-    fitted: FittedNumbers, place: int, value: float, error: float, doubts: tuple[Reason, ...]
+    fitted: FittedNumbers, column: int, value: float, error: float, doubts: tuple[Reason, ...]
 ) -> Estimate:
-    """Return the estimate of a number or ratio, by its place, that is not known or not determined."""
-    name, at_zero = _NAMES[place], Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])
-    if place < _COUNT:
-        why_not = determination(fitted).why_not(place)
+    """Return the estimate of a number or ratio, by its column, that is not known or not determined."""
+    name, at_zero = _NAMES[column], Reason(Code.FIT_AT_ZERO, number=RING_NUMBERS[_CW])
+    if column < _COUNT:
+        why_not = determination(fitted).why_not(column)
     elif not (fitted.free[_CW] and fitted.values[_CW] > 0.0):
         return Estimate.invalid(name, at_zero)
     else:
-        number = int(_OVER_CW[place - _COUNT])
+        number = int(_OVER_CW[column - _COUNT])
         relative = error / value if fitted.free[number] and value else math.inf
         why_not = determination(fitted).why_not(number, relative)
     if not (value > 0.0 and math.isfinite(error)):
@@ -284,11 +290,11 @@ def _undetermined(
 def _ratios(values: FloatArray, free: BoolArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return the ratios to Cw of k revolutions, their errors to first order, and which of them fit, (k, 3) each."""
     cw = values[:, _CW, np.newaxis]
-    own = np.diagonal(covariance, axis1=1, axis2=2)
+    variances = np.diagonal(covariance, axis1=1, axis2=2)
     with_cw = covariance[:, _OVER_CW, _CW] + covariance[:, _CW, _OVER_CW]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = values[:, _OVER_CW] / cw
-        square = own[:, _OVER_CW] - ratios * with_cw + ratios * ratios * own[:, _CW, np.newaxis]
+        square = variances[:, _OVER_CW] - ratios * with_cw + ratios * ratios * variances[:, _CW, np.newaxis]
         errors = np.sqrt(np.maximum(square / (cw * cw), 0.0))
         fits: BoolArray = (errors * DETERMINED <= ratios) & (free[:, _CW, np.newaxis] & (cw > 0.0))
     return ratios, errors, fits

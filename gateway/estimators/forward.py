@@ -110,16 +110,16 @@ class ForwardEstimator:
             return
         use_mean = not revolution.ac_coupled
         start = None if self._fit is None else self._fit.parameters
-        found = fit_forward(orders, order_std, half_angle, model, start=start, use_mean=use_mean)
-        if start is not None and (found is None or found.residual_share > MAX_RESIDUAL_SHARE):
-            found = fit_forward(orders, order_std, half_angle, model, use_mean=use_mean)
-        if found is None:
+        fit = fit_forward(orders, order_std, half_angle, model, start=start, use_mean=use_mean)
+        if start is not None and (fit is None or fit.residual_share > MAX_RESIDUAL_SHARE):
+            fit = fit_forward(orders, order_std, half_angle, model, use_mean=use_mean)
+        if fit is None:
             self._fit, self._failure = None, Reason(Code.NO_RING_EQUILIBRIUM)
-        elif found.residual_share > MAX_RESIDUAL_SHARE:
+        elif fit.residual_share > MAX_RESIDUAL_SHARE:
             self._fit = None
-            self._failure = Reason(Code.RING_DOES_NOT_FIT, residual=found.residual_share, limit=MAX_RESIDUAL_SHARE)
+            self._failure = Reason(Code.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE)
         else:
-            self._fit = found
+            self._fit = fit
 
 
 def _with_shear_doubt(estimate: Estimate, fit: ForwardFit) -> Estimate:

@@ -53,7 +53,7 @@ _FLAT: Final = 2.0
 _MEAN_ERROR: Final = 1e-4
 # Parameters that decide convergence: order and decay of a packet in the noise never settle.
 _DECISIVE: Final[BoolArray] = np.array(
-    [place not in (P.BEFORE_ORDER, P.BEFORE_DECAY, P.AFTER_ORDER, P.AFTER_DECAY) for place in P]
+    [parameter not in (P.BEFORE_ORDER, P.BEFORE_DECAY, P.AFTER_ORDER, P.AFTER_DECAY) for parameter in P]
 )
 
 _MAX_STEPS: Final = 40
@@ -109,8 +109,8 @@ class ForwardFit:
     @property
     def residual_share(self) -> float:
         """Rms of the residual from order 2 on, as a share of the signal's."""
-        left, all_of_it = (float(np.sum(np.abs(orders[2:]) ** 2)) for orders in (self.residual, self.data))
-        return math.sqrt(left / all_of_it)
+        unexplained, all_of_it = (float(np.sum(np.abs(orders[2:]) ** 2)) for orders in (self.residual, self.data))
+        return math.sqrt(unexplained / all_of_it)
 
     @property
     def data(self) -> ComplexArray:
@@ -146,13 +146,13 @@ def fit_forward(
     """
     if start is not None:
         return _fit(orders, order_std, half_angle_rad, model.resolving(start), start, use_mean)
-    found = _fit(orders, order_std, half_angle_rad, model, None, use_mean)
-    if found is None:
+    coarse = _fit(orders, order_std, half_angle_rad, model, None, use_mean)
+    if coarse is None:
         return None
-    finer = model.resolving(found.parameters)
+    finer = model.resolving(coarse.parameters)
     if finer.nodes == model.nodes:
-        return found
-    return _fit(orders, order_std, half_angle_rad, finer, found.parameters, use_mean) or found
+        return coarse
+    return _fit(orders, order_std, half_angle_rad, finer, coarse.parameters, use_mean) or coarse
 
 
 def _fit(
@@ -170,21 +170,21 @@ def _fit(
     used[_UNUSED_ORDER] = False
     used[0] = use_mean
     try:
-        here = model.solve(cold_start(model, half_angle_rad) if start is None else start.copy())
+        solution = model.solve(cold_start(model, half_angle_rad) if start is None else start.copy())
         if start is None:
-            here = place_centre(model, here, orders)
-        end = _converge(model, here, orders, variance, used, cold=start is None)
-        here = end.solution
-        fine, half_angle = model.refined(here)
-        derivatives, half_angle_gradient = model.derivatives(here)
-        systematic = model.systematic_changes(here)
+            solution = place_centre(model, solution, orders)
+        end = _converge(model, solution, orders, variance, used, cold=start is None)
+        solution = end.solution
+        fine, half_angle = model.refined(solution)
+        derivatives, half_angle_gradient = model.derivatives(solution)
+        systematic = model.systematic_changes(solution)
     except (RingNotConvergedError, ValueError, np.linalg.LinAlgError):
         return None
     rows = np.where(end.free[:, np.newaxis], derivatives, 0.0)
     residual = np.where(used, orders - fine, 0.0)
-    by_noise, by_model = _covariances(rows, residual, variance, end.error, used, here.parameters, systematic)
+    by_noise, by_model = _covariances(rows, residual, variance, end.error, used, solution.parameters, systematic)
     return ForwardFit(
-        solution=here,
+        solution=solution,
         model_orders=fine,
         residual=residual,
         noise=by_noise,
@@ -217,7 +217,7 @@ class _End(NamedTuple):
 
 def _converge(
     model: ForwardModel,
-    here: ForwardSolution,
+    solution: ForwardSolution,
     orders: ComplexArray,
     variance: FloatArray,
     used: BoolArray,
@@ -227,37 +227,37 @@ def _converge(
     """Iterate from `here`; model error and the order of the edge waves are updated on the way."""
     free = np.ones(SIZE, dtype=np.bool_)
     free[P.SHEAR] = model.shear
-    correction = model.refined(here)[0] - here.orders
+    correction = model.refined(solution)[0] - solution.orders
     error = np.full(len(orders), _FIRST_ERROR**2)
     size = math.inf
     for step in range(1, _MAX_STEPS + 1):
         if step == (_WAVES_FROM if cold else 1):
-            left = orders - here.orders - correction
-            here = begin_waves(model, here, left, variance + error, used, all_sides=cold)
-        residual = orders - here.orders - correction
-        rows = np.where(free[:, np.newaxis], model.derivatives(here)[0], 0.0)
-        normal, _ = _normal(rows, residual, variance + error, used, here.parameters)
+            remainder = orders - solution.orders - correction
+            solution = begin_waves(model, solution, remainder, variance + error, used, all_sides=cold)
+        residual = orders - solution.orders - correction
+        rows = np.where(free[:, np.newaxis], model.derivatives(solution)[0], 0.0)
+        normal, _ = _normal(rows, residual, variance + error, used, solution.parameters)
         error = _model_error(residual, variance, _leverage(rows, normal, variance + error, used), used)
-        normal, gradient = _normal(rows, residual, variance + error, used, here.parameters)
+        normal, gradient = _normal(rows, residual, variance + error, used, solution.parameters)
         posterior = np.linalg.inv(normal)
         std = np.sqrt(np.diagonal(posterior))
         change = _limited(np.where(free, posterior @ gradient, 0.0))
         size = float(np.max(np.abs(change) / std, where=_DECISIVE, initial=0.0))
-        there = _move(model, here, change, orders - correction, variance + error, used)
-        if there is None:
+        stepped = _move(model, solution, change, orders - correction, variance + error, used)
+        if stepped is None:
             break
-        here = there
-        free = _distinct(here.parameters, std, free)
-        if size < 1.0 and free[P.ROAD_CURVATURE] and _is_flat(here.parameters, std):
+        solution = stepped
+        free = _distinct(solution.parameters, std, free)
+        if size < 1.0 and free[P.ROAD_CURVATURE] and _is_flat(solution.parameters, std):
             free[P.ROAD_CURVATURE] = False
-            flat = here.parameters.copy()
+            flat = solution.parameters.copy()
             flat[P.ROAD_CURVATURE] = 0.0
-            here = model.solve(flat, here.ring)
+            solution = model.solve(flat, solution.ring)
         elif size < _CONVERGED and (not cold or step > _WAVES_FROM):
             break
         if size < 1.0:
-            correction = model.refined(here)[0] - here.orders
-    return _End(here, free, error, step, size < 1.0)
+            correction = model.refined(solution)[0] - solution.orders
+    return _End(solution, free, error, step, size < 1.0)
 
 
 def _covariances(
@@ -309,29 +309,29 @@ def _is_flat(parameters: FloatArray, std: FloatArray) -> bool:
 
 def _move(
     model: ForwardModel,
-    here: ForwardSolution,
+    solution: ForwardSolution,
     change: FloatArray,
     data: ComplexArray,
     variance: FloatArray,
     used: BoolArray,
 ) -> ForwardSolution | None:
     """Take the step, or a part of it that improves the fit; None when no part does."""
-    before = _cost(here, data, variance, used)
+    before = _cost(solution, data, variance, used)
     for _ in range(_HALVINGS + 1):
         try:
-            there = model.solve(here.parameters + change, here.ring)
+            stepped = model.solve(solution.parameters + change, solution.ring)
         except (RingNotConvergedError, ValueError):
             change = 0.25 * change
             continue
-        if _cost(there, data, variance, used) <= before * (1.0 + 1e-9):
-            return there
+        if _cost(stepped, data, variance, used) <= before * (1.0 + 1e-9):
+            return stepped
         change = 0.4 * change
     return None
 
 
-def _cost(at: ForwardSolution, data: ComplexArray, variance: FloatArray, used: BoolArray) -> float:
-    misfit = np.abs(data - at.orders)[used] ** 2 / variance[used]
-    return float(misfit.sum() + np.sum(np.square((at.parameters - PRIOR_MEAN) / PRIOR_STD)))
+def _cost(solution: ForwardSolution, data: ComplexArray, variance: FloatArray, used: BoolArray) -> float:
+    misfit = np.abs(data - solution.orders)[used] ** 2 / variance[used]
+    return float(misfit.sum() + np.sum(np.square((solution.parameters - PRIOR_MEAN) / PRIOR_STD)))
 
 
 def _normal(
@@ -393,20 +393,20 @@ def cold_start(model: ForwardModel, half_angle_rad: float) -> FloatArray:
     return start
 
 
-def place_centre(model: ForwardModel, here: ForwardSolution, orders: ComplexArray) -> ForwardSolution:
+def place_centre(model: ForwardModel, solution: ForwardSolution, orders: ComplexArray) -> ForwardSolution:
     """Return the model with the contact centre and the gain of the data."""
-    moved = here.parameters.copy()
+    moved = solution.parameters.copy()
     n = np.arange(2, min(40, len(orders)))
     trials = np.linspace(-0.06, 0.06, 121)
-    overlap = (np.exp(1j * np.multiply.outer(trials, n)) @ (orders[n] * here.orders[n].conj())).real
+    overlap = (np.exp(1j * np.multiply.outer(trials, n)) @ (orders[n] * solution.orders[n].conj())).real
     moved[P.CENTRE] = trials[int(np.argmax(overlap))]
-    moved[P.GAIN] = math.log(max(float(overlap.max() / np.sum(np.abs(here.orders[n]) ** 2)), 0.3))
-    return model.solve(moved, here.ring)
+    moved[P.GAIN] = math.log(max(float(overlap.max() / np.sum(np.abs(solution.orders[n]) ** 2)), 0.3))
+    return model.solve(moved, solution.ring)
 
 
 def begin_waves(
     model: ForwardModel,
-    here: ForwardSolution,
+    solution: ForwardSolution,
     residual: ComplexArray,
     variance: FloatArray,
     used: BoolArray,
@@ -417,10 +417,10 @@ def begin_waves(
 
     Without `all_sides` only faint packets are changed, so that a fit that continues keeps what it has found.
     """
-    p = here.parameters.copy()
+    p = solution.parameters.copy()
     weight = np.where(used, 1.0 / np.sqrt(variance), 0.0)
     data = stacked(residual * weight)
-    for place, packet in zip((P.BEFORE_ORDER, P.AFTER_ORDER), here.packets(), strict=True):
+    for order_index, packet in zip((P.BEFORE_ORDER, P.AFTER_ORDER), solution.packets(), strict=True):
         if not all_sides and packet.amplitude > _FAINT:
             continue
         best = -1.0
@@ -428,15 +428,15 @@ def begin_waves(
             if order > 0.9 * model.max_order:
                 break
             trial = p.copy()
-            trial[place] = order
+            trial[order_index] = order
             basis = (
-                model.wave_orders(trial, here.ring)[:2]
-                if place is P.BEFORE_ORDER
-                else (model.wave_orders(trial, here.ring)[6:8])
+                model.wave_orders(trial, solution.ring)[:2]
+                if order_index is P.BEFORE_ORDER
+                else (model.wave_orders(trial, solution.ring)[6:8])
             )
             columns = np.stack([stacked(row * weight) for row in basis], axis=1)
-            found, *_ = np.linalg.lstsq(columns, data, rcond=None)
-            gain = float(data @ (columns @ found))
+            amplitudes, *_ = np.linalg.lstsq(columns, data, rcond=None)
+            gain = float(data @ (columns @ amplitudes))
             if gain > best:
-                best, p[place] = gain, order
-    return model.solve(p, here.ring)
+                best, p[order_index] = gain, order
+    return model.solve(p, solution.ring)

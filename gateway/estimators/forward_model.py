@@ -92,15 +92,15 @@ PRIORS: Final[dict[P, tuple[float, float]]] = {
     P.AFTER_ORDER: (40.0, 12.0),
     P.AFTER_DECAY: (0.0, 0.5),
 }
-PRIOR_MEAN: Final[FloatArray] = np.array([PRIORS[place][0] for place in P])
-PRIOR_STD: Final[FloatArray] = np.array([PRIORS[place][1] for place in P])
+PRIOR_MEAN: Final[FloatArray] = np.array([PRIORS[parameter][0] for parameter in P])
+PRIOR_STD: Final[FloatArray] = np.array([PRIORS[parameter][1] for parameter in P])
 
 # Step of the numerical derivatives, in the parameter's unit.
 _STEP: Final = 1e-3
 _REFERENCE = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=TABLE_3_RADIUS_M, pressure_pa=TABLE_3_PRESSURE_PA)
 # EI / (GA R^2) at P.SHEAR = 0: a shear length of a hundredth of the radius.
 _SHEAR_UNIT: Final = 1e-4
-_RING_PARAMETERS: Final = tuple(place for place in P if place < P.CENTRE)
+_RING_PARAMETERS: Final = tuple(parameter for parameter in P if parameter < P.CENTRE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,26 +234,26 @@ class ForwardModel:
         orders[:, :2] = 0.0
         return orders
 
-    def derivatives(self, at: ForwardSolution) -> tuple[ComplexArray, FloatArray]:
+    def derivatives(self, solution: ForwardSolution) -> tuple[ComplexArray, FloatArray]:
         """Return the derivatives of the orders, (SIZE, m), and of the half angle, (SIZE,), by every parameter."""
-        p, ring = at.parameters, at.ring
+        p, ring = solution.parameters, solution.ring
         rows, half_angle = np.zeros((SIZE, self.max_order + 1), dtype=np.complex128), np.zeros(SIZE)
-        places = [place for place in _RING_PARAMETERS if self.shear or place is not P.SHEAR]
-        moved = p + _STEP * np.eye(SIZE)[places]
+        varied = [parameter for parameter in _RING_PARAMETERS if self.shear or parameter is not P.SHEAR]
+        moved = p + _STEP * np.eye(SIZE)[varied]
         near = nearby_solutions(
             ring,
-            [self.ring(one) for one in moved],
+            [self.ring(row) for row in moved],
             sensor_offset_m=self.offset * TABLE_3_RADIUS_M,
             drum_radius_m=_drum_radius_m(p),
-            drum_radii_m=[_drum_radius_m(one) for one in moved],
+            drum_radii_m=[_drum_radius_m(row) for row in moved],
             axle_torque_nm=_torque_nm(p),
-            axle_torques_nm=[_torque_nm(one) for one in moved],
+            axle_torques_nm=[_torque_nm(row) for row in moved],
         )
-        for place, parameters, there in zip(places, moved, near, strict=True):
-            rows[place] = (self._orders(parameters, there) - at.orders) / _STEP
-            half_angle[place] = (there.half_angle_rad - at.half_angle_rad) / _STEP
-        rows[P.CENTRE] = -1j * np.arange(self.max_order + 1) * at.orders
-        rows[P.GAIN] = at.orders
+        for parameter, parameters, moved_ring in zip(varied, moved, near, strict=True):
+            rows[parameter] = (self._orders(parameters, moved_ring) - solution.orders) / _STEP
+            half_angle[parameter] = (moved_ring.half_angle_rad - solution.half_angle_rad) / _STEP
+        rows[P.CENTRE] = -1j * np.arange(self.max_order + 1) * solution.orders
+        rows[P.GAIN] = solution.orders
         basis = self.wave_orders(p, ring) * self._turn(p)
         for first, packet in ((P.BEFORE_COSINE, basis[:6]), (P.AFTER_COSINE, basis[6:])):
             cosine, sine = p[first], p[first + 1]
@@ -262,7 +262,7 @@ class ForwardModel:
             rows[first + 3] = cosine * packet[4] + sine * packet[5]
         return rows, half_angle
 
-    def systematic_changes(self, at: ForwardSolution) -> ComplexArray:
+    def systematic_changes(self, solution: ForwardSolution) -> ComplexArray:
         """Return the changes of the orders by one standard error of the offset and of the steady value, (2, m).
 
         Raises:
@@ -270,17 +270,17 @@ class ForwardModel:
         """
         changes = np.zeros((2, self.max_order + 1), dtype=np.complex128)
         if self.offset_std:
-            moved = replace(self, offset=self.offset + _STEP).solve(at.parameters, at.ring)
-            changes[0] = (moved.orders - at.orders) * (self.offset_std / _STEP)
+            moved = replace(self, offset=self.offset + _STEP).solve(solution.parameters, solution.ring)
+            changes[0] = (moved.orders - solution.orders) * (self.offset_std / _STEP)
         changes[1, 0] = self.steady_std
         return changes
 
-    def refined(self, at: ForwardSolution) -> tuple[ComplexArray, float]:
-        """Return orders and half angle at `at`, extrapolated to zero grid step: the error falls with its square."""
-        fine = replace(self, nodes=2 * self.nodes).solve(at.parameters)
+    def refined(self, solution: ForwardSolution) -> tuple[ComplexArray, float]:
+        """Return orders and half angle extrapolated to zero grid step: the error falls with its square."""
+        fine = replace(self, nodes=2 * self.nodes).solve(solution.parameters)
         return (
-            fine.orders + (fine.orders - at.orders) / 3.0,
-            fine.half_angle_rad + (fine.half_angle_rad - at.half_angle_rad) / 3.0,
+            fine.orders + (fine.orders - solution.orders) / 3.0,
+            fine.half_angle_rad + (fine.half_angle_rad - solution.half_angle_rad) / 3.0,
         )
 
 

@@ -139,18 +139,18 @@ def _brush(exponent: float) -> tuple[FloatArray, FloatArray]:
     Bristles stick from the leading edge on and deflect in proportion to the distance from it, up to the friction limit,
     from where on they slide (ply steer paper, Eq. 19 and 20, on a rigid belt).
     """
-    place = np.linspace(-1.0, 1.0, _POINTS + 1)
-    limit = 1.0 - np.abs(place) ** exponent
+    position = np.linspace(-1.0, 1.0, _POINTS + 1)
+    limit = 1.0 - np.abs(position) ** exponent
     shares = np.linspace(0.0, 1.0, _POINTS + 1)
     ratios = np.empty_like(shares)
     for index, share in enumerate(shares):
         if index == 0:
-            deflection = 1.0 + place
+            deflection = 1.0 + position
         else:
             begin = 1.0 - 2.0 * float(share)
             slope = (1.0 - abs(begin) ** exponent) / (1.0 + begin) if begin > -1.0 else math.inf
-            deflection = np.where(place < begin, slope * (1.0 + place), limit) if begin > -1.0 else limit
-        ratios[index] = 3.0 * float(np.trapezoid(deflection * place) / np.trapezoid(deflection))
+            deflection = np.where(position < begin, slope * (1.0 + position), limit) if begin > -1.0 else limit
+        ratios[index] = 3.0 * float(np.trapezoid(deflection * position) / np.trapezoid(deflection))
     # Numbers of the grid's accuracy may not fall strictly.
     ratios = np.minimum.accumulate(ratios)
     for array in (shares, ratios):

@@ -131,13 +131,13 @@ class _Part:
         self._change = values - mean
         self.means: FloatArray = mean + self._shares.values @ self._change
 
-    def spread(self, place: int) -> FloatArray:
+    def spread(self, row: int) -> FloatArray:
         """Return the spread of the lateral coefficients after a revolution, (2 k, 2 k)."""
-        shares, change = self._shares.values[place], self._change[:, :_SIZE]
+        shares, change = self._shares.values[row], self._change[:, :_SIZE]
         mean = shares @ change
         result: FloatArray = (change.T * shares) @ change
         result -= np.multiply.outer(mean, mean)
-        prior = float(self._shares.prior[place])
+        prior = float(self._shares.prior[row])
         if prior:
             result += prior * self._spread
         return result
@@ -215,25 +215,25 @@ class LateralAverage:
         part = _Part(self._mean, self._spread, part_values, [weight for _, weight, *_ in scalars])
         late = np.array([roll.rad for roll in steps.roll[rows]]) - part.means[:, -1]
         steps.mean_m[rows] = part.means[:, :_SIZE] - late[:, np.newaxis] * part.means[:, _SIZE : 2 * _SIZE]
-        for place, own in enumerate(scalars):
+        for row, state in enumerate(scalars):
             steps.order_max.append(self._order_max)
-            steps.effective_counts.append(1.0 / own[2])
-            steps.records.append(partial(_record, part, place, steps.mean_m[rows][place], own, self._order_max))
+            steps.effective_counts.append(1.0 / state[2])
+            steps.records.append(partial(_record, part, row, steps.mean_m[rows][row], state, self._order_max))
         last = len(scalars) - 1
         self._mean, self._spread = part.means[last], part.spread(last)
 
 
 def _record(
-    part: _Part, place: int, lateral_m: FloatArray, scalars: tuple[int, float, float, float], order_max: int
+    part: _Part, row: int, lateral_m: FloatArray, scalars: tuple[int, float, float, float], order_max: int
 ) -> LateralRecord:
     """Return an average; its covariance is that of the mean, without that of the tilt."""
     count, _, weight_square, noise = scalars
     if count >= 3:
-        covariance = part.spread(place) * (weight_square / (1.0 - weight_square))
+        covariance = part.spread(row) * (weight_square / (1.0 - weight_square))
     else:
         # The noise above the tire's orders is a better estimate than the scatter of two revolutions.
         covariance = np.eye(_SIZE) * (noise * weight_square)
-    means = part.means[place]
+    means = part.means[row]
     return LateralRecord(lateral_m, means[_SIZE : 2 * _SIZE], means[2 * _SIZE : -1], covariance, order_max)
 
 
@@ -256,10 +256,10 @@ def _coefficients(
     The last two are for errors and small corrections only, for which the change of speed within a revolution does not
     matter.
     """
-    at = np.array(taken)
+    indices = np.array(taken)
     whole = len(taken) == len(arrays.axes_mps2)
-    axes = arrays.axes_mps2 if whole else arrays.axes_mps2[at]
-    in_plane = arrays.in_plane_mps2 if whole else arrays.in_plane_mps2[at]
+    axes = arrays.axes_mps2 if whole else arrays.axes_mps2[indices]
+    in_plane = arrays.in_plane_mps2 if whole else arrays.in_plane_mps2[indices]
     lateral = remove_roll(axes[:, LATERAL], axes[:, RADIAL], tilts_rad[:, np.newaxis])
     # Offset and camber do not grow with the speed, so they are removed before the acceleration is corrected.
     lateral -= lateral.mean(axis=1, keepdims=True)
@@ -358,7 +358,7 @@ def _parity_rows(leading_rad: float, trailing_rad: float, radius_m: float) -> Fl
 
 def edge_errors(
     record: LateralRecord,
-    found: Slopes,
+    measured: Slopes,
     edges_rad: tuple[float, float],
     edges_std_rad: tuple[float, float],
     radius_m: float,
@@ -368,20 +368,20 @@ def edge_errors(
     The peak does not depend on the edges. The adhesion line depends on them only where it ends at one; where it ends at
     a zero of the slope, noise moves its end.
     """
-    total = np.zeros(len(DEFINITIONS) + len(found.parity_rad))
+    total = np.zeros(len(DEFINITIONS) + len(measured.parity_rad))
     for edge, std in enumerate(edges_std_rad):
-        at_edge = found.stretch_rad[edge] == edges_rad[edge]
-        end_std = std if at_edge else _zero_std(record, found.stretch_rad[edge], radius_m)
+        at_edge = measured.stretch_rad[edge] == edges_rad[edge]
+        end_std = std if at_edge else _zero_std(record, measured.stretch_rad[edge], radius_m)
         if math.isfinite(end_std) and end_std > 0.0:
-            ends = [end + end_std * (place == edge) for place, end in enumerate(found.stretch_rad)]
-            total[2] += (line_row(ends[0], ends[1], ORDERS, radius_m) @ record.lateral_m - found.values_rad[2]) ** 2
+            ends = [end + end_std * (side == edge) for side, end in enumerate(measured.stretch_rad)]
+            total[2] += (line_row(ends[0], ends[1], ORDERS, radius_m) @ record.lateral_m - measured.values_rad[2]) ** 2
         if not (math.isfinite(std) and std > 0.0):
             continue
         leading, trailing = edges_rad[0] + std * (edge == 0), edges_rad[1] + std * (edge == 1)
         chord = chord_row(leading, 0.5 * (leading + trailing), ORDERS, radius_m) @ record.lateral_m
-        total[1] += (chord - found.values_rad[1]) ** 2
+        total[1] += (chord - measured.values_rad[1]) ** 2
         parity = _parity_rows(leading, trailing, radius_m) @ record.lateral_m
-        total[len(DEFINITIONS) :] += np.square(parity - found.parity_rad)
+        total[len(DEFINITIONS) :] += np.square(parity - measured.parity_rad)
     return np.sqrt(total)
 
 
@@ -412,12 +412,12 @@ def _acceleration_gains(revolutions: Sequence[Revolution], n: int) -> FloatArray
     return np.divide(1.0, square, out=square)
 
 
-def _vertex(angles: FloatArray, height: FloatArray, at: int) -> float:
+def _vertex(angles: FloatArray, height: FloatArray, top: int) -> float:
     """Return the vertex angle of the parabola through a maximum and its two neighbours."""
-    left, middle, right = height[at - 1], height[at], height[(at + 1) % len(height)]
-    bend = left - 2.0 * middle + right
-    shift = 0.5 * (left - right) / bend if bend < 0.0 else 0.0
-    return float(angles[at] + np.clip(shift, -1.0, 1.0) * (angles[1] - angles[0]))
+    before, middle, after = height[top - 1], height[top], height[(top + 1) % len(height)]
+    bend = before - 2.0 * middle + after
+    shift = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+    return float(angles[top] + np.clip(shift, -1.0, 1.0) * (angles[1] - angles[0]))
 
 
 def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:

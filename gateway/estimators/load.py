@@ -91,8 +91,8 @@ class LoadEstimator:
 
     def _without_width(self, tire: TireData) -> TireData:
         """Return data of the tire without its width, which an assumed load must not be compared with."""
-        known, without = self._tires
-        if tire is not known:
+        last_tire, without = self._tires
+        if tire is not last_tire:
             without = replace(tire, reference=replace(tire.reference, Cw=None))
             self._tires = tire, without
         return without
@@ -112,7 +112,7 @@ class LoadEstimator:
                 self._numbers = make_estimator(reference.estimator)
             assumed = replace(conditions, load_n=load, load_std_n=0.0, tire=self._without_width(conditions.tire))
             made = self._numbers.update(block.revolutions[index], block.averages.at(index), assumed)
-            numbers = {found.name: found for found in made}
+            numbers = {estimate.name: estimate for estimate in made}
         width = numbers.get("Cw")
         if width is None:
             return Estimate.invalid(NAMES[2], Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Cw"))
@@ -238,16 +238,16 @@ def _bending_change(
         )
         return change, std, noted
     thickness = tire.ring_thickness_m or _USUAL_THICKNESS_M
-    left = max(1.0 - (tire.wear_m or 0.0) / thickness, _LEAST_THICKNESS_SHARE)
+    remaining = max(1.0 - (tire.wear_m or 0.0) / thickness, _LEAST_THICKNESS_SHARE)
     softening = tire.reference.softening(conditions.temperature_degc, calibration.temperature_degc)
     by_temperature = softening.logarithm if softening.is_known else 0.0
     # EI ~ thickness^3
-    wear_std = _UNKNOWN_WEAR_STD if tire.wear_m is None else 3.0 * tire.wear_std_m / (thickness * left)
-    change = 3.0 * math.log(left) + by_temperature
+    wear_std = _UNKNOWN_WEAR_STD if tire.wear_m is None else 3.0 * tire.wear_std_m / (thickness * remaining)
+    change = 3.0 * math.log(remaining) + by_temperature
     notes = []
     if tire.wear_m is None:
         notes.append(Reason(Code.WEAR_UNKNOWN, relative_error=math.hypot(_BETA, _BETA_STD) * wear_std))
-    elif 3.0 * abs(math.log(left)) > _REPORTED_CHANGE:
+    elif 3.0 * abs(math.log(remaining)) > _REPORTED_CHANGE:
         notes.append(Reason(Code.CORRECTED_FOR_WEAR, wear_m=tire.wear_m))
     if not softening.is_known:
         notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
@@ -259,7 +259,7 @@ def _bending_change(
 def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
     """Return the estimate with the better status, then the smaller error, as load_n."""
     rank = {Status.VALID: 0, Status.PROVISIONAL: 1, Status.INVALID: 2}
-    best = min(by_angle, by_width, key=lambda found: (rank[found.status], found.std))
+    best = min(by_angle, by_width, key=lambda estimate: (rank[estimate.status], estimate.std))
     if best.status is Status.INVALID:
         return Estimate.invalid(
             NAMES[0],
@@ -273,9 +273,11 @@ def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
 def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> tuple[Reason, ...]:
     """Return what contradicts the stated load or pressure: loads from the contact, or another belt width."""
     width = conditions.given.get(conditions.tire.reference.estimator, {}).get("Cw")
-    found = (*loads, width) if width is not None else loads
+    estimates = (*loads, width) if width is not None else loads
     against = (Code.LOAD_CONTRADICTED, Code.WIDTH_CONTRADICTED)
-    return tuple(dict.fromkeys(reason for one in found for reason in one.reasons if reason.code in against))
+    return tuple(
+        dict.fromkeys(reason for estimate in estimates for reason in estimate.reasons if reason.code in against)
+    )
 
 
 def _scale_error(conditions: TireConditions, load_std: float) -> float:

@@ -109,20 +109,20 @@ class _Track:
         start = None if self.solution is None else self.solution.unknowns
         self.solution, self._solved_at = None, self._count
         self._std, self._waves = own_std, waves
-        found = solve_asymmetric(self._mean, self._mean_std, half_angle_rad, start, prior)
-        if not (np.isfinite(found.forces).all() and (found.unknowns[:4] > 0.0).all()):
+        solution = solve_asymmetric(self._mean, self._mean_std, half_angle_rad, start, prior)
+        if not (np.isfinite(solution.forces).all() and (solution.unknowns[:4] > 0.0).all()):
             raise np.linalg.LinAlgError("the balance describes no belt")
-        self.solution = found
+        self.solution = solution
         self._solved_orders = corrected_orders(self._mean)
 
     @property
     def forces(self) -> FloatArray:
         """Forces of the mean at load number 1, (4,); between solutions by the linear response."""
         assert self.solution is not None
-        found: FloatArray = self.solution.forces + self.solution.response @ (
+        mean_forces: FloatArray = self.solution.forces + self.solution.response @ (
             corrected_orders(self._mean) - self._solved_orders
         )
-        return found
+        return mean_forces
 
     @property
     def covariance(self) -> FloatArray:
@@ -189,9 +189,9 @@ class LongitudinalForceEstimator:
         signal = orders_about(revolution.radial_mps2, 0.5 * (edges[0] + edges[1]), max_order)
         if not (np.isfinite(signal).all() and signal[0].real > 0.0):
             return _all_invalid(Reason(Code.NO_STEADY_VALUE))
-        own = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
-        self._now.update(own)
-        self._tire.update(own)
+        curvature = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
+        self._now.update(curvature)
+        self._tire.update(curvature)
         weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
         self._omega_radps += weight * (revolution.omega_radps - self._omega_radps)
         try:
@@ -200,7 +200,7 @@ class LongitudinalForceEstimator:
             return _all_invalid(Reason(Code.NO_BELT_SHAPE))
         if self._now.solution is None or self._tire.solution is None:
             return _all_invalid(Reason(Code.NO_BELT_SHAPE))
-        return self._found(revolution, conditions)
+        return self._after_solution(revolution, conditions)
 
     def _solve(
         self,
@@ -237,11 +237,11 @@ class LongitudinalForceEstimator:
         covariance = tire.covariance * (more / (more - 1.0))
         # Damping of either kind, with the speed or without, at another speed than the mean one.
         change = math.log(omega_radps / self._omega_radps)
-        for place in (LASTING.index(U.DAMPING), LASTING.index(U.BENDING_DAMPING)):
-            covariance[place, place] += (tire.mean[place] * change) ** 2
+        for index in (LASTING.index(U.DAMPING), LASTING.index(U.BENDING_DAMPING)):
+            covariance[index, index] += (tire.mean[index] * change) ** 2
         return TirePrior(tire.mean, covariance)
 
-    def _found(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
+    def _after_solution(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return the estimates."""
         doubts = doubt_about(revolution, self._now.effective_count)
         assert self._now.solution is not None
@@ -249,7 +249,9 @@ class LongitudinalForceEstimator:
         forces, covariance = self._now.forces, self._now.covariance
         tilt = math.hypot(self._now.solution.tilt_rad, _LEVEL_STD_RAD)
         pull, torque = float(forces[Force.LONGITUDINAL]), float(forces[Force.TORQUE])
-        pull_variance, torque_variance = (float(covariance[one, one]) for one in (Force.LONGITUDINAL, Force.TORQUE))
+        pull_variance, torque_variance = (
+            float(covariance[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE)
+        )
         pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull)
         torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque)
         ratio = _signed(NAMES[2], pull, pull_std, 1.0, doubts)

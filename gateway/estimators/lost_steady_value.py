@@ -66,13 +66,13 @@ class SteadyValueCheck:
         reach = max(round(_MIDDLE_RAD * n / (2.0 * math.pi)), 1)
         floors = radial[:, n // 2 - reach : n // 2 + reach + 1].mean(axis=1).tolist()
         means = block.arrays.orders_mps2[:, 0].real.tolist()
-        found: list[LostSteadyValue | None] = []
-        radii = [at.radius_m for at in block.conditions]
+        states: list[LostSteadyValue | None] = []
+        radii = [condition.radius_m for condition in block.conditions]
         for revolution, radius_m, mean, floor in zip(block.revolutions, radii, means, floors, strict=True):
             if not (revolution.ac_coupled or revolution.faults or revolution.saturated):
                 self._take(mean, floor, radius_m * revolution.omega_radps**2)
-            found.append(self._present() if self._is_lost and not revolution.ac_coupled else None)
-        return found
+            states.append(self._present() if self._is_lost and not revolution.ac_coupled else None)
+        return states
 
     def _take(self, mean: float, floor: float, steady: float) -> None:
         depth = mean - floor

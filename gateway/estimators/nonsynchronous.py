@@ -32,7 +32,7 @@ class NonsynchronousEstimator:
     def reset(self) -> None:
         """Forget everything."""
         self._spectrum = RollingSpectrum()
-        self._found: tuple[Estimate, ...] = ()
+        self._latest: tuple[Estimate, ...] = ()
 
     def update(
         self,
@@ -46,13 +46,13 @@ class NonsynchronousEstimator:
         """
         is_new, reason = self._spectrum.take(revolution, average)
         if is_new and self._spectrum.latest is not None:
-            self._found = _estimates(
+            self._latest = _estimates(
                 self._spectrum.latest, self._spectrum.highest_hz, revolution.omega_radps / (2.0 * math.pi)
             )
-        if not self._found:
+        if not self._latest:
             waiting = reason or Reason(Code.NEEDS_UNINTERRUPTED_ROLLING, duration_s=SPECTRUM_S)
             return tuple(Estimate.invalid(name, waiting) for name in NAMES)
-        return self._found
+        return self._latest
 
 
 def _estimates(spectrum: Spectrum, high_hz: float, wheel_hz: float) -> tuple[Estimate, ...]:

@@ -36,9 +36,9 @@ def relative_std(order_std: FloatArray, mean: float, orders: FloatArray, max_ord
         max_order: highest order that the sampling carries.
     """
     variance = np.square(order_std / mean)
-    known = np.isfinite(variance)
-    counts = np.bincount(_BAND_OF[known], minlength=_BAND_COUNT)
-    sums = np.bincount(_BAND_OF[known], variance[known], minlength=_BAND_COUNT)
+    measured = np.isfinite(variance)
+    counts = np.bincount(_BAND_OF[measured], minlength=_BAND_COUNT)
+    sums = np.bincount(_BAND_OF[measured], variance[measured], minlength=_BAND_COUNT)
     overall = float(sums.sum() / max(int(counts.sum()), 1))
     by_band = np.where(counts > 0, sums / np.maximum(counts, 1), overall)
     std: FloatArray = np.sqrt(by_band[_BAND_OF])

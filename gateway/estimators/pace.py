@@ -37,5 +37,5 @@ def differ(values: FloatArray, renewed: FloatArray, allowed: FloatArray) -> Bool
     differing = ~(np.abs(values - renewed) <= allowed)
     if differing.any():
         differing &= ~(np.isnan(values) & np.isnan(renewed))
-    found: BoolArray = np.any(differing, axis=1)
-    return found
+    any_differs: BoolArray = np.any(differing, axis=1)
+    return any_differs

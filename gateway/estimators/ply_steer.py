@@ -188,46 +188,50 @@ class PlySteerEstimator:
             expected = block.conditions[taken[0]].claims.zero_g_std_mps2
             self._average.roll.expect_offset(max(self._offset_std_mps2, expected))
         steps = self._average.update(block, taken) if taken else None
-        found: list[tuple[Estimate, ...]] = [()] * len(block)
+        results: list[tuple[Estimate, ...]] = [()] * len(block)
         measured: list[_Measured] = []
         for index, has in enumerate(lateral):
             if not has:
                 continue
             if steps is not None and unusable[index] is None:
-                place = taken.index(index)
+                row = taken.index(index)
                 count += 1
                 self._followed = _Followed(
                     count,
-                    steps.effective_counts[place],
-                    steps.mean_m[place],
-                    steps.roll[place],
-                    steps.order_max[place],
-                    steps.records[place],
+                    steps.effective_counts[row],
+                    steps.mean_m[row],
+                    steps.roll[row],
+                    steps.order_max[row],
+                    steps.records[row],
                 )
             edges = contact_edges(block.averages.edges_rad[index], block.conditions[index])
             if isinstance(edges, Reason):
-                found[index] = _all_invalid(unusable[index] or edges)
+                results[index] = _all_invalid(unusable[index] or edges)
             elif self._followed is None:
-                found[index] = _all_invalid(unusable[index] or Reason(Code.NO_REVOLUTION_YET))
+                results[index] = _all_invalid(unusable[index] or Reason(Code.NO_REVOLUTION_YET))
             else:
                 measured.append(_Measured(index, self._followed, edges, unusable[index]))
         if measured:
-            for one, estimates in zip(measured, self._measured(block, measured), strict=True):
-                found[one.index] = estimates
+            for measurement, estimates in zip(measured, self._measured(block, measured), strict=True):
+                results[measurement.index] = estimates
         return [
-            (*own, *_of_laminate(at.tire.laminate, at, own[0])) if own and at.tire.laminate is not None else own
-            for own, at in zip(found, block.conditions, strict=True)
+            (*shape_estimates, *_of_laminate(condition.tire.laminate, condition, shape_estimates[0]))
+            if shape_estimates and condition.tire.laminate is not None
+            else shape_estimates
+            for shape_estimates, condition in zip(results, block.conditions, strict=True)
         ]
 
     def _measured(self, block: RevolutionBlock, measured: Sequence[_Measured]) -> list[tuple[Estimate, ...]]:
         """Return the estimates of revolutions with contact edges, at least one."""
-        lateral_m = np.stack([one.followed.lateral_m for one in measured])
+        lateral_m = np.stack([measurement.followed.lateral_m for measurement in measured])
         states = _states(block, measured)
-        roll_std_rad = np.array([_roll_error(one.followed.roll, block.conditions[one.index]) for one in measured])
+        roll_std_rad = np.array(
+            [_roll_error(measurement.followed.roll, block.conditions[measurement.index]) for measurement in measured]
+        )
         values_rad, stds_rad = np.empty((2, len(measured), len(_OF_SHAPE)))
         notes: list[tuple[tuple[Reason, ...], ...]] = []
         while (first := len(notes)) < len(measured):
-            counts = [one.followed.count for one in measured[first:]]
+            counts = [measurement.followed.count for measurement in measured[first:]]
             values = self._followed_values(lateral_m[first:], states[first:], counts)
             if not len(values):
                 self._renewed = _renew(measured[first], block, states[first])
@@ -244,8 +248,8 @@ class PlySteerEstimator:
         is_significant = np.abs(values_rad) > _SIGNIFICANT * stds_rad
         is_sound = is_significant & np.isfinite(values_rad) & np.isfinite(stds_rad)
         return [
-            _estimates(one, block.conditions[one.index], own_notes, *own)
-            for one, own_notes, *own in zip(
+            _estimates(measurement, block.conditions[measurement.index], shape_notes, *numbers)
+            for measurement, shape_notes, *numbers in zip(
                 measured,
                 notes,
                 values_rad.tolist(),
@@ -306,13 +310,13 @@ class _Measured:
 
 def _states(block: RevolutionBlock, measured: Sequence[_Measured]) -> FloatArray:
     """Return what maps rest on besides the average: edges, orders, radius, gain and speed, (k, 6)."""
-    at = [one.index for one in measured]
+    indices = [measurement.index for measurement in measured]
     conditions = block.condition_arrays
     result = np.empty((len(measured), 6))
-    result[:, :2] = [one.edges_rad for one in measured]
-    result[:, 2] = [one.followed.order_max for one in measured]
+    result[:, :2] = [measurement.edges_rad for measurement in measured]
+    result[:, 2] = [measurement.followed.order_max for measurement in measured]
     for column, values in enumerate((conditions.radius_m, conditions.gain_std, block.arrays.omega_radps), start=3):
-        result[:, column] = values[at]
+        result[:, column] = values[indices]
     return result
 
 
@@ -362,9 +366,9 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     index, followed, edges = measured.index, measured.followed, measured.edges_rad
     revolution, conditions = block.revolutions[index], block.conditions[index]
     record = followed.record()
-    found = slopes(record, edges, conditions.radius_m)
-    rows = np.concatenate([found.rows, found.parity_rows, found.ahead_row[np.newaxis]])
-    ends = np.stack([slope_row(end, ORDERS, conditions.radius_m) for end in found.stretch_rad])
+    measured_slopes = slopes(record, edges, conditions.radius_m)
+    rows = np.concatenate([measured_slopes.rows, measured_slopes.parity_rows, measured_slopes.ahead_row[np.newaxis]])
+    ends = np.stack([slope_row(end, ORDERS, conditions.radius_m) for end in measured_slopes.stretch_rad])
     ends_std = np.sqrt(np.maximum(np.sum((ends @ record.covariance) * ends, axis=1), 0.0))
     variance = np.sum((rows @ record.covariance) * rows, axis=1)
     # Peak and slope ahead are the largest of several places: their noise counts once more.
@@ -374,16 +378,18 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     too_short = _truncation_std(record.order_max, edges)
     scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m, too_short)
     variance += np.square(rows @ record.lateral_m * scale_std)
-    known, error = _PEAK_TRUNCATION
-    variance[[0, -1]] += np.square(rows[[0, -1]] @ record.lateral_m * (error * (known / max(record.order_max, 1)) ** 3))
+    reference_order, error = _PEAK_TRUNCATION
+    variance[[0, -1]] += np.square(
+        rows[[0, -1]] @ record.lateral_m * (error * (reference_order / max(record.order_max, 1)) ** 3)
+    )
     edges_std = block.averages.edges_std_rad(index)
-    variance[:-1] += np.square(edge_errors(record, found, edges, edges_std, conditions.radius_m))
+    variance[:-1] += np.square(edge_errors(record, measured_slopes, edges, edges_std, conditions.radius_m))
     orders = Reason(Code.ORDERS_USED, first=ORDERS.start, last=record.order_max)
     conical = Reason(Code.INCLUDES_CONICITY), orders
     by_roll = rows @ record.radial_m
     stds = np.sqrt(variance + np.square(by_roll * _roll_error(followed.roll, conditions)))
     # Where the line ends at an edge of the contact, the slope there does not matter.
-    ends_std[np.array(found.stretch_rad) == np.array(edges)] = math.inf
+    ends_std[np.array(measured_slopes.stretch_rad) == np.array(edges)] = math.inf
     rows = np.concatenate([rows, ends])
     return _Renewed(
         rows,
@@ -470,15 +476,19 @@ def _estimates(
     roll, unusable, claims = measured.followed.roll, measured.unusable, conditions.claims
     doubt = unusable or _doubt(measured.followed, claims)
     made = [
-        Estimate(name, value, std, Status.VALID, own)
+        Estimate(name, value, std, Status.VALID, estimate_notes)
         if sound and doubt is None
-        else _doubted(name, value, std, own, doubt)
-        for name, value, std, own, sound in zip(_OF_SHAPE, values_rad, stds_rad, notes, is_sound, strict=True)
+        else _doubted(name, value, std, estimate_notes, doubt)
+        for name, value, std, estimate_notes, sound in zip(
+            _OF_SHAPE, values_rad, stds_rad, notes, is_sound, strict=True
+        )
     ]
     if not has_sign:
         line, line_std = values_rad[_LINE], stds_rad[_LINE]
         chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
-        made = [Estimate.invalid(one.name, chance) if one.name in _SIGN_OF_LINE else one for one in made]
+        made = [
+            Estimate.invalid(estimate.name, chance) if estimate.name in _SIGN_OF_LINE else estimate for estimate in made
+        ]
     *of_contact, ahead = made
     return (*of_contact, _roll_estimate(roll, conditions, unusable), ahead, _offset_estimate(roll, claims, unusable))
 

@@ -91,28 +91,34 @@ class Comparison:
 
 
 CANDIDATES: Final = (
-    Candidate("K / R (Eq. 18, flat contact)", lambda at: np.ones((len(at.load_n), 1))),
-    Candidate("K k_x (Eq. 18, mean curvature change)", lambda at: at.curvature_pm[:, None]),
-    Candidate("K 2 d / a^2 (Eq. 18, parabola)", lambda at: (at.deflection_m / at.half_length_m**2)[:, None]),
-    Candidate("K a", lambda at: at.half_length_m[:, None]),
-    Candidate("K a^2", lambda at: at.half_length_m[:, None] ** 2),
-    Candidate("K Q", lambda at: at.load_n[:, None]),
-    Candidate("K / p", lambda at: 1.0 / at.pressure_pa[:, None]),
-    Candidate("K Q / p", lambda at: (at.load_n / at.pressure_pa)[:, None]),
-    Candidate("K sqrt(Q / p)", lambda at: np.sqrt(at.load_n / at.pressure_pa)[:, None]),
-    Candidate("K a / p", lambda at: (at.half_length_m / at.pressure_pa)[:, None]),
-    Candidate("K a / sqrt(p)", lambda at: (at.half_length_m / np.sqrt(at.pressure_pa))[:, None]),
+    Candidate("K / R (Eq. 18, flat contact)", lambda points: np.ones((len(points.load_n), 1))),
+    Candidate("K k_x (Eq. 18, mean curvature change)", lambda points: points.curvature_pm[:, None]),
+    Candidate(
+        "K 2 d / a^2 (Eq. 18, parabola)", lambda points: (points.deflection_m / points.half_length_m**2)[:, None]
+    ),
+    Candidate("K a", lambda points: points.half_length_m[:, None]),
+    Candidate("K a^2", lambda points: points.half_length_m[:, None] ** 2),
+    Candidate("K Q", lambda points: points.load_n[:, None]),
+    Candidate("K / p", lambda points: 1.0 / points.pressure_pa[:, None]),
+    Candidate("K Q / p", lambda points: (points.load_n / points.pressure_pa)[:, None]),
+    Candidate("K sqrt(Q / p)", lambda points: np.sqrt(points.load_n / points.pressure_pa)[:, None]),
+    Candidate("K a / p", lambda points: (points.half_length_m / points.pressure_pa)[:, None]),
+    Candidate("K a / sqrt(p)", lambda points: (points.half_length_m / np.sqrt(points.pressure_pa))[:, None]),
     Candidate(
         "K a / sqrt(T (1 + p / 2.1 bar) / 2)",
-        lambda at: (at.half_length_m / np.sqrt(at.tension_n * (0.5 + 0.5 * at.pressure_pa / _NUMBERS_AT_PA)))[:, None],
+        lambda points: (
+            points.half_length_m / np.sqrt(points.tension_n * (0.5 + 0.5 * points.pressure_pa / _NUMBERS_AT_PA))
+        )[:, None],
     ),
     Candidate(
         "phi0 + K a^2 / p",
-        lambda at: np.stack([np.ones_like(at.load_n), at.half_length_m**2 / at.pressure_pa], axis=1),
+        lambda points: np.stack([np.ones_like(points.load_n), points.half_length_m**2 / points.pressure_pa], axis=1),
     ),
     Candidate(
         "K Q^m p^n",
-        lambda at: np.stack([np.ones_like(at.load_n), np.log(at.load_n), np.log(at.pressure_pa)], axis=1),
+        lambda points: np.stack(
+            [np.ones_like(points.load_n), np.log(points.load_n), np.log(points.pressure_pa)], axis=1
+        ),
         logarithmic=True,
     ),
 )
@@ -120,14 +126,14 @@ CANDIDATES: Final = (
 
 def car_tire_ring(pressure_pa: float, radius_m: float = RADIUS_M) -> RingParameters:
     """Return a car tire's ring at a pressure: the ring paper's numbers at 2.1 bar, sidewall half pressure-borne."""
-    at = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=radius_m, pressure_pa=_NUMBERS_AT_PA)
+    nominal = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=radius_m, pressure_pa=_NUMBERS_AT_PA)
     share = 0.5 + 0.5 * pressure_pa / _NUMBERS_AT_PA
     return RingParameters(
         radius_m=radius_m,
-        tension_width_m=at.tension_width_m,
-        bending_stiffness_nm2=at.bending_stiffness_nm2,
-        radial_stiffness_npm2=share * at.radial_stiffness_npm2,
-        tangential_stiffness_npm2=share * at.tangential_stiffness_npm2,
+        tension_width_m=nominal.tension_width_m,
+        bending_stiffness_nm2=nominal.bending_stiffness_nm2,
+        radial_stiffness_npm2=share * nominal.radial_stiffness_npm2,
+        tangential_stiffness_npm2=share * nominal.tangential_stiffness_npm2,
     )
 
 
@@ -162,8 +168,8 @@ def compare(points: Points, angle_rad: FloatArray) -> list[Comparison]:
         fitted = _angle(basis, constants, candidate.logarithmic)
         left_out = np.empty_like(angle_rad)
         for i in range(len(angle_rad)):
-            kept = np.arange(len(angle_rad)) != i
-            others = _fit(basis[kept], angle_rad[kept], candidate.logarithmic)
+            used = np.arange(len(angle_rad)) != i
+            others = _fit(basis[used], angle_rad[used], candidate.logarithmic)
             left_out[i] = _angle(basis[i : i + 1], others, candidate.logarithmic)[0] / angle_rad[i] - 1.0
         results.append(
             Comparison(

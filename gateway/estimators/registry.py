@@ -59,8 +59,8 @@ def estimator_names() -> list[str]:
 
 def in_order(chosen: Iterable[str]) -> list[str]:
     """Return estimator names in running order, unknown ones last."""
-    known = estimator_names()
-    return sorted(chosen, key=lambda name: known.index(name) if name in known else len(known))
+    names = estimator_names()
+    return sorted(chosen, key=lambda name: names.index(name) if name in names else len(names))
 
 
 def make_estimator(name: str) -> Estimator:
@@ -74,20 +74,20 @@ def make_estimator(name: str) -> Estimator:
         module_name, class_name = ESTIMATORS[name].split(":")
         estimator: Estimator = getattr(importlib.import_module(module_name), class_name)()
         return estimator
-    found = load(PluginGroup.ESTIMATORS, name, ESTIMATORS, plugin_fault)
-    if not callable(found):
+    loaded = load(PluginGroup.ESTIMATORS, name, ESTIMATORS, plugin_fault)
+    if not callable(loaded):
         hint = did_you_mean(name, estimator_names())
         raise ConfigError(f"unknown estimator '{name}'", f"{hint}Known estimators: {', '.join(estimator_names())}.")
     from gateway.estimators.plugin_estimator import PluginEstimator
 
-    return PluginEstimator(name, found, [quantity.name for quantity in quantities_of(name)])
+    return PluginEstimator(name, loaded, [quantity.name for quantity in quantities_of(name)])
 
 
-def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
+def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in makes no estimator, None when it does."""
-    if not callable(found):
+    if not callable(loaded):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a class of estimators")
-    made = found()
+    made = loaded()
     if fault := missing_members(made, ("update", "reset")):
         return fault
     name = getattr(made, "name", "")

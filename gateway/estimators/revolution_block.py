@@ -103,7 +103,7 @@ class ConditionArrays(NamedTuple):
     @classmethod
     def of(cls, conditions: Sequence[TireConditions]) -> Self:
         """Return the conditions as arrays."""
-        return cls(*np.array([[getattr(at, name) for name in cls._fields] for at in conditions]).T)
+        return cls(*np.array([[getattr(condition, name) for name in cls._fields] for condition in conditions]).T)
 
     def rows(self, taken: slice) -> Self:
         """Return the conditions of some of the revolutions."""

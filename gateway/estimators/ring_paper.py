@@ -255,9 +255,9 @@ def _uncertainty(
     """
     size = len(free)
     covariance, derivative = np.zeros((size, size)), np.zeros(size)
-    own = terms[:, free]
+    free_terms = terms[:, free]
     stiffness = terms @ fit.parameters
-    values, weighted = numerator / stiffness, own / stiffness[:, np.newaxis]
+    values, weighted = numerator / stiffness, free_terms / stiffness[:, np.newaxis]
     hessian = weighted.T @ ((values**2 - 2.0 * fit.residuals * values)[:, np.newaxis] * weighted)
     if np.linalg.eigvalsh(hessian)[0] <= 0.0:
         hessian = weighted.T @ (values[:, np.newaxis] ** 2 * weighted)

@@ -151,14 +151,14 @@ class RoadRoughnessEstimator:
             round(1e3 * radius_m),
         )
         per_m3 = response**2 * gain
-        found, jitter = difference**2 / per_m3, bound**2 / per_m3
+        roughness_m3, jitter = difference**2 / per_m3, bound**2 / per_m3
         if self._count >= _LEAST:
             # Obstacles and single bad edges are not the road's roughness.
-            found = min(found, _OUTLIER**2 * self._total_m3)
+            roughness_m3 = min(roughness_m3, _OUTLIER**2 * self._total_m3)
             jitter = min(jitter, _OUTLIER**2 * self._jitter_m3)
         self._count += 1
         weight = max(1.0 / self._count, 1.0 / _HORIZON)
-        self._total_m3 += weight * (found - self._total_m3)
+        self._total_m3 += weight * (roughness_m3 - self._total_m3)
         self._jitter_m3 += weight * (jitter - self._jitter_m3)
 
     def _estimates(self) -> tuple[Estimate, ...]:
@@ -230,11 +230,11 @@ def _crossings(
     if above[middle] or not (above[trailing] and above[leading]):
         return None, Reason(Code.NO_CONTACT_EDGES)
     spacing = 2.0 * math.pi / n
-    found = []
+    crossings = []
     for outer, step in ((leading, -1), (trailing, 1)):
         low, high = float(radial[outer - step]), float(radial[outer])
-        found.append(float(angles[outer]) - step * spacing * (high - level) / (high - low))
-    return (found[0], found[1]), None
+        crossings.append(float(angles[outer]) - step * spacing * (high - level) / (high - low))
+    return (crossings[0], crossings[1]), None
 
 
 @lru_cache(maxsize=256)
@@ -267,7 +267,7 @@ def _road_response(speed_step: int, width_step: int, radius_mm: int) -> tuple[fl
     logarithms = np.log(variances)
     mean = powers.mean(axis=0) * frequency
     share = np.cumsum(mean) / mean.sum()
-    low, high = (float(np.interp(at, share, frequency)) / speed for at in (0.1, 0.9))
+    low, high = (float(np.interp(level, share, frequency)) / speed for level in (0.1, 0.9))
     return math.exp(float(logarithms.mean())), float(logarithms.std()), (low, high)
 
 

@@ -118,7 +118,7 @@ _STEADY: Final = slice(MOUNTING_SIZE + 30, MOUNTING_SIZE + 34)
 _SUMS: Final = MOUNTING_SIZE + 34
 
 
-class _Found(NamedTuple):
+class _Measurement(NamedTuple):
     value: float
     std: float
 
@@ -204,8 +204,8 @@ class _Step(NamedTuple):
     refused: Reason | None
     revolutions: int
     sums: FloatArray
-    pitch: _Found | None
-    offset: _Found | None
+    pitch: _Measurement | None
+    offset: _Measurement | None
     warm: float
     floor: Estimate | None
     measured: Measured | None
@@ -332,15 +332,15 @@ class SelfCalibrationEstimator:
             )
         ]
 
-    def _rolls(self, block: RevolutionBlock) -> list[_Found | None]:
+    def _rolls(self, block: RevolutionBlock) -> list[_Measurement | None]:
         """Return the roll after each revolution of the block that was measured last; None before its first."""
-        found: list[_Found | None] = []
+        rolls: list[_Measurement | None] = []
         for index, step in enumerate(self._steps):
             if step.refused is None and not block.revolutions[index].ac_coupled:
                 means = block.arrays.means_mps2[index]
                 self._roll.update(float(means[_LATERAL]), float(means[_RADIAL]))
-            found.append(_Found(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None)
-        return found
+            rolls.append(_Measurement(self._roll.roll_rad, self._roll.roll_std_rad) if self._roll.count else None)
+        return rolls
 
     def _renew(self, block: RevolutionBlock, index: int) -> Reason | None:
         """Take the belt's shape from the average; return why the average is not usable, None when it is."""
@@ -431,10 +431,10 @@ class SelfCalibrationEstimator:
 
     def _offset_ratio(self, conditions: TireConditions) -> float:
         """Return e / R: as measured once its error is below 1 mm, else as stated, else 0."""
-        found = self._last.offset
-        if found is None or not found.std < HAND_MOUNTED_STD_M:
+        offset = self._last.offset
+        if offset is None or not offset.std < HAND_MOUNTED_STD_M:
             return (conditions.claims.offset_m or 0.0) / conditions.radius_m
-        return min(max(found.value / conditions.radius_m, -0.05), 0.15)
+        return min(max(offset.value / conditions.radius_m, -0.05), 0.15)
 
     def _take(self, block: RevolutionBlock, taken: Sequence[int]) -> list[_Step]:
         """Add revolutions without faults on one shape of the belt; return the state after each."""
@@ -446,22 +446,22 @@ class SelfCalibrationEstimator:
         rows = np.zeros((len(taken), _SUMS))
         hub = np.zeros((len(taken), HUB_SIZE))
         # Without a copy where all are taken, as nearly always.
-        at = slice(None) if len(taken) == len(block) else np.array(taken)
-        spectra = block.arrays.in_plane_mps2[at]
+        selection = slice(None) if len(taken) == len(block) else np.array(taken)
+        spectra = block.arrays.in_plane_mps2[selection]
         if self._last.against:
             spectra = spectra * _TURNED
-        omega, omega_dot = block.arrays.omega_radps[at], block.arrays.omega_dot_radps2[at]
+        omega, omega_dot = block.arrays.omega_radps[selection], block.arrays.omega_dot_radps2[selection]
         along = np.isfinite(spectra[:, 0, 0].real) & _measures(spectra[:, 0])
         if self._is_absent:
             along[:] = False
         if along.any():
             order_max = np.array([block.revolutions[index].order_max for index in taken])
             with_mean = not first.ac_coupled
-            found = mounting_rows(
+            mounting = mounting_rows(
                 spectra, belt, omega, omega_dot, first_conditions.radius_m, order_max, with_mean=with_mean
             )
-            rows[:, _MOUNTING] = np.where(along[:, np.newaxis], found.sums, 0.0)
-            hub = np.where(along[:, np.newaxis], found.hub, 0.0)
+            rows[:, _MOUNTING] = np.where(along[:, np.newaxis], mounting.sums, 0.0)
+            hub = np.where(along[:, np.newaxis], mounting.hub, 0.0)
         self._has_along |= bool(along.any())
         warm, expected = [self._last.warm] * len(taken), np.full(len(taken), math.nan)
         is_calibrated = False
@@ -483,7 +483,7 @@ class SelfCalibrationEstimator:
         sums = powers[:, np.newaxis] * before + decay @ rows
         powers, decay = _decay(len(taken), _KEEP_OF_HUB)
         hub = powers[:, np.newaxis] * self._hub + decay @ hub
-        axes = block.arrays.axes_mps2[at]
+        axes = block.arrays.axes_mps2[selection]
         total = (decay[-1] @ axes.reshape(len(taken), -1)).reshape(axes.shape[1:])
         self._axes = total + powers[-1] * self._axes if self._axes.size else total
         reaction = omega_dot * first_conditions.radius_m
@@ -513,25 +513,30 @@ class SelfCalibrationEstimator:
         """Set the two equations of each revolution; return the steady value that is expected of each, (k,)."""
         revolutions = [block.revolutions[index] for index in taken]
         orders = np.array([revolution.orders_mps2[:2] for revolution in revolutions])
-        at = slice(None) if len(taken) == len(block) else np.array(taken)
-        omega = block.arrays.omega_radps[at]
+        selection = slice(None) if len(taken) == len(block) else np.array(taken)
+        omega = block.arrays.omega_radps[selection]
         steady = block.conditions[taken[0]].radius_m * omega * omega
         expected: FloatArray = steady * (1.0 - self._ratio * belt.mean_square)
         mean = orders[:, 0].real
         order_1 = orders[:, 1] * complex(math.cos(self._centre_rad), math.sin(self._centre_rad))
         # Gravity was subtracted with a gain of 1; the remainder is compared with the closure of the belt.
         gravity = STANDARD_GRAVITY_MPS2 * belt.gravity_order_1
-        left = order_1.real - belt.signal_order_1 * mean
-        change = np.abs(block.arrays.omega_dot_radps2[at]) * (2.0 * math.pi) / (omega * omega)
+        remainder = order_1.real - belt.signal_order_1 * mean
+        change = np.abs(block.arrays.omega_dot_radps2[selection]) * (2.0 * math.pi) / (omega * omega)
         settled = self._last.revolutions + 1 + np.arange(len(taken)) > 2
         is_steady = (change > 0.0) & (change < _STEADY_SPEED) & settled & (belt.mean_square <= GREATEST_MEAN_SQUARE)
         # Behind a revolution with faults, neither the time of the contact between them nor the acceleration is sure.
-        usable = np.isfinite(left) & np.isfinite(expected) & ~self._after_fault[:-1][at]
+        usable = np.isfinite(remainder) & np.isfinite(expected) & ~self._after_fault[:-1][selection]
         # Factors of G, z, G' and a, then the left-hand side, of both equations.
         both = np.zeros((len(taken), 2, 5))
         by_mean, by_gravity = both[:, 0], both[:, 1]
         by_mean[:, 0], by_mean[:, 1], by_mean[:, 2], by_mean[:, 4] = expected, 1.0, expected * warm, mean - expected
-        by_gravity[:, 0], by_gravity[:, 2], by_gravity[:, 3], by_gravity[:, 4] = gravity, gravity * warm, steady, left
+        by_gravity[:, 0], by_gravity[:, 2], by_gravity[:, 3], by_gravity[:, 4] = (
+            gravity,
+            gravity * warm,
+            steady,
+            remainder,
+        )
         by_mean /= _MEAN_STD_MPS2
         by_gravity /= self._scatter_mps2
         by_gravity[~is_steady] = 0.0
@@ -560,46 +565,46 @@ class SelfCalibrationEstimator:
         solutions = stds = None
         hub_mps2 = [0.0] * len(taken)
         if self._has_along:
-            found, found_stds = MountingRows(sums[:, _MOUNTING], hub).solve()
-            solutions, stds = found.tolist(), found_stds.tolist()
+            mountings, mounting_stds = MountingRows(sums[:, _MOUNTING], hub).solve()
+            solutions, stds = mountings.tolist(), mounting_stds.tolist()
             # What a belt without any such motion leaves does not count.
-            motion = np.nan_to_num(hub_motion_mps2(hub, found[:, 0], found[:, 1]))
+            motion = np.nan_to_num(hub_motion_mps2(hub, mountings[:, 0], mountings[:, 1]))
             at_rest = _HUB_AT_REST * block.conditions[taken[0]].radius_m * np.square(block.arrays.omega_radps[taken])
             hub_mps2 = np.maximum(motion - np.square(at_rest) / np.maximum(motion, 1e-12), 0.0).tolist()
         floor = self._last.floor
         contact = None if floor is None or floor.status is Status.INVALID else (floor.value, floor.std)
         equations = sums[:, _MEAN.start : _GRAVITY.stop].tolist()
         count, against, steps = self._last.revolutions, self._last.against, []
-        for place, index in enumerate(taken):
+        for row, index in enumerate(taken):
             revolution, claims = block.revolutions[index], block.conditions[index].claims
             count += 1
             # Relative difference of the gains of two axes; tilts and mounting offset are ratios of axes.
             axes_std = math.sqrt(2.0) * claims.gain_std
             offset = pitch = None
             if solutions is not None and stds is not None:
-                pitch, offset = _mounting(solutions[place], stds[place], axes_std)
+                pitch, offset = _mounting(solutions[row], stds[row], axes_std)
                 if pitch is not None and offset is not None:
                     by_yaw_m = self._by_yaw_m * _yaw_std(pitch.value, self._relations.roll_rad)
-                    offset = _Found(offset.value, math.hypot(offset.std, by_yaw_m))
+                    offset = _Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
-                    pitch = _Found(-pitch.value, pitch.std)
+                    pitch = _Measurement(-pitch.value, pitch.std)
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,
                 rate_hz=revolution.rate_hz,
-                steady_mps2=expected[place],
+                steady_mps2=expected[row],
                 mean_square=belt.mean_square,
-                by_mean=Equations(*equations[place][:5]),
-                by_gravity=Equations(*equations[place][5:]),
+                by_mean=Equations(*equations[row][:5]),
+                by_gravity=Equations(*equations[row][5:]),
                 contact_gain=contact,
                 offset_m=offset if count >= _LEAST_OF_OFFSET else None,
                 along_gravity=self._along_gravity,
-                hub_mps2=hub_mps2[place],
+                hub_mps2=hub_mps2[row],
                 relations=self._relations,
                 roll_by_mean_rad=self._roll_by_mean,
             )
-            steps.append(_Step(None, count, sums[place], pitch, offset, warm[place], floor, measured, against))
+            steps.append(_Step(None, count, sums[row], pitch, offset, warm[row], floor, measured, against))
         self._last = steps[-1]
         return steps
 
@@ -619,30 +624,32 @@ def _gravity_of(ahead: float, back: float, without: float, count: float) -> Alon
     if not bend > 0.0:
         return None
     share = (back - ahead) / (4.0 * bend)
-    left = max(without - bend * share**2, 0.0)
-    return AlongGravity(share, math.sqrt(left / max(count, 1.0) / bend))
+    residual = max(without - bend * share**2, 0.0)
+    return AlongGravity(share, math.sqrt(residual / max(count, 1.0) / bend))
 
 
 @lru_cache(maxsize=64)
 def _decay(count: int, keep: float) -> tuple[FloatArray, FloatArray]:
     """Return the shares of the sums before, (k,), and of each new row, (k, k), in the sums after k rows."""
-    place: FloatArray = np.arange(count, dtype=np.float64)
-    powers: FloatArray = keep ** (place + 1.0)
-    later: FloatArray = np.maximum(place[:, np.newaxis] - place, 0.0)
+    index: FloatArray = np.arange(count, dtype=np.float64)
+    powers: FloatArray = keep ** (index + 1.0)
+    later: FloatArray = np.maximum(index[:, np.newaxis] - index, 0.0)
     rows: FloatArray = np.tril(np.power(keep, later))
     for array in (powers, rows):
         array.setflags(write=False)
     return powers, rows
 
 
-def _mounting(solution: Sequence[float], stds: Sequence[float], axes_std: float) -> tuple[_Found | None, _Found | None]:
+def _mounting(
+    solution: Sequence[float], stds: Sequence[float], axes_std: float
+) -> tuple[_Measurement | None, _Measurement | None]:
     """Return pitch and mounting offset; None where they are not finite."""
     offset, tilt = solution[0], solution[1]
     offset_std = math.hypot(stds[0], axes_std * offset, _OFFSET_MODEL_M)
     if not (math.isfinite(offset_std) and math.isfinite(tilt)):
         return None, None
-    pitch = _Found(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, _PITCH_MODEL_RAD))
-    return pitch, _Found(offset, offset_std)
+    pitch = _Measurement(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, _PITCH_MODEL_RAD))
+    return pitch, _Measurement(offset, offset_std)
 
 
 def _yaw_std(pitch_rad: float, roll_rad: float) -> float:
@@ -660,7 +667,7 @@ def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) 
         return Estimate.invalid(NAMES[4], reason), Estimate.invalid(NAMES[5], reason)
     doubt = step.refused or _unsettled(step)
     value, std = step.offset
-    offset = _estimate(NAMES[5], _Found(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
+    offset = _estimate(NAMES[5], _Measurement(value, math.hypot(std, unsure * value)) if unsure else step.offset, doubt)
     if step.against:
         offset = offset._replace(reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
     stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
@@ -687,16 +694,18 @@ def steady_value_lost(lost: LostSteadyValue) -> Reason:
     return Reason(Code.COUPLING_CONTRADICTED, share=lost.share, std=lost.std)
 
 
-def _roll_estimate(revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Found | None) -> Estimate:
+def _roll_estimate(
+    revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Measurement | None
+) -> Estimate:
     if roll is None:
         lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
         return Estimate.invalid(NAMES[3], step.refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
     roll_rad, roll_std_rad = roll
-    found = _Found(roll_rad, math.hypot(roll_std_rad, math.sqrt(2.0) * conditions.claims.gain_std * roll_rad))
+    widened = _Measurement(roll_rad, math.hypot(roll_std_rad, math.sqrt(2.0) * conditions.claims.gain_std * roll_rad))
     doubt = step.refused or _unsettled(step)
     if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
         doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
-    return _estimate(NAMES[3], found, doubt)
+    return _estimate(NAMES[3], widened, doubt)
 
 
 def _gain_estimates(
@@ -721,23 +730,25 @@ def _gain_estimates(
     errors = np.sqrt(np.diag(covariance) + np.square(steady))
     by_speed = speed_errors(Equations(*step.sums[_MEAN].tolist()))
     errors[1] = math.hypot(errors[1], by_speed.zero_mps2)
-    here = np.array([1.0, 0.0, step.warm, 0.0])
-    gain_value = 1.0 + float(here @ change)
+    present = np.array([1.0, 0.0, step.warm, 0.0])
+    gain_value = 1.0 + float(present @ change)
     radius = conditions.radius_std_m / conditions.radius_m
-    gain_std = math.sqrt(float(here @ covariance @ here) + float(here @ steady) ** 2 + (gain_value * radius) ** 2)
+    gain_std = math.sqrt(
+        float(present @ covariance @ present) + float(present @ steady) ** 2 + (gain_value * radius) ** 2
+    )
     doubt = refused or _unsettled(step)
     one_speed = Reason(Code.NEEDS_TWO_SPEEDS, quantity="gain")
     together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
     if not together:
         gain_std = math.hypot(gain_std, by_speed.gain)
     return (
-        _estimate(NAMES[0], _Found(gain_value, gain_std), doubt or (one_speed if together else None)),
+        _estimate(NAMES[0], _Measurement(gain_value, gain_std), doubt or (one_speed if together else None)),
         Estimate.invalid(NAMES[1], one_speed)
         if together
-        else _estimate(NAMES[1], _Found(float(change[1]), float(errors[1])), doubt),
+        else _estimate(NAMES[1], _Measurement(float(change[1]), float(errors[1])), doubt),
         Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE_CHANGE))
         if errors[2] > _SEPARATED * _PRIOR_STDS[2]
-        else _estimate(NAMES[2], _Found(float(change[2]), float(errors[2])), doubt),
+        else _estimate(NAMES[2], _Measurement(float(change[2]), float(errors[2])), doubt),
     )
 
 
@@ -798,9 +809,9 @@ def _floor_gain(average: AngleAverage, conditions: TireConditions) -> Estimate:
     return Estimate(NAMES[0], gain, std, Status.PROVISIONAL, (Reason(Code.FLAT_CONTACT_ASSUMED),))
 
 
-def _estimate(name: str, found: _Found, doubt: Reason | None) -> Estimate:
-    if not (math.isfinite(found.value) and math.isfinite(found.std)):
+def _estimate(name: str, measurement: _Measurement, doubt: Reason | None) -> Estimate:
+    if not (math.isfinite(measurement.value) and math.isfinite(measurement.std)):
         return Estimate.invalid(name, doubt or Reason(Code.NOT_FINITE))
     if doubt is not None:
-        return Estimate(name, found.value, found.std, Status.PROVISIONAL, (doubt,))
-    return Estimate(name, found.value, found.std, Status.VALID)
+        return Estimate(name, measurement.value, measurement.std, Status.PROVISIONAL, (doubt,))
+    return Estimate(name, measurement.value, measurement.std, Status.VALID)

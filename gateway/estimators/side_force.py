@@ -73,35 +73,35 @@ class SideForceEstimator:
         unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
         taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
         steps = self._average.update(block, taken) if taken else None
-        found: list[tuple[Estimate, ...]] = []
+        results: list[tuple[Estimate, ...]] = []
         for index, has in enumerate(lateral):
             why = unusable[index]
             if why is not None:
-                found.append(_all_invalid(why))
+                results.append(_all_invalid(why))
             elif has and steps is not None:
-                found.append(_estimates(block, index, steps, taken.index(index)))
+                results.append(_estimates(block, index, steps, taken.index(index)))
             else:
-                found.append(())
-        return found
+                results.append(())
+        return results
 
 
-def _estimates(block: RevolutionBlock, index: int, steps: LateralSteps, place: int) -> tuple[Estimate, ...]:
+def _estimates(block: RevolutionBlock, index: int, steps: LateralSteps, row: int) -> tuple[Estimate, ...]:
     conditions = block.conditions[index]
     edges = contact_edges(block.averages.edges_rad[index], conditions)
     if isinstance(edges, Reason):
         return _all_invalid(edges)
     half, centre = 0.5 * (edges[1] - edges[0]), 0.5 * (edges[1] + edges[0])
-    record = steps.records[place]()
+    record = steps.records[row]()
     rows = displacement_rows(half) @ _turned(centre)
     values = rows @ record.lateral_m
     covariance = rows @ record.covariance @ rows.T
     # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
-    by_roll = rows @ record.radial_m * steps.roll[place].std_rad
+    by_roll = rows @ record.radial_m * steps.roll[row].std_rad
     variance = np.diagonal(covariance) + np.square(by_roll) + np.square(values * conditions.gain_std)
     lever = np.array([1.0, 1.0 / conditions.radius_m])
     shift, yaw = (values * lever).tolist()
     shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
-    count = steps.effective_counts[place]
+    count = steps.effective_counts[row]
     doubts: tuple[Reason, ...] = ()
     if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
         doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)

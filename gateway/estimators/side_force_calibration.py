@@ -91,9 +91,9 @@ def fit_linear_law(
         solution, *_rest = np.linalg.lstsq(rows, y * weight, rcond=None)
         factor = float(solution[0])
     covariance: FloatArray = np.asarray(np.linalg.inv(rows.T @ rows), dtype=np.float64)
-    left = y * weight - rows @ solution
+    residuals = y * weight - rows @ solution
     if len(x) > 2:
-        covariance = covariance * max(1.0, float(left @ left) / (len(x) - 2))
+        covariance = covariance * max(1.0, float(residuals @ residuals) / (len(x) - 2))
     zero = float(solution[1]) / factor
     by_zero = np.array([-zero, 1.0]) / factor
     return LinearLaw(factor, math.sqrt(covariance[0, 0]), zero, math.sqrt(float(by_zero @ covariance @ by_zero)))

@@ -199,7 +199,7 @@ class Evidence(NamedTuple):
 
     @property
     def _is_coupled(self) -> bool:
-        return any(found.subject is Subject.COUPLING for found in self.contradictions)
+        return any(contradiction.subject is Subject.COUPLING for contradiction in self.contradictions)
 
     def qualified(self, estimate: Estimate) -> Estimate:
         """Return an estimate with what the evidence says against it.
@@ -274,7 +274,7 @@ def assess(
     if measured is not None:
         related = tuple(_related(measured, steady_mps2, radius.value))
         contradictions += related
-        if any(Basis.ALONG in found.ratios for found in related):
+        if any(Basis.ALONG in relation.ratios for relation in related):
             # The offset and the hub's motion are read from an axis that is not what it is taken for.
             measured = measured._replace(offset_m=None, hub_mps2=0.0)
     hub_mps2 = 0.0 if measured is None else measured.hub_mps2
@@ -323,7 +323,7 @@ def assess(
     gravity = None if measured is None else measured.along_gravity
     if gravity is not None and gravity.is_absent:
         contradictions.append(Contradiction(Subject.AXES, gravity_absent(gravity), {Basis.AXES: _OF_ANOTHER_AXIS}))
-    offset_m, offset_std_m, known = _offset(measured, conditions, offset_error, contradictions)
+    offset_m, offset_std_m, offset_is_known = _offset(measured, conditions, offset_error, contradictions)
     if ac_coupled:
         # The mean was restored from the belt radius; the rest of the signal has the sensor's gain.
         steady_std = steady_mps2 * math.hypot(radius_std, claims.gain_std, unsure)
@@ -336,7 +336,7 @@ def assess(
     return Evidence(
         sensor_offset_m=offset_m,
         sensor_offset_std_m=offset_std_m,
-        offset_is_known=known,
+        offset_is_known=offset_is_known,
         steady_std_mps2=steady_std,
         gain_std=gain_std,
         radius_m=radius.value,
@@ -388,37 +388,39 @@ def _offset(
     """
     claims = conditions.claims
     stated = None if claims.offset_m is None else _Value(claims.offset_m, claims.offset_std_m)
-    found = None
+    by_signal = None
     if measured is not None and measured.offset_m is not None:
         value, std = measured.offset_m
-        found = _Value(value, math.hypot(std, error * value))
-    if stated is None and found is None:
+        by_signal = _Value(value, math.hypot(std, error * value))
+    if stated is None and by_signal is None:
         return 0.0, UNKNOWN_OFFSET_STD_M, False
-    if stated is None or found is None:
-        one = stated if found is None else found
-        assert one is not None
-        return one.value, one.std, True
-    difference = abs(stated.value - found.value)
-    if difference <= CONTRADICTION * math.hypot(stated.std, found.std):
-        both = _weighted(stated, found)
+    if stated is None or by_signal is None:
+        single = stated if by_signal is None else by_signal
+        assert single is not None
+        return single.value, single.std, True
+    difference = abs(stated.value - by_signal.value)
+    if difference <= CONTRADICTION * math.hypot(stated.std, by_signal.std):
+        both = _weighted(stated, by_signal)
         return both.value, both.std, True
     reason = Reason(
         Code.OFFSET_CONTRADICTED,
         stated_m=stated.value,
         stated_std_m=stated.std,
-        offset_m=found.value,
-        std_m=found.std,
+        offset_m=by_signal.value,
+        std_m=by_signal.std,
     )
     contradictions.append(Contradiction(Subject.OFFSET, reason, {Basis.OFFSET: math.nan}))
     return stated.value, difference, True
 
 
-def _weighted(one: _Value, other: _Value) -> _Value:
+def _weighted(first_value: _Value, second_value: _Value) -> _Value:
     """Return the mean of two values weighted with their inverse variances."""
-    if not one.std or not other.std:
-        return one if not one.std else other
-    first, second = one.std**-2.0, other.std**-2.0
-    return _Value((first * one.value + second * other.value) / (first + second), (first + second) ** -0.5)
+    if not first_value.std or not second_value.std:
+        return first_value if not first_value.std else second_value
+    first, second = first_value.std**-2.0, second_value.std**-2.0
+    return _Value(
+        (first * first_value.value + second * second_value.value) / (first + second), (first + second) ** -0.5
+    )
 
 
 def _first_of(equations: Equations, other_std: float) -> tuple[float, float, float] | None:
@@ -438,15 +440,15 @@ def _steady_ratio(measured: Measured, zero_std_mps2: float) -> _Value | None:
     if not measured.by_mean.aa > 0.0:
         return None
     equations = measured.by_mean
-    found = _first_of(equations, max(zero_std_mps2, 1e-3))
-    if found is None:
+    solved = _first_of(equations, max(zero_std_mps2, 1e-3))
+    if solved is None:
         return None
-    zero = (equations.b - equations.ab * found[0]) / (equations.bb + max(zero_std_mps2, 1e-3) ** -2.0)
+    zero = (equations.b - equations.ab * solved[0]) / (equations.bb + max(zero_std_mps2, 1e-3) ** -2.0)
     if abs(zero) > max(LARGEST_ZERO_MPS2, CONTRADICTION * zero_std_mps2):
         # No sensor has it: a few means do not belong to their speeds. All means together have the stated zero.
         std = math.hypot(equations.aa**-0.5, zero_std_mps2 * equations.ab / equations.aa)
         return _Value(1.0 + equations.a / equations.aa, std)
-    return _Value(1.0 + found[0], math.sqrt(found[1]))
+    return _Value(1.0 + solved[0], math.sqrt(solved[1]))
 
 
 def _zero(measured: Measured, zero_std_mps2: float) -> _Value | None:
@@ -468,10 +470,10 @@ def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
     equations = measured.by_gravity
     if measured.ac_coupled or not equations.aa > 0.0:
         return None
-    found = _first_of(equations, _STRETCH_STD)
-    if found is None:
+    solved = _first_of(equations, _STRETCH_STD)
+    if solved is None:
         return None
-    value, variance, covariance = found
+    value, variance, covariance = solved
     by_closure = variance * equations.ab + covariance * equations.bb
     closure = by_closure * math.hypot(_CLOSURE_STD, _CLOSURE_BY_DEPTH * depth)
     return _Value(1.0 + value, math.hypot(math.sqrt(variance), closure))
@@ -543,7 +545,7 @@ def _causes(
         return
     if value > 0.0:
         root = math.sqrt(value)
-        near = min(_RATE_RATIOS, key=lambda known: abs(math.log(known / root)))
+        near = min(_RATE_RATIOS, key=lambda candidate: abs(math.log(candidate / root)))
         is_near = abs(near**2 - value) <= tolerance
         rate = near if is_near else root
         stated_hz = measured.rate_hz

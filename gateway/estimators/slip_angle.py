@@ -109,28 +109,30 @@ class SlipAngleEstimator:
         unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
         taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
         steps = self._reference.update(block, taken) if taken else None
-        found: list[tuple[Estimate, ...]] = []
+        results: list[tuple[Estimate, ...]] = []
         for index, has in enumerate(lateral):
             why = unusable[index]
             if why is not None:
-                found.append(_invalid(why, block.conditions[index]))
+                results.append(_invalid(why, block.conditions[index]))
             elif has and steps is not None:
-                found.append(self._estimates(block, index, steps, taken.index(index)))
+                results.append(self._estimates(block, index, steps, taken.index(index)))
             else:
-                found.append(())
-        return found
+                results.append(())
+        return results
 
-    def _estimates(self, block: RevolutionBlock, index: int, steps: LateralSteps, place: int) -> tuple[Estimate, ...]:
+    def _estimates(
+        self, block: RevolutionBlock, index: int, steps: LateralSteps, revolution_row: int
+    ) -> tuple[Estimate, ...]:
         conditions = block.conditions[index]
         edges = contact_edges(block.averages.edges_rad[index], conditions)
         if isinstance(edges, Reason):
             return _invalid(edges, conditions)
         # The roll tilt is the same in both, so its error cancels in their difference.
         row = chord_row(edges[0], 0.5 * (edges[0] + edges[1]), ORDERS, conditions.radius_m)
-        own_m = steps.own_m[place]
+        own_m = steps.own_m[revolution_row]
         slope = float(row @ own_m)
-        mean = float(row @ steps.mean_m[place])
-        count = steps.effective_counts[place]
+        mean = float(row @ steps.mean_m[revolution_row])
+        count = steps.effective_counts[revolution_row]
         scatter = self._scatter(slope)
         law = conditions.tire.slip_calibration
         if law is not None:
@@ -157,11 +159,13 @@ class SlipAngleEstimator:
         unsigned = () if direction else (Reason(Code.SIGN_NOT_DETERMINED, errors=abs(apparent) / std if std else 0.0),)
         # The asymmetry is a property of the waveform; which zero was learnt does not matter to it.
         settled = law is not None or count >= REFERENCE_SETTLED
-        own, own_reasons = (Status.VALID, ()) if settled and math.isfinite(scatter) else (status, reasons)
+        asymmetry_status, asymmetry_reasons = (
+            (Status.VALID, ()) if settled and math.isfinite(scatter) else (status, reasons)
+        )
         return (
             Estimate(NAMES[0], apparent, std, status, reasons),
             Estimate(NAMES[1], direction, math.nan, status, (*reasons, *unsigned)),
-            Estimate(NAMES[2], asymmetry, math.nan, own, own_reasons),
+            Estimate(NAMES[2], asymmetry, math.nan, asymmetry_status, asymmetry_reasons),
             self._left_right(),
             *angles,
         )
@@ -174,11 +178,11 @@ class SlipAngleEstimator:
         return math.sqrt(self._steps.mean[0]) if self._steps.count >= _LEAST_STEPS else math.nan
 
     def _left_right(self) -> Estimate:
-        left, right = self._sides[1.0], self._sides[-1.0]
-        if min(left.count, right.count) < _LEAST_OF_SIDE:
+        left_side, right_side = self._sides[1.0], self._sides[-1.0]
+        if min(left_side.count, right_side.count) < _LEAST_OF_SIDE:
             return Estimate.invalid(NAMES[3], Reason(Code.NEEDS_BOTH_SLIPS, needed=_LEAST_OF_SIDE))
-        variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left, right))
-        return Estimate(NAMES[3], float(left.mean[0] + right.mean[0]), math.sqrt(variance), Status.VALID)
+        variance = sum(float(side.variance()[0] * np.asarray(side.weight_square)) for side in (left_side, right_side))
+        return Estimate(NAMES[3], float(left_side.mean[0] + right_side.mean[0]), math.sqrt(variance), Status.VALID)
 
 
 def _status(

@@ -321,28 +321,28 @@ def _solve(runs: Sequence[SlipRun], zero_std_rad: float) -> _Solution:
     prior[_BEND], prior_std[_BEND] = SATURATION_PRAD, SATURATION_STD_PRAD
     prior_std[_MISALIGNED] = max(zero_std_rad, 1e-9)
     prior_std[_SHARED:] = 1.0
-    kept = [index for index in range(_COUNT) if both or index != _CONE]
-    weight = np.diag(prior_std[kept] ** -2.0)
-    found = prior.copy()
+    free = [index for index in range(_COUNT) if both or index != _CONE]
+    weight = np.diag(prior_std[free] ** -2.0)
+    parameters = prior.copy()
     for _ in range(_ITERATIONS):
-        fitted, rows = _law(found, runs)
-        by_slip = found[_SHARE] * (1.0 - 2.0 * found[_BEND] * np.abs([run.slip_rad for run in runs]))
-        law = LAW_STD * found[_SHARE] * np.array([run.slip_rad for run in runs])
+        fitted, rows = _law(parameters, runs)
+        by_slip = parameters[_SHARE] * (1.0 - 2.0 * parameters[_BEND] * np.abs([run.slip_rad for run in runs]))
+        law = LAW_STD * parameters[_SHARE] * np.array([run.slip_rad for run in runs])
         std = np.sqrt(noise**2 + (by_slip * slip_std) ** 2 + law**2)
-        scaled = rows[:, kept] / std[:, None]
+        scaled = rows[:, free] / std[:, None]
         normal = scaled.T @ scaled + weight
         # A tiny share of the diagonal keeps parameters that nothing determines finite; their errors stay large.
         normal += np.diag(1e-12 * np.diag(normal))
-        right = scaled.T @ ((measured - fitted) / std) - weight @ (found[kept] - prior[kept])
-        found[kept] += np.linalg.solve(normal, right)
-        found[_BEND] = max(found[_BEND], 0.0)
-    fitted, rows = _law(found, runs)
+        right = scaled.T @ ((measured - fitted) / std) - weight @ (parameters[free] - prior[free])
+        parameters[free] += np.linalg.solve(normal, right)
+        parameters[_BEND] = max(parameters[_BEND], 0.0)
+    fitted, rows = _law(parameters, runs)
     covariance = np.zeros((_COUNT, _COUNT))
-    covariance[np.ix_(kept, kept)] = np.linalg.inv(normal)
+    covariance[np.ix_(free, free)] = np.linalg.inv(normal)
     residual = measured - fitted
-    deviation = (found - prior)[kept]
+    deviation = (parameters - prior)[free]
     chi_square = float(np.sum(np.square(residual / std)) + deviation @ weight @ deviation)
-    return _Solution(found, covariance, residual, std, chi_square)
+    return _Solution(parameters, covariance, residual, std, chi_square)
 
 
 def _prediction_pull(run: SlipRun, others: _Solution) -> float:
@@ -355,13 +355,13 @@ def _prediction_pull(run: SlipRun, others: _Solution) -> float:
 
 
 def _calibration(runs: Sequence[SlipRun], solution: _Solution, *, both: bool) -> SlipCalibration:
-    found, covariance = solution.parameters, solution.covariance
+    parameters, covariance = solution.parameters, solution.covariance
     # The errors of the zero include misalignment and what the runs share: later measurements have other ones.
     total = np.zeros(_COUNT)
     total[[_PLY, _CONE]] = 1.0
     # One sensor and one tire: what a run says best about them holds in all.
     scale = min(run.scale_std for run in runs)
-    zero = float(total @ found)
+    zero = float(total @ parameters)
     zero_variance = float(total @ covariance @ total)
     share_std, bend_std = (math.sqrt(covariance[index, index]) for index in (_SHARE, _BEND))
     zero_share = float(total @ covariance[:, _SHARE]) / (math.sqrt(zero_variance) * share_std)
@@ -369,11 +369,11 @@ def _calibration(runs: Sequence[SlipRun], solution: _Solution, *, both: bool) ->
     angles = [run.half_angle_rad for run in runs]
     pressures = [run.pressure_pa for run in runs if run.pressure_pa is not None]
     law = SlipCalibration(
-        belt_share=float(found[_SHARE]),
+        belt_share=float(parameters[_SHARE]),
         belt_share_std=share_std,
         zero_rad=zero,
         zero_std_rad=math.sqrt(zero_variance),
-        saturation_prad=float(found[_BEND]),
+        saturation_prad=float(parameters[_BEND]),
         saturation_std_prad=bend_std,
         zero_share_correlation=zero_share,
         share_saturation_correlation=float(covariance[_SHARE, _BEND]) / (share_std * bend_std),
@@ -383,7 +383,7 @@ def _calibration(runs: Sequence[SlipRun], solution: _Solution, *, both: bool) ->
     )
     if not both:
         return law
-    ply, cone = float(found[_PLY]), float(found[_CONE])
+    ply, cone = float(parameters[_PLY]), float(parameters[_CONE])
     return replace(
         law,
         ply_steer_rad=ply,

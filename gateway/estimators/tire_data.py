@@ -64,12 +64,12 @@ class ReferenceNumbers:
         warmer_k = (ASSUMED_DEGC if present_degc is None else present_degc) - (
             ASSUMED_DEGC if then_degc is None else then_degc
         )
-        known = present_degc is not None and then_degc is not None
+        is_known = present_degc is not None and then_degc is not None
         # Both errors of the difference: where it is measured, and where it is only assumed.
-        difference_std_k = DIFFERENCE_STD_K if known else UNKNOWN_DIFFERENCE_K
-        by_rate = self.softening_std_per_k * (warmer_k if known else math.hypot(warmer_k, UNKNOWN_DIFFERENCE_K))
+        difference_std_k = DIFFERENCE_STD_K if is_known else UNKNOWN_DIFFERENCE_K
+        by_rate = self.softening_std_per_k * (warmer_k if is_known else math.hypot(warmer_k, UNKNOWN_DIFFERENCE_K))
         return Softening(
-            -self.softening_per_k * warmer_k, math.hypot(by_rate, self.softening_per_k * difference_std_k), known
+            -self.softening_per_k * warmer_k, math.hypot(by_rate, self.softening_per_k * difference_std_k), is_known
         )
 
 

@@ -153,13 +153,13 @@ def _fit(points: Sequence[TirePoint]) -> tuple[LoadCalibration, FloatArray, tupl
     scatter = 1.0
     for _ in range(_PASSES):
         weight = 1.0 / scatter / np.hypot(load_error, (solution[1] + 2.0 * solution[2] * angle) * angle_error)
-        left = np.concatenate([rows * weight[:, np.newaxis], prior[1:]])
-        right = np.concatenate([np.log(load) * weight, expected])
-        solution = np.linalg.lstsq(left, right, rcond=None)[0]
-        missed = left @ solution - right
+        weighted_rows = np.concatenate([rows * weight[:, np.newaxis], prior[1:]])
+        targets = np.concatenate([np.log(load) * weight, expected])
+        solution = np.linalg.lstsq(weighted_rows, targets, rcond=None)[0]
+        missed = weighted_rows @ solution - targets
         # The usual exponents count as three measurements of the four unknowns.
         scatter *= math.sqrt(max(1.0, float(missed @ missed) / max(len(points) - 1, 1)))
-    errors = np.sqrt(np.diag(np.linalg.inv(left.T @ left)))
+    errors = np.sqrt(np.diag(np.linalg.inv(weighted_rows.T @ weighted_rows)))
     scale, angle_exponent, curvature, pressure_exponent = solution.tolist()
     calibration = LoadCalibration(
         load_n=math.exp(scale),
@@ -178,8 +178,8 @@ def _fit(points: Sequence[TirePoint]) -> tuple[LoadCalibration, FloatArray, tupl
 
 def _median_degc(points: Sequence[TirePoint]) -> float | None:
     """Return the median temperature of the points, None unless all are known."""
-    known = sorted(point.temperature_degc for point in points if point.temperature_degc is not None)
-    return known[len(points) // 2] if known and len(known) == len(points) else None
+    stated_degc = sorted(point.temperature_degc for point in points if point.temperature_degc is not None)
+    return stated_degc[len(points) // 2] if stated_degc and len(stated_degc) == len(points) else None
 
 
 def fit_softening(points: Sequence[TirePoint]) -> tuple[float, float]:
@@ -189,11 +189,11 @@ def fit_softening(points: Sequence[TirePoint]) -> tuple[float, float]:
     one temperature return the prior. The errors include that of the temperatures, and the scatter of the points.
     """
     rows = [
-        (point.temperature_degc, found.value * point.pressure_pa, found.std / found.value)
+        (point.temperature_degc, bending.value * point.pressure_pa, bending.std / bending.value)
         for point in points
         if point.temperature_degc is not None
-        and (found := point.numbers.get("Bs")) is not None
-        and found.status is Status.VALID
+        and (bending := point.numbers.get("Bs")) is not None
+        and bending.status is Status.VALID
     ]
     if not rows:
         return SOFTENING_PER_K, SOFTENING_STD_PER_K
@@ -223,7 +223,7 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
     values: dict[str, float | None] = {}
     stds: dict[str, float] = {}
     for name in RING_NUMBERS:
-        found = []
+        scaled = []
         for point in points:
             estimate = point.numbers.get(name)
             near = abs(point.pressure_pa / pressure - 1.0) < _SAME_PRESSURE
@@ -235,8 +235,8 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
                 if temperature is not None and point.temperature_degc is not None:
                     warmer_k = point.temperature_degc - temperature
                 factor = point.pressure_pa / pressure * math.exp(softening * warmer_k)
-            found.append((estimate.value * factor, estimate.std * factor))
-        values[name], stds[name] = _mean(np.array(found)) if found else (None, 0.0)
+            scaled.append((estimate.value * factor, estimate.std * factor))
+        values[name], stds[name] = _mean(np.array(scaled)) if scaled else (None, 0.0)
     return ReferenceNumbers(
         values["Bs"], values["Cw"], values["Rs"], values["Ts"],
         stds["Bs"], stds["Cw"], stds["Rs"], stds["Ts"],
@@ -248,9 +248,9 @@ def reference_numbers(points: Sequence[TirePoint], estimator: str) -> ReferenceN
     )  # fmt: skip
 
 
-def _mean(found: FloatArray) -> tuple[float, float]:
+def _mean(values_and_stds: FloatArray) -> tuple[float, float]:
     """Return the weighted mean of (k, 2) values with standard errors, and its standard error."""
-    values, stds = found.T
+    values, stds = values_and_stds.T
     weights = 1.0 / np.square(np.maximum(stds, 1e-4 * np.abs(values)))
     weights /= weights.sum()
     mean = float(weights @ values)

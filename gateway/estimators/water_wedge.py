@@ -133,10 +133,10 @@ class WaterWedgeEstimator:
             and abs(trailing) < max(_TRAILING_SHARE * leading, DETERMINED * trailing_std)
         ):
             notes.insert(0, Reason(Code.LIKE_A_WATER_WEDGE, shift_rad=leading))
-        found = ((leading, leading_std), (trailing, trailing_std), (wedge, wedge_std))
+        shifts = ((leading, leading_std), (trailing, trailing_std), (wedge, wedge_std))
         return tuple(
             Estimate(name, value, math.hypot(std, _SHIFT_STD * value), Status.PROVISIONAL, tuple(notes))
-            for name, (value, std) in zip(NAMES, found, strict=True)
+            for name, (value, std) in zip(NAMES, shifts, strict=True)
         )
 
     def _scatter(self) -> tuple[float, float, float] | None:
@@ -144,7 +144,7 @@ class WaterWedgeEstimator:
         if len(self._shifts) < _LEAST_SCATTER:
             return None
         # A prediction that reaches further is less certain.
-        first, reach = (math.sqrt(1.0 + float(self._weights[at] @ self._weights[at])) for at in (0, self._held))
+        first, reach = (math.sqrt(1.0 + float(self._weights[held] @ self._weights[held])) for held in (0, self._held))
         scatters = np.sqrt(np.square(self._shifts).mean(axis=0)) * (reach / first)
         leading, trailing, wedge = np.maximum(scatters, _LEAST_STD_RAD).tolist()
         return leading, trailing, wedge

@@ -106,10 +106,10 @@ class _Renewed:
     allowed: FloatArray
     std: FloatArray
 
-    def followed(self, orders: FloatArray, at: ConditionArrays) -> FloatArray:
+    def followed(self, orders: FloatArray, conditions: ConditionArrays) -> FloatArray:
         """Return the numbers at load number 1 of k slightly different averages, to first order, (k, 4)."""
         result: FloatArray = self.values + (orders - self.signal) @ self.response.T
-        result += np.multiply.outer((at.sensor_offset_m - self.offset_m) / at.radius_m, self.by_offset)
+        result += np.multiply.outer((conditions.sensor_offset_m - self.offset_m) / conditions.radius_m, self.by_offset)
         return result
 
     def noise(self, scatters: FloatArray, effective_counts: FloatArray) -> FloatArray:
@@ -145,17 +145,17 @@ class _Series:
     """
 
     def __init__(self, block: RevolutionBlock) -> None:
-        averages, at = block.averages, block.condition_arrays
+        averages, arrays = block.averages, block.condition_arrays
         edges = np.array(averages.edges_rad)
         omega = block.arrays.omega_radps
         # A small motion of the hub may change by any share of itself.
-        hub = np.hypot(at.hub_mps2, _NEGLIGIBLE_HUB * at.radius_m * np.square(omega))
-        sensor = (at.sensor_offset_std_m, at.steady_std_mps2, at.gain_std, hub)
+        hub = np.hypot(arrays.hub_mps2, _NEGLIGIBLE_HUB * arrays.radius_m * np.square(omega))
+        sensor = (arrays.sensor_offset_std_m, arrays.steady_std_mps2, arrays.gain_std, hub)
         self.states: FloatArray = np.array([*edges.T, averages.scatters, *sensor, omega]).T
         self.orders = relative_orders(averages.spectra, edges)
         self.effective_counts: FloatArray = np.array(averages.effective_counts)
         self.load_numbers: FloatArray = np.array([load_number(conditions) for conditions in block.conditions])
-        self.conditions = at
+        self.conditions = arrays
 
 
 def relative_orders(spectra: ComplexArray, edges_rad: FloatArray) -> FloatArray:
@@ -211,13 +211,13 @@ class WeakFormEstimator:
             first = self._follow(block, series, fitted, first, is_new=is_new)
             is_new = False
             if first < len(block):
-                found = self._renew(block, series, first)
-                if isinstance(found, Reason):
+                renewed = self._renew(block, series, first)
+                if isinstance(renewed, Reason):
                     self._warm = self._renewed = None
-                    refused[first] = found
+                    refused[first] = renewed
                     first += 1
                 else:
-                    self._renewed, is_new = found, True
+                    self._renewed, is_new = renewed, True
         doubts = [doubt_about(*both) for both in zip(block.revolutions, block.averages.effective_counts, strict=True)]
         made = series_estimates(self.name, fitted, block.conditions, doubts)
         for index, reason in refused.items():
@@ -286,13 +286,13 @@ class WeakFormEstimator:
             solution = solve_balance(orders, begin, std, warm, 1)
             if self._renewed is not None:
                 limit = _CONVERGED_STDS * self._renewed.std
-                here = series.conditions.rows(slice(index, index + 1))
-                followed = self._renewed.followed(orders_here[np.newaxis], here)[0]
+                present = series.conditions.rows(slice(index, index + 1))
+                followed = self._renewed.followed(orders_here[np.newaxis], present)[0]
                 for _ in range(_FURTHER_PASSES):
-                    found = solution.unknowns[0, :4]
-                    if (np.abs(found - followed) <= limit).all():
+                    numbers = solution.unknowns[0, :4]
+                    if (np.abs(numbers - followed) <= limit).all():
                         break
-                    followed, solution = found, solve_balance(orders, begin, std, solution, 1)
+                    followed, solution = numbers, solve_balance(orders, begin, std, solution, 1)
         except np.linalg.LinAlgError:
             return Reason(Code.NO_BELT_SHAPE)
         if not (np.isfinite(solution.unknowns).all() and np.isfinite(solution.correction).all()):
@@ -494,9 +494,9 @@ def fit_waveforms(
             block = alike[first : first + _WAVEFORMS_PER_BLOCK]
             std = relative_std(order_std_mps2, float(means[block].mean()), orders[block].mean(axis=0), max_order)
             try:
-                found = fits_of(solve_similar_balances(orders[block], int(begin), std), std[np.newaxis])
+                block_fits = fits_of(solve_similar_balances(orders[block], int(begin), std), std[np.newaxis])
             except np.linalg.LinAlgError:
                 continue
             for field in ("values", "free", "noise", "model", "deflection", "misfit"):
-                getattr(fits, field)[block] = getattr(found, field)
+                getattr(fits, field)[block] = getattr(block_fits, field)
     return fits

@@ -60,9 +60,9 @@ class WeakFormSolution:
 
     def select(self, index: int) -> Self:
         """Return one waveform's solution."""
-        own = slice(index, index + 1)
-        response = self.response if len(self.response) == 1 else self.response[own]
-        return type(self)(self.unknowns[own], self.free[own], response, self.correction[own], self.misfit[own])
+        row = slice(index, index + 1)
+        response = self.response if len(self.response) == 1 else self.response[row]
+        return type(self)(self.unknowns[row], self.free[row], response, self.correction[row], self.misfit[row])
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +117,8 @@ def solve_similar_balances(orders: FloatArray, begin: int, order_std: FloatArray
     """
     mean = orders.mean(axis=0, keepdims=True)
     common = solve_balance(mean, begin, order_std[np.newaxis])
-    at = balance_rows(belt_shape(_corrected(mean, common.correction)), begin)
-    weights = _weights(at, common.unknowns, order_std[np.newaxis])
+    mean_rows = balance_rows(belt_shape(_corrected(mean, common.correction)), begin)
+    weights = _weights(mean_rows, common.unknowns, order_std[np.newaxis])
     rows = balance_rows(belt_shape(_corrected(orders, common.correction)), begin)
     return _solve_at(orders, rows, np.repeat(common.unknowns, len(orders), axis=0), weights)
 
@@ -134,7 +134,7 @@ def _weights(rows: BalanceRows, unknowns: FloatArray, order_std: FloatArray) -> 
     sensitivity = row_sensitivity(rows, unknowns)
     weighted = sensitivity * order_std[:, np.newaxis, :]
     # The product of `weighted` with its transpose is the covariance, but would square the condition number.
-    return _Weights(sensitivity, np.square(order_std), np.stack([upper_factor(one.T).T for one in weighted]))
+    return _Weights(sensitivity, np.square(order_std), np.stack([upper_factor(matrix.T).T for matrix in weighted]))
 
 
 def _cold_start(rows: BalanceRows) -> FloatArray:
@@ -177,23 +177,23 @@ def _solve_whitened(whitened: FloatArray, start: FloatArray) -> tuple[FloatArray
 
     Gauss-Newton for all waveforms at once, then a bounded fit of each waveform where that fails or ends below zero.
     """
-    here = start
-    size = np.full(len(here), math.inf)
+    unknowns = start
+    size = np.full(len(unknowns), math.inf)
     for _ in range(_GAUSS_NEWTON_STEPS):
-        jacobian, residual = _linearised(whitened, here)
+        jacobian, residual = _linearised(whitened, unknowns)
         try:
             step = least_squares(jacobian * UNITS, residual[..., np.newaxis])[..., 0]
         except np.linalg.LinAlgError:
             break
-        here = here - step * UNITS
+        unknowns = unknowns - step * UNITS
         size = np.abs(step).max(axis=1)
         if not size.max() > _CONVERGED:
             break
-    free = np.ones(here.shape, dtype=np.bool_)
-    for index in np.flatnonzero(~((here > 0.0).all(axis=1) & (size <= _CONVERGED))):
-        here[index], free[index] = _solve_bounded(whitened[index], start[index])
-    jacobian, residual = _linearised(whitened, here)
-    return here, free, jacobian, residual
+    free = np.ones(unknowns.shape, dtype=np.bool_)
+    for index in np.flatnonzero(~((unknowns > 0.0).all(axis=1) & (size <= _CONVERGED))):
+        unknowns[index], free[index] = _solve_bounded(whitened[index], start[index])
+    jacobian, residual = _linearised(whitened, unknowns)
+    return unknowns, free, jacobian, residual
 
 
 def _linearised(whitened: FloatArray, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:

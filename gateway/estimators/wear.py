@@ -108,8 +108,8 @@ class WearEstimator:
             )
         (xx, xy), (_, yy) = self._values.variance()
         span = self._latest - self._first
-        left = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
-        scatter = math.sqrt(left / (xx * (count - 1))) * span
+        residual = max(float(yy - xy * xy / xx), 0.0) * (count - 1) / (count - 2)
+        scatter = math.sqrt(residual / (xx * (count - 1))) * span
         first_degc, last_degc = self._temperatures[0], self._temperatures[-1]
         softening = tire.reference.softening(last_degc, first_degc)
         thickness_mm = 1e3 * (tire.ring_thickness_m or 0.0)
@@ -136,17 +136,17 @@ def _wear(conditions: TireConditions) -> Estimate:
     thickness = tire.ring_thickness_m
     if thickness is None:
         return Estimate.invalid(NAMES[0], Reason(Code.NEEDS_RING_THICKNESS))
-    found = bending_since_reference(conditions)
-    if found.status is Status.INVALID:
-        return Estimate.invalid(NAMES[0], *found.reasons)
+    bending = bending_since_reference(conditions)
+    if bending.status is Status.INVALID:
+        return Estimate.invalid(NAMES[0], *bending.reasons)
     softening = tire.reference.softening(conditions.temperature_degc, tire.reference.temperature_degc)
-    left = thickness_left(found.value - softening.logarithm)
-    notes = list(found.reasons)
+    remaining = thickness_left(bending.value - softening.logarithm)
+    notes = list(bending.reasons)
     if not softening.is_known:
         notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
-    error = thickness * left / _BENDING_POWER * math.hypot(found.std, softening.std)
-    std = math.hypot(error, (1.0 - left) * tire.ring_thickness_std_m)
-    value, status = thickness * (1.0 - left), found.status
+    error = thickness * remaining / _BENDING_POWER * math.hypot(bending.std, softening.std)
+    std = math.hypot(error, (1.0 - remaining) * tire.ring_thickness_std_m)
+    value, status = thickness * (1.0 - remaining), bending.status
     if tire.wear_m is not None and abs(value - tire.wear_m) > DETERMINED * math.hypot(std, tire.wear_std_m):
         status = Status.PROVISIONAL
         notes.insert(0, Reason(Code.WEAR_CONTRADICTED, stated_m=tire.wear_m, stated_std_m=tire.wear_std_m))
