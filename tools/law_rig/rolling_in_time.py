@@ -37,7 +37,7 @@ STEPS: Final = 1080
 """Steps of a revolution: three for each two nodes that enter the contact."""
 
 _REVOLUTIONS: Final = 3
-_NEWTON: Final = 4
+_NEWTON: Final = 10
 _DONE_M: Final = 1e-8
 # Slight loss at frequencies that the grid does not resolve.
 _GAMMA, _BETA = 0.55, 0.2756
@@ -89,7 +89,10 @@ class _Belt:
         law = _law(ring, conditions.load_n, conditions.pressure_pa, omega, NODES, math.inf, None)
         self.omega, self.change, self.tread_npm2 = omega, change, law.tread_npm2
         # At rest in this frame: inertia is added here, the road too.
-        self.law: BeltLaw = replace(law, omega_radps=0.0)
+        # The tangent is that of a stiffness halfway to the change, so that the iteration converges.
+        halfway = 1.0 + 0.5 * float(change.bending[np.argmax(np.abs(change.bending))])
+        self.bending = (1.0 + change.bending) / halfway - 1.0
+        self.law: BeltLaw = replace(law, omega_radps=0.0, bending_nm2=halfway * law.bending_nm2)
         self.length_m = law.radius_m * self.grid.step_rad
         self.mass_kg = law.mass_kgpm * self.length_m * (1.0 + change.mass)
         self.damping = _DAMPING_NSPM2 * self.length_m
@@ -104,7 +107,7 @@ class _Belt:
             span = following(y) - y
             length = np.hypot(span[:, 0], span[:, 1])
             turn = segment_turn(self.grid, span / length[:, None])
-            moment = change.bending * (self.law.bending_nm2 / self.length_m) * (turn - preceding(turn))
+            moment = self.bending * (self.law.bending_nm2 / self.length_m) * (turn - preceding(turn))
             normal = np.stack([-span[:, 1], span[:, 0]], axis=1) / length[:, None]
             shear = ((moment - following(moment)) / length)[:, None] * normal
             force += shear - preceding(shear)

@@ -11,11 +11,13 @@ class Law(SignalEffect):
     Attributes:
         scaling: growth with speed, load and pressure, in words.
         sizes: number of its first parameters that make its size; the others shape it.
+        equation_share: error of its sizes by its equation, as a share of them.
     """
 
     rank = 0
     scaling: str
     sizes = 1
+    equation_share = 0.0
     observed_in = "what no effect of the catalogue explains"
     confounders: tuple[Confounder, ...] = ()
 

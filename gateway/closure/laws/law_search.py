@@ -64,11 +64,11 @@ RIVAL: Final = 5.0
 _LEAST_LEFT: Final = 0.05
 # Places that the evidence has not paid for: narrow peaks in the widths.
 _CHOICES: Final = 10.0
-_FITTED: Final = 4
+_FITTED: Final = 3
 _WORTH: Final = 0.5
 # Rounds of a fit, each with the belt's response at the end of the one before, its steps, and the change of the tire's
 # logarithms that is not worth another one.
-_ROUNDS: Final = 5
+_ROUNDS: Final = 3
 _STEPS: Final = 8
 _SETTLED: Final = 0.01
 # A size whose error is a larger share of it says nothing.
@@ -257,6 +257,7 @@ def _told(
     where = fit.model.layout.effect(law.name)
     values = fit.vector[where]
     stds = np.sqrt(np.diagonal(fit.covariance)[where]) * _widening(sizes, law, values)
+    stds[: law.sizes] = np.hypot(stds[: law.sizes], law.equation_share * np.abs(values[: law.sizes]))
     parameters = {
         one.name: Fitted(float(value), float(std), one.unit, one.factor, one.display_unit)
         for one, value, std in zip(law.parameters, values, stds, strict=True)
