@@ -7,12 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from gateway.closure.effects.effect import Parameter
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, GroupConditions, Parameter
 from gateway.closure.inference import criteria
 from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.inference.parameter_range import outside_range
-from gateway.closure.inference.set_evidence import evaluated_at, log_evidence
+from gateway.closure.inference.set_evidence import Evaluated, evaluate, evaluated_at, log_evidence, settled
 from gateway.reasons import Code
+from gateway.types import FloatArray
 from tests.closure.dense_covariance import covariance_of, joined
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -57,6 +58,29 @@ def test_set_without_a_shape_keeps_estimates_and_its_objection() -> None:
     assert [name for name, _ in found.objections] == ["shear flexibility"]
     estimates, _ = estimates_of([(found.fit, 1.0)])
     assert estimates["Bs"].value == pytest.approx(2.6e-3, rel=0.2)
+
+
+def test_settled_set_does_not_depend_on_the_way_there() -> None:
+    """A kink that no effect describes; one discrepancy begins as the residual suggests, one a thousand times larger."""
+
+    def kinked(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = signal.copy()
+        read[[CIRCUMFERENTIAL, RADIAL]] += 30.0 * np.exp(-np.square((theta - 0.5) / 0.2))
+        return read
+
+    one, data = evaluated(campaign_of(ONE_SPEED, kinked))
+    applied = one.fit.applied
+    assert applied is not None
+    larger = applied.discrepancy.applied(1e3 * applied.amplitudes)
+    other = evaluate(one.fit, data, applied.discrepancy, larger)
+    std = np.sqrt(np.diagonal(one.fit.covariance))
+
+    def apart(first: Evaluated, second: Evaluated) -> float:
+        return float((np.abs(first.fit.vector - second.fit.vector) / std).max())
+
+    before, after = apart(one, other), apart(settled(one, data), settled(other, data))
+    assert after < 0.1
+    assert before > 2.0 * after
 
 
 def test_absent_effect_costs_its_odds_and_its_width() -> None:

@@ -92,9 +92,14 @@ def test_diagnosis_of_a_sealed_case(request, compare, tmp_path, monkeypatch, see
     monkeypatch.chdir(tmp_path)
     names = [f"run-{index + 1}.mcap" for index in range(RUNS)]
     run("diagnose", *names, "--json", "found.json", "--html", "found.html", "--jobs", 1)
-    compare(f"diagnose-{seed}", json.loads(Path("found.json").read_text("utf-8")))
+    compare(f"diagnose-{seed}", json.loads(without_hashes(Path("found.json").read_text("utf-8"))))
     if not request.config.getoption("--golden-numbers"):
-        compare(f"report-{seed}", report_text(Path("found.html").read_text("utf-8")))
+        compare(f"report-{seed}", report_text(without_hashes(Path("found.html").read_text("utf-8"))))
+
+
+def without_hashes(text: str) -> str:
+    """Return a text without the hashes of recordings, which hold the version that wrote them."""
+    return re.sub(r"\b[0-9a-f]{64}\b", "of the content", text)
 
 
 def report_text(page: str) -> list[list[object]]:

@@ -12,7 +12,7 @@ from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import bounds
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
-from gateway.closure.inference.fit import Fit, fit_model
+from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.parameter_range import outside_range
 from gateway.closure.model.baseline import NoShapeError
@@ -25,6 +25,9 @@ _NO_DATA: Final = 1e-9
 # Most steps of the amplitudes, and the change of log evidence at which they end.
 _STEPS: Final = 15
 _SETTLED: Final = 0.03
+# Most rounds until all rest, and the change of a parameter over its error at which it does.
+_MOST_ROUNDS: Final = 20
+_AT_REST: Final = 0.02
 # Steps of the parameters with the discrepancy in: it moves them by little.
 _FIT_STEPS: Final = 6
 
@@ -83,6 +86,26 @@ def evaluate(
     fit = fit_model(fit.model, data, start, applied=applied, most_steps=_FIT_STEPS)
     fit, applied = _settled(fit, applied, _STEPS)
     return evaluated_at(fit.moved(_limited(fit)))
+
+
+def settled(one: Evaluated, data: Whitened) -> Evaluated:
+    """Return a set whose parameters and discrepancy rest, to a fiftieth of their errors.
+
+    Along a flat ridge the evidence changes by little long before both do. Where they stop then depends on the way
+    there, and so on the rounding of the machine.
+    """
+    for _ in range(_MOST_ROUNDS):
+        if one.fit.applied is None:
+            break
+        try:
+            again = evaluate(one.fit, data, one.fit.applied.discrepancy, one.fit.applied)
+        except (FitFailedError, np.linalg.LinAlgError):
+            break
+        moved = np.abs(again.fit.vector - one.fit.vector) / np.sqrt(np.diagonal(again.fit.covariance))
+        one = again
+        if float(moved.max()) < _AT_REST:
+            break
+    return one
 
 
 def evaluated_at(fit: Fit) -> Evaluated:

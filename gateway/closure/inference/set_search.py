@@ -26,7 +26,7 @@ from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linear
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.other_optima import other_optima
 from gateway.closure.inference.residual import ratios_by_part
-from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds
+from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds, settled
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.worker_pool import Workers
@@ -99,7 +99,22 @@ class SetSearch:
         self._climb()
         while not self._stop() and (self._concentrate() or self._moved()):
             self._climb()
+        self._settle()
         return self.best
+
+    def _settle(self) -> None:
+        """Let the sets that matter rest where much is left; near the noise they do."""
+        if self._at_noise(self.best.fit):
+            return
+        least = self.best.log_evidence + math.log(criteria.SUPPORTED)
+        for names in sorted(self.found, key=lambda names: (-self.found[names].log_evidence, sorted(names))):
+            if self._stop():
+                return
+            if self.found[names].log_evidence >= least or not names:
+                at_rest = self.found[names] = settled(self.found[names], self.data)
+                if at_rest is not self.best and at_rest.fit.applied is not None:
+                    at_rest.fit.applied.release()
+        self.optima = {name: tuple(settled(one, self.data) for one in others) for name, others in self.optima.items()}
 
     def _climb(self) -> None:
         """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
