@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from gateway.closure.closed_loop import other_optimum_notes
 from gateway.closure.effects.effect import LATERAL, GroupConditions
 from gateway.closure.inference.findings import findings_of
 from gateway.closure.inference.other_optima import other_optima
-from gateway.closure.inference.set_evidence import Evaluated
+from gateway.closure.inference.set_evidence import Evaluated, settled
 from gateway.reasons import Code
 from gateway.types import FloatArray
 from tests.closure.planted_campaign import ALL_AXES, ONE_SPEED, Plant, WavePacket, campaign_of, searched
@@ -80,3 +81,20 @@ def test_an_effect_of_one_start_has_one_optimum() -> None:
     campaign = campaign_of(ONE_SPEED, packet(1.3, 1.1), noise_mps2=1.0, axes=ALL_AXES)
     found, _ = searched(campaign, {effect.name: effect})
     assert not other_optima(found.best, found.baseline.fit, effect, (0,))
+
+
+def test_optima_beside_much_that_is_left_are_those_of_the_best_set() -> None:
+    """Sets come to rest before optima are sought, and another may then be the best."""
+    effect = WavePacket(*STARTS_RAD)
+
+    def beside(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+        read = packet(4.0, 1.1)(signal, theta, here)
+        read[LATERAL] += 10.0 * np.cos(17.0 * theta + 3.0 * np.sin(theta))
+        return read
+
+    found, search = searched(campaign_of(ONE_SPEED, beside, noise_mps2=0.3, axes=ALL_AXES), {effect.name: effect})
+    assert max(found.temperatures) > 10.0
+    assert set(search.optima) == set(search.best.names)
+    best = search.best
+    std = np.sqrt(np.diagonal(best.fit.covariance))
+    assert float((np.abs(settled(best, search.data).fit.vector - best.fit.vector) / std).max()) < 0.03

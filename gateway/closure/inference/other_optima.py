@@ -11,13 +11,15 @@ import numpy as np
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import followed_trials, shapes_of, start_of
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
-from gateway.closure.inference.set_evidence import Evaluated, evaluate
+from gateway.closure.inference.set_evidence import Evaluated, evaluate, settled
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.types import FloatArray
 
 
-def other_optima(one: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[int, ...]) -> list[Evaluated]:
+def other_optima(
+    one: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[int, ...], *, at_rest: bool = False
+) -> list[Evaluated]:
     """Return the other optima of a set of nearly its evidence, or of a higher one, best first.
 
     Args:
@@ -25,6 +27,7 @@ def other_optima(one: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[i
         bare: fit of the set without the effect, under the same discrepancy.
         effect: whose shape is varied; one with a single start has none.
         groups: indices of the groups in which it is tried.
+        at_rest: whether they must rest, as on a flat ridge.
     """
     applied = one.fit.applied
     conditions = tuple(group.conditions for group in one.fit.model.campaign.groups)
@@ -54,6 +57,8 @@ def other_optima(one: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[i
         try:
             fit = fit_model(one.fit.model, one.fit.data, start, applied=applied, most_steps=criteria.OPTIMUM_STEPS)
             found = evaluate(fit, one.fit.data, applied.discrepancy, applied, enough)
+            if at_rest and found.log_evidence > one.log_evidence - criteria.WORTH_WORK:
+                found = settled(found, one.fit.data)
         except (FitFailedError, np.linalg.LinAlgError):
             continue
         if found.log_evidence > one.log_evidence - criteria.WITHIN and is_new(found.fit.vector[where]):

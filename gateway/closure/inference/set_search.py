@@ -99,13 +99,10 @@ class SetSearch:
         self._climb()
         while not self._stop() and (self._concentrate() or self._moved()):
             self._climb()
-        self._settle()
         return self.best
 
     def _settle(self) -> None:
-        """Let the sets that matter rest where much is left; near the noise they do."""
-        if self._at_noise(self.best.fit):
-            return
+        """Let the sets that matter rest."""
         least = self.best.log_evidence + math.log(criteria.SUPPORTED)
         for names in sorted(self.found, key=lambda names: (-self.found[names].log_evidence, sorted(names))):
             if self._stop():
@@ -114,7 +111,6 @@ class SetSearch:
                 at_rest = self.found[names] = settled(self.found[names], self.data)
                 if at_rest is not self.best and at_rest.fit.applied is not None:
                     at_rest.fit.applied.release()
-        self.optima = {name: tuple(settled(one, self.data) for one in others) for name, others in self.optima.items()}
 
     def _climb(self) -> None:
         """Evaluate the neighbours of the best set until it is the best of them; likewise of its rivals."""
@@ -206,11 +202,15 @@ class SetSearch:
 
     def _moved(self) -> bool:
         """Look for other optima of the best set; return whether one is better, which is then the set's own."""
+        # Near the noise all sets rest.
+        flat = not self._at_noise(self.best.fit)
+        if flat:
+            self._settle()
         best, self.optima = self.best, {}
         for effect in sorted(best.fit.model.effects, key=lambda effect: effect.name):
             self.on_step(len(best.names))
             bare = None if self._stop() else self._bare(best, effect)
-            found = [] if bare is None else other_optima(best, bare, effect, self._scanned)
+            found = [] if bare is None else other_optima(best, bare, effect, self._scanned, at_rest=flat)
             if found and found[0].log_evidence > best.log_evidence:
                 # Those found so far are of the worse one.
                 self.found[best.names], self.optima = found[0], {}
