@@ -7,9 +7,11 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.table_columns import (
+    AVERAGE_COLUMNS,
     DIAGNOSIS_COLUMNS,
     FAILURE_COLUMNS,
     RECORDING_PARTS,
+    SAMPLE_COLUMNS,
     Column,
     recording_columns,
     revolution_columns,
@@ -36,6 +38,8 @@ TABLES: Final[dict[str, Callable[[], str]]] = {
     "revolutions": lambda: _columns(revolution_columns(())),
     "failures": lambda: _columns(FAILURE_COLUMNS),
     "diagnoses": lambda: _columns(DIAGNOSIS_COLUMNS),
+    "samples": lambda: _columns(SAMPLE_COLUMNS),
+    "average": lambda: _columns(AVERAGE_COLUMNS),
     "commands of figures": lambda: table_of_commands(all_marks()),
 }
 
