@@ -25,20 +25,20 @@ _LARGE: Final = 0.95
 
 
 def angle_scatter(
-    left: FloatArray, present: BoolArray, index: NDArray[np.integer], *, clipped: bool = False
+    residuals: FloatArray, present: BoolArray, index: NDArray[np.integer], *, clipped: bool = False
 ) -> AngleScatter | None:
     """Return the power of deviations by angle; None for too few revolutions.
 
     Args:
-        left: (n, 3, grid) deviations of revolutions from their mean, in order of time, theta from -pi.
+        residuals: (n, 3, grid) deviations of revolutions from their mean, in order of time, theta from -pi.
         present: (3,) axes.
         index: (n,) running numbers of the revolutions.
         clipped: whether the radial axis reaches the end of its range in some of them.
     """
-    count = len(left)
+    count = len(residuals)
     if count < _LEAST:
         return None
-    parts = left.reshape(count, 3, CELLS, -1)
+    parts = residuals.reshape(count, 3, CELLS, -1)
     cells = np.square(parts).mean(axis=-1)
     at_limit = np.zeros((3, CELLS), dtype=bool)
     if clipped:

@@ -41,15 +41,15 @@ def modes(values: FloatArray, width: float) -> IntArray:
         (n,) labels from 0.
     """
     labels = np.full(len(values), -1, dtype=np.intp)
-    known = np.flatnonzero(np.isfinite(values))
-    left = known[np.argsort(values[known], kind="stable")]
+    finite = np.flatnonzero(np.isfinite(values))
+    remaining = finite[np.argsort(values[finite], kind="stable")]
     label = 0
-    while len(left):
-        ordered = values[left]
+    while len(remaining):
+        ordered = values[remaining]
         last = np.searchsorted(ordered, ordered + width, side="right")
-        begin = int(np.argmax(last - np.arange(len(left))))
-        labels[left[begin : last[begin]]] = label
-        left = np.concatenate((left[:begin], left[last[begin] :]))
+        begin = int(np.argmax(last - np.arange(len(remaining))))
+        labels[remaining[begin : last[begin]]] = label
+        remaining = np.concatenate((remaining[:begin], remaining[last[begin] :]))
         label += 1
     labels[labels < 0] = label
     return labels
@@ -112,10 +112,10 @@ def contact_groups(state: IntArray, omega_radps: FloatArray, half_angle_rad: Flo
     load of one of them differs by 12 %, or the tire. Only speeds within a tenth are compared, as edges move with speed.
     """
     for each in np.unique(state).tolist():
-        here = np.flatnonzero((state == each) & np.isfinite(half_angle_rad))
-        speeds = modes(np.log(omega_radps[here]), _CONTACT_SPEED_WIDTH)
+        members = np.flatnonzero((state == each) & np.isfinite(half_angle_rad))
+        speeds = modes(np.log(omega_radps[members]), _CONTACT_SPEED_WIDTH)
         for speed in np.unique(speeds).tolist():
-            alike_speed = here[speeds == speed]
+            alike_speed = members[speeds == speed]
             angles = modes(np.log(half_angle_rad[alike_speed]), _ANGLE_WIDTH)
             if angles.max() > 0:
                 yield [alike_speed[angles == label] for label in np.unique(angles).tolist()]
@@ -134,7 +134,8 @@ def telling(recording: IntArray, state: IntArray, omega_radps: FloatArray, count
         most: groups.
     """
     taken = [
-        int(own[np.argmax(count[own])]) for own in (np.flatnonzero(recording == each) for each in np.unique(recording))
+        int(members[np.argmax(count[members])])
+        for members in (np.flatnonzero(recording == each) for each in np.unique(recording))
     ]
     speed = np.log(omega_radps)
     while len(taken) < min(most, len(count)):
@@ -156,10 +157,12 @@ def far_apart(places: IntArray, conditions: Sequence[GroupConditions], most: int
     """
     if len(places) <= most:
         return places
-    here = [conditions[place] for place in places.tolist()]
-    log = np.log([[one.omega_radps, one.load_n, one.pressure_pa] for one in here]) / _APART
-    warmth = np.nan_to_num([one.temperature_degc for one in here]) / _WARMER_K
-    features = np.column_stack((log, warmth, [float(one.reverse) for one in here]))
+    candidates = [conditions[index] for index in places.tolist()]
+    log = (
+        np.log([[condition.omega_radps, condition.load_n, condition.pressure_pa] for condition in candidates]) / _APART
+    )
+    warmth = np.nan_to_num([condition.temperature_degc for condition in candidates]) / _WARMER_K
+    features = np.column_stack((log, warmth, [float(condition.reverse) for condition in candidates]))
     taken = [0]
     while len(taken) < most:
         away = np.abs(features[:, None] - features[taken]).sum(axis=2).min(axis=1)
@@ -171,7 +174,7 @@ def far_apart(places: IntArray, conditions: Sequence[GroupConditions], most: int
 def folded(count: int, folds: int) -> list[slice]:
     """Return consecutive stretches of `count` revolutions: `folds` of them, or one each where they are few."""
     if count < 2 * folds:
-        return [slice(at, at + 1) for at in range(count)]
+        return [slice(index, index + 1) for index in range(count)]
     edges = np.linspace(0, count, folds + 1).round().astype(int).tolist()
     return [slice(low, high) for low, high in pairwise(edges)]
 

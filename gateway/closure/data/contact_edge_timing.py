@@ -84,10 +84,10 @@ class Edges:
             self.early_rad[follows + 1, trailing],
         )
         values, vectors = np.linalg.eigh(np.cov(contacts.T) / len(self.early_rad))
-        known = np.isfinite(mean_mps2)
-        shapes = _shapes(np.where(known, mean_mps2, 0.0), self.half_angle_rad)
+        present = np.isfinite(mean_mps2)
+        shapes = _shapes(np.where(present, mean_mps2, 0.0), self.half_angle_rad)
         result: ComplexArray = np.tensordot((vectors * np.sqrt(np.maximum(values, 0.0))).T, shapes, axes=1)
-        result[:, ~known] = complex(math.nan, math.nan)
+        result[:, ~present] = complex(math.nan, math.nan)
         return result
 
 
@@ -103,16 +103,16 @@ def bent_back(waveforms: FloatArray, theta_rad: FloatArray, early_rad: FloatArra
     points = len(theta_rad)
     near = np.flatnonzero(np.abs(theta_rad) < half_angle_rad + 1.2 * EDGE_REACH_RAD)
     result = waveforms.copy()
-    for at in np.flatnonzero(early_rad.any(axis=1)).tolist():
+    for revolution in np.flatnonzero(early_rad.any(axis=1)).tolist():
         # s(theta) = measured(phi) with phi + early window(phi) = theta.
-        place = theta_rad[near]
+        angle_rad = theta_rad[near]
         for _ in range(_BENDS):
-            place = theta_rad[near] - early_rad[at] @ CONTACT_EDGE_JITTER.windows(place, half_angle_rad)
-        index = ((place - theta_rad[0]) * (_FINER * points / (2.0 * math.pi)))[None]
-        fine = np.fft.irfft(_FINER * np.fft.rfft(waveforms[at].astype(np.float64)), n=_FINER * points)
+            angle_rad = theta_rad[near] - early_rad[revolution] @ CONTACT_EDGE_JITTER.windows(angle_rad, half_angle_rad)
+        index = ((angle_rad - theta_rad[0]) * (_FINER * points / (2.0 * math.pi)))[None]
+        fine = np.fft.irfft(_FINER * np.fft.rfft(waveforms[revolution].astype(np.float64)), n=_FINER * points)
         spline = spline_filter1d(fine.reshape(-1, _FINER * points), order=_SPLINE, mode="grid-wrap")
         rows = [map_coordinates(row, index, order=_SPLINE, mode="grid-wrap", prefilter=False) for row in spline]
-        result[at][..., near] = np.reshape(rows, (*result[at].shape[:-1], len(near)))
+        result[revolution][..., near] = np.reshape(rows, (*result[revolution].shape[:-1], len(near)))
     return result
 
 
@@ -172,13 +172,13 @@ def compare_edges(
     noise = np.zeros((len(_ELSEWHERE_RAD), count, TERMS))
     for number in range(_ROUNDS):
         fitted, _ = regress(orders, rows, usual)
-        left = orders - fitted
-        weight = np.where(present, 1.0 / robust_variance(left, usual), 0.0)
+        residuals = orders - fitted
+        weight = np.where(present, 1.0 / robust_variance(residuals, usual), 0.0)
         shapes = _shapes(orders.mean(axis=0), half_angle_rad)
-        early = early + _amplitudes(left, shapes, weight)
+        early = early + _amplitudes(residuals, shapes, weight)
         early -= early.mean(axis=0)
         if number in (0, _ROUNDS - 1):
-            noise = np.stack([_amplitudes(other, shapes, weight) for other in _cut_elsewhere(left)])
+            noise = np.stack([_amplitudes(other, shapes, weight) for other in _cut_elsewhere(residuals)])
             timing = _timing(early, noise, follows, folds, count)
             if timing.chi2 < _EVIDENT:
                 return replace(nothing, timing=timing)
@@ -189,14 +189,14 @@ def compare_edges(
     along, _ = regress(_amplitudes(orders - steady, shapes, weight).astype(np.complex128), rows, usual)
     early = early + along.real - along.real.mean(axis=0)
     orders = orders_bent_back(raw, early, half_angle_rad)
-    own = np.square(noise).mean(axis=(0, 1))
-    known = np.maximum(0.0, 1.0 - own / np.square(early).mean(axis=0))
+    noise_power = np.square(noise).mean(axis=(0, 1))
+    reliability = np.maximum(0.0, 1.0 - noise_power / np.square(early).mean(axis=0))
     share, share_std = _leading_share(early, noise, follows, period_s * omega_radps.mean())
     explained, left_over = _explained(raw, orders, rows, half_angle_rad)
     timing = replace(
         timing, leading_share=share, leading_share_std=share_std, explained_m2ps4=explained, left_m2ps4=left_over
     )
-    return Edges(early * known, half_angle_rad, timing)
+    return Edges(early * reliability, half_angle_rad, timing)
 
 
 def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int, count: int) -> EdgeTiming:
@@ -208,7 +208,7 @@ def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int,
     if len(steps) < _LEAST // 2:
         return EdgeTiming()
     power = 0.5 * np.square(np.diff(length))[steps]
-    own = 0.5 * np.square(np.diff(other, axis=1))[:, steps]
+    noise_power = 0.5 * np.square(np.diff(other, axis=1))[:, steps]
     part = np.zeros(count, dtype=np.intp)
     parts = folded(count, folds)
     for fold, places in enumerate(parts):
@@ -216,7 +216,9 @@ def _timing(early: FloatArray, noise: FloatArray, follows: IntArray, folds: int,
     of = part[follows[steps]]
     number = np.bincount(of, minlength=len(parts)).astype(np.float64)
     mean = np.divide(np.bincount(of, power, len(parts)), number, out=np.zeros(len(parts)), where=number > 0.0)
-    return EdgeTiming(tuple((_INDEPENDENT * number).tolist()), tuple(mean.tolist()), float(own.mean(axis=1).max()))
+    return EdgeTiming(
+        tuple((_INDEPENDENT * number).tolist()), tuple(mean.tolist()), float(noise_power.mean(axis=1).max())
+    )
 
 
 # Share of independent values among squares of successive differences, since neighbours share a contact.
@@ -229,28 +231,30 @@ def _shapes(mean: ComplexArray, half_angle_rad: float) -> ComplexArray:
     return _orders(CONTACT_EDGE_JITTER.windows(_THETA, half_angle_rad)[:, None] * slope)
 
 
-def _amplitudes(left: ComplexArray, shapes: ComplexArray, weight: FloatArray) -> FloatArray:
+def _amplitudes(residuals: ComplexArray, shapes: ComplexArray, weight: FloatArray) -> FloatArray:
     """Return the amplitudes of both shapes in each revolution by weighted least squares, (n, 2)."""
     weighted = np.conj(shapes) * weight
     matrix = np.einsum("pan,qan->pq", weighted, shapes).real
-    right = np.einsum("pan,kan->kp", weighted, left).real
+    right = np.einsum("pan,kan->kp", weighted, residuals).real
     result: FloatArray = right @ np.linalg.pinv(matrix, hermitian=True)
     return result
 
 
-def _cut_elsewhere(left: ComplexArray) -> list[ComplexArray]:
+def _cut_elsewhere(residuals: ComplexArray) -> list[ComplexArray]:
     """Return the residuals of revolutions (n, 3, ORDERS) as if their contacts were elsewhere, (n, 3, ORDERS) each.
 
     In time, a revolution runs from angle 0 through pi to 0. The last one lacks its end, which is taken from the first.
     """
-    field = np.concatenate([_field(left[at : at + _AT_A_TIME]) for at in range(0, len(left), _AT_A_TIME)])
+    field = np.concatenate(
+        [_field(residuals[begin : begin + _AT_A_TIME]) for begin in range(0, len(residuals), _AT_A_TIME)]
+    )
     stream = np.roll(field, -(_POINTS // 2), axis=-1).transpose(1, 0, 2).reshape(3, -1)
-    found = []
+    elsewhere = []
     for away in _ELSEWHERE_RAD:
         moved = np.roll(stream, -round(away / (2.0 * math.pi) * _POINTS), axis=-1)
         cut = np.roll(moved.reshape(3, -1, _POINTS).transpose(1, 0, 2), _POINTS // 2, axis=-1)
-        found.append(_orders(cut))
-    return found
+        elsewhere.append(_orders(cut))
+    return elsewhere
 
 
 def _leading_share(
@@ -263,22 +267,22 @@ def _leading_share(
     """
     length = early[follows, 0] - early[follows + 1, 1]
     other = noise[:, follows, 0] - noise[:, follows + 1, 1]
-    own = float(np.square(other).mean())
-    power = float(np.square(length).mean()) - own
+    noise_power = float(np.square(other).mean())
+    power = float(np.square(length).mean()) - noise_power
     if not power > 0.0:
         return 0.5, 0.5
     shown = float((early[follows, 0] * length).mean()) - float((noise[:, follows, 0] * other).mean())
     ahead = 1.0 - shown / power
-    error = math.sqrt(own / power / len(length))
+    error = math.sqrt(noise_power / power / len(length))
     # Revolution k lies between contacts k and k + 1. Their d are known if revolutions k - 1 and k + 1 are adjacent.
-    known = np.full(len(early) + 1, math.nan)
-    known[follows + 1] = length
-    step, away = known[1:-1] - known[:-2], turned_rad[:-1]
+    lengths = np.full(len(early) + 1, math.nan)
+    lengths[follows + 1] = length
+    step, away = lengths[1:-1] - lengths[:-2], turned_rad[:-1]
     used = np.flatnonzero(np.isfinite(step))
     if len(used) < _LEAST:
         return 0.5, 0.5
     step, away = _detrended(step[used]), _detrended(away[used])
-    below = float(step @ step) - 2.0 * own * len(step)
+    below = float(step @ step) - 2.0 * noise_power * len(step)
     if not below > 0.0:
         return 0.5, 0.5
     slope = -float(step @ away) / below

@@ -80,16 +80,16 @@ def deviations(
     fitted, used = regress(spectra, regressors(omega_radps, omega_dot_radps2), np.ones(count, dtype=bool))
     if count <= used:
         return Deviations()
-    left = np.fft.irfft(spectra - fitted, n=grid, axis=-1) * math.sqrt(count / (count - used))
-    by_angle = angle_scatter(left, present, index, clipped=clipped)
+    residuals = np.fft.irfft(spectra - fitted, n=grid, axis=-1) * math.sqrt(count / (count - used))
+    by_angle = angle_scatter(residuals, present, index, clipped=clipped)
     # From theta in [-pi, pi) to the time since the contact: the second half of the grid comes first.
-    left = np.roll(left, -(grid // 2), axis=-1)
+    residuals = np.roll(residuals, -(grid // 2), axis=-1)
     breaks = [0, *(np.flatnonzero(np.diff(index) != 1) + 1).tolist(), count]
     runs = []
     for begin, end in pairwise(breaks):
         part = slice(begin, end)
         times = _times(period_s[part], omega_radps[part], omega_dot_radps2[part], grid)
-        run = _even(times, left[part].transpose(1, 0, 2).reshape(3, -1), rate_hz, present)
+        run = _even(times, residuals[part].transpose(1, 0, 2).reshape(3, -1), rate_hz, present)
         if run is not None:
             runs.append(run)
     return Deviations(tuple(runs), by_angle)

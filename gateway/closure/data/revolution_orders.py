@@ -93,8 +93,8 @@ class RevolutionStore:
             if np.ptp(axes[axis]) < _DEAD_MPS2:
                 axes[axis] = math.nan
                 self._dead[name] = self._dead.get(name, 0) + 1
-        place = len(self._rows)
-        self._keep_waveform(place, revolution, axes)
+        row = len(self._rows)
+        self._keep_waveform(row, revolution, axes)
         self._orders.append(waveform_orders(axes).astype(np.complex64))
         self.ac_coupled = revolution.ac_coupled
         self._rows.append(
@@ -129,13 +129,13 @@ class RevolutionStore:
         """Return a reason for each axis that is not measuring."""
         return [Reason(Code.AXIS_CONSTANT, axis=name, count=count) for name, count in self._dead.items()]
 
-    def _keep_waveform(self, place: int, revolution: Revolution, axes: FloatArray) -> None:
+    def _keep_waveform(self, row: int, revolution: Revolution, axes: FloatArray) -> None:
         speed = round(math.log(revolution.omega_radps) / _SPEED_STEP)
         kept_s = self._kept_s.get(speed, 0.0)
         if kept_s >= _KEPT_S or sum(self._kept_s.values()) >= _KEPT_ALL_S:
             return
         self._kept_s[speed] = kept_s + revolution.period_s
-        self._waveforms[place] = axes.astype(np.float32)
+        self._waveforms[row] = axes.astype(np.float32)
 
     def table(self) -> RevolutionTable:
         """Return the table of kept revolutions."""

@@ -127,10 +127,14 @@ def regressors(omega_radps: FloatArray, omega_dot_radps2: FloatArray) -> FloatAr
     drift = omega_dot_radps2 / max(float(np.abs(omega_dot_radps2).max()), 1e-12)
     if float(np.std(omega_dot_radps2)) * 2.0 * np.pi / float(np.square(omega_radps).mean()) < _STEADY:
         drift = _over_revolutions(drift, _OVER[0])
-    left = float(np.std(square - _over_revolutions(square, _OVER[0])))
-    if left < 2.0 * _STEADY:
+    timing_std = float(np.std(square - _over_revolutions(square, _OVER[0])))
+    if timing_std < 2.0 * _STEADY:
         # The longest window over which the speed changes by no more than its timing error.
-        over = [n for n in _OVER if n <= len(square) and np.std(square - _over_revolutions(square, n)) <= _ALIKE * left]
+        over = [
+            n
+            for n in _OVER
+            if n <= len(square) and np.std(square - _over_revolutions(square, n)) <= _ALIKE * timing_std
+        ]
         square = _over_revolutions(square, over[-1])
     return np.column_stack((square, np.ones(len(square)), drift))
 
@@ -141,18 +145,18 @@ def _over_revolutions(values: FloatArray, over: int) -> FloatArray:
     This is a Savitzky-Golay filter of order 1. `scipy.signal`, which has it, takes half a second to import.
     """
     result: FloatArray = convolve1d(values, np.full(over, 1.0 / over))
-    half, at = over // 2, np.arange(over, dtype=np.float64)
-    result[:half] = np.polyval(np.polyfit(at, values[:over], 1), at[:half])
-    result[-half:] = np.polyval(np.polyfit(at, values[-over:], 1), at[-half:])
+    half, index = over // 2, np.arange(over, dtype=np.float64)
+    result[:half] = np.polyval(np.polyfit(index, values[:over], 1), index[:half])
+    result[-half:] = np.polyval(np.polyfit(index, values[-over:], 1), index[-half:])
     return result
 
 
 def regress(values: ComplexArray, rows: FloatArray, usual: BoolArray) -> tuple[ComplexArray, int]:
     """Return the predictions and the rank of a least-squares fit of rows (n, k) to the usual revolutions."""
     flat = values.reshape(len(values), -1)
-    left, size, right = np.linalg.svd(rows[usual], full_matrices=False)
+    left_vectors, size, right_vectors = np.linalg.svd(rows[usual], full_matrices=False)
     held = size > 1e-6 * size[0]
-    inverse = (right[held].T / size[held]) @ left[:, held].T
+    inverse = (right_vectors[held].T / size[held]) @ left_vectors[:, held].T
     fitted = rows @ (inverse @ flat[usual])
     result: ComplexArray = fitted.reshape(values.shape)
     return result, int(held.sum())
@@ -204,15 +208,15 @@ def _smoothed(power: FloatArray, half: int) -> FloatArray:
     result = power.copy()
     if half == 0:
         return result
-    known = np.isfinite(power)
-    filled = np.where(known, power, 0.0)
-    filled[:, 0], known[:, 0] = 0.0, False
+    valid = np.isfinite(power)
+    filled = np.where(valid, power, 0.0)
+    filled[:, 0], valid[:, 0] = 0.0, False
     sums = np.concatenate((np.zeros((len(power), 1)), np.cumsum(filled, axis=1)), axis=1)
-    counts = np.concatenate((np.zeros((len(power), 1)), np.cumsum(known, axis=1)), axis=1)
+    counts = np.concatenate((np.zeros((len(power), 1)), np.cumsum(valid, axis=1)), axis=1)
     order = np.arange(1, power.shape[1])
     reach = np.minimum(half, (order + 1) // 2)
     low, high = order - reach, np.minimum(order + reach + 1, power.shape[1])
     number = counts[:, high] - counts[:, low]
     total = sums[:, high] - sums[:, low]
-    result[:, 1:] = np.divide(total, number, out=np.full_like(total, np.nan), where=known[:, 1:] & (number > 0))
+    result[:, 1:] = np.divide(total, number, out=np.full_like(total, np.nan), where=valid[:, 1:] & (number > 0))
     return result

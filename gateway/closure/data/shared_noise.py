@@ -24,17 +24,17 @@ def repeated_recordings(groups: Sequence[Group]) -> dict[int, int]:
     Args:
         groups: of all recordings of one wheel.
     """
-    found: dict[int, int] = {}
+    repeats: dict[int, int] = {}
     means = [_mean(group) for group in groups]
-    for one, other in combinations(range(len(groups)), 2):
-        first, second = groups[one], groups[other]
-        if first.recording == second.recording or max(first.recording, second.recording) in found:
+    for earlier, later in combinations(range(len(groups)), 2):
+        first, second = groups[earlier], groups[later]
+        if first.recording == second.recording or max(first.recording, second.recording) in repeats:
             continue
         if abs(np.log(first.conditions.omega_radps / second.conditions.omega_radps)) > SPEED_WIDTH:
             continue
-        if _share_noise(means[one], means[other]):
-            found[max(first.recording, second.recording)] = min(first.recording, second.recording)
-    return found
+        if _share_noise(means[earlier], means[later]):
+            repeats[max(first.recording, second.recording)] = min(first.recording, second.recording)
+    return repeats
 
 
 def _mean(group: Group) -> tuple[ComplexArray, FloatArray]:
@@ -45,11 +45,11 @@ def _mean(group: Group) -> tuple[ComplexArray, FloatArray]:
     return mean, group.variance / count.sum()
 
 
-def _share_noise(one: tuple[ComplexArray, FloatArray], other: tuple[ComplexArray, FloatArray]) -> bool:
-    expected = one[1] + other[1]
-    known = np.isfinite(expected) & np.isfinite(one[0]) & np.isfinite(other[0]) & (expected > 0.0)
-    if np.count_nonzero(known) < _LEAST_COEFFICIENTS:
+def _share_noise(first: tuple[ComplexArray, FloatArray], second: tuple[ComplexArray, FloatArray]) -> bool:
+    expected = first[1] + second[1]
+    comparable = np.isfinite(expected) & np.isfinite(first[0]) & np.isfinite(second[0]) & (expected > 0.0)
+    if np.count_nonzero(comparable) < _LEAST_COEFFICIENTS:
         return False
     # Of two real coefficients each.
-    ratio = np.square(np.abs(one[0] - other[0])[known]) / (2.0 * expected[known])
+    ratio = np.square(np.abs(first[0] - second[0])[comparable]) / (2.0 * expected[comparable])
     return float(ratio.mean()) < _SHARED

@@ -259,9 +259,11 @@ class AcCoupling(SignalEffect):
     @staticmethod
     def _rate_of_mean(block: ModelledBlock) -> FloatArray:
         """Return d/dt of the means, which grow with omega^2, on the grid, (3, n) m/s^3."""
-        at = block.conditions
+        conditions = block.conditions
         means = block.signal_mps2.mean(axis=1, keepdims=True)
-        return np.broadcast_to(2.0 * at.omega_dot_radps2 / at.omega_radps * means, block.signal_mps2.shape)
+        return np.broadcast_to(
+            2.0 * conditions.omega_dot_radps2 / conditions.omega_radps * means, block.signal_mps2.shape
+        )
 
     @staticmethod
     def _decay(block: ModelledBlock) -> float:

@@ -121,9 +121,9 @@ def belt_wave(tread: BlockTread, side: int, omega_radps: float, radius_m: float)
     rho = -(k[0] / k[1]) * (n[1] / n[0]) ** 2
     rho_by = rho * (k_by[0] / k[0] - k_by[1] / k[1] + 2.0 * (n_by[1] / n[1] - n_by[0] / n[0]))
     shares_by = -(k_by * n[:, None] - k[:, None] * n_by) / np.square(n)[:, None]
-    found = n, np.array([1.0, rho]), -k / n, n_by, np.stack([np.zeros(5), rho_by]), shares_by
+    wave_fields = n, np.array([1.0, rho]), -k / n, n_by, np.stack([np.zeros(5), rho_by]), shares_by
     # Behind the contact the angle from the edge runs with the sensor, whose signal turns with -n.
-    return BeltWave(*(found if side == 0 else (np.conj(one) for one in found)))
+    return BeltWave(*(wave_fields if side == 0 else (np.conj(values) for values in wave_fields)))
 
 
 def mass_of_wave(
@@ -181,16 +181,16 @@ def _near_field(real: float, sign: float, belt: tuple[float, ...]) -> complex:
 
 def _root(near: complex, belt: tuple[float, ...]) -> tuple[complex, ComplexArray]:
     """Return the balance's root near a value, by Newton's method, and its derivatives by the five fields, (5,)."""
-    at = near
+    root = near
     for _ in range(_POLISH):
-        value, slope, _ = _balance(at, *belt)
+        value, slope, _ = _balance(root, *belt)
         step = value / slope
         # A longer one could reach the root of another wave.
-        at -= step * min(1.0, _LONGEST_STEP * abs(at) / max(abs(step), _SMALLEST))
-        if abs(step) <= _EXACT * abs(at):
+        root -= step * min(1.0, _LONGEST_STEP * abs(root) / max(abs(step), _SMALLEST))
+        if abs(step) <= _EXACT * abs(root):
             break
-    _, slope, by = _balance(at, *belt)
-    return at, -by / slope
+    _, slope, by = _balance(root, *belt)
+    return root, -by / slope
 
 
 def _balance(

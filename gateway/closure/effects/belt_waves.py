@@ -97,7 +97,7 @@ class _Packet:
     """A packet on the belt, as Fourier coefficients of orders m and -m, (2, FIELD_SIZE // 2 + 1).
 
     Attributes:
-        place: of its first amplitude among the parameters.
+        first: index of its first amplitude among the parameters.
         amplitude: cosine minus i sine.
         curve: of unit amplitude.
         along: its part that changes along the belt as it does for the sensor.
@@ -105,7 +105,7 @@ class _Packet:
         slopes: returns the derivatives of both by these, which a contribution does not need.
     """
 
-    place: int
+    first: int
     amplitude: complex
     curve: ComplexArray
     along: ComplexArray
@@ -193,11 +193,11 @@ class TravellingEdgeWaves(SignalEffect):
         """Return the derivatives by amplitudes, tread, belt, the packet ahead and the growth."""
         packets = self._packets(block, parameters)
         rows = np.zeros((len(parameters), 2, len(_ORDER)), complex)
-        for one in packets:
-            both = np.stack([one.curve, one.along])
-            rows[one.place : one.place + 2] += spectrum_of(np.stack([both, -1j * both]))
-            by = spectrum_of(one.amplitude * np.stack(one.slopes(), axis=1))
-            rows[one.behind.start : one.behind.stop] += by
+        for packet in packets:
+            both = np.stack([packet.curve, packet.along])
+            rows[packet.first : packet.first + 2] += spectrum_of(np.stack([both, -1j * both]))
+            by = spectrum_of(packet.amplitude * np.stack(packet.slopes(), axis=1))
+            rows[packet.behind.start : packet.behind.stop] += by
         size, logarithm = self._size(block, parameters)
         result = _curvature_signal(block, rows[:, 0], rows[:, 1])
         result[-1] = logarithm * _travelling_signal(block, packets)
@@ -215,15 +215,15 @@ class TravellingEdgeWaves(SignalEffect):
         p, conditions = parameters.tolist(), block.conditions
         tread = BlockTread(*p[_TREAD.start : _TREAD.stop])
         packets = []
-        for place, side, harmonic in _WAVES:
+        for first, side, harmonic in _WAVES:
             its_tread = replace(tread, blocks=harmonic * tread.blocks)
             wave = belt_wave(its_tread, side, conditions.omega_radps, conditions.radius_m)
             waves = Running.of(block, side, wave.orders)
             curve, along = (np.tensordot(part, waves.curves, 1) for part in (wave.sizes, wave.sizes * wave.shares))
             packets.append(
-                _Packet(place, _amplitude_at(p, place), curve, along, _TREAD, partial(_slopes, wave, waves, harmonic))
+                _Packet(first, _amplitude_at(p, first), curve, along, _TREAD, partial(_slopes, wave, waves, harmonic))
             )
-            if place == 0:
+            if first == 0:
                 before = wave
         # On the same belt, so its share along the belt is that of the wave before.
         ahead = p[_AHEAD.start : _AHEAD.stop]
@@ -276,7 +276,7 @@ class TireLockedEdgeWaves(SignalEffect):
     def reason_against(self, parameters: FloatArray, std: FloatArray) -> Reason | None:
         """Reject packets that end within one wave."""
         return _fades_within_a_wave(
-            [(at, float(parameters[at + 2]), float(parameters[at + 3])) for at in (0, 4)], parameters, std
+            [(first, float(parameters[first + 2]), float(parameters[first + 3])) for first in (0, 4)], parameters, std
         )
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
@@ -294,12 +294,12 @@ class TireLockedEdgeWaves(SignalEffect):
     def _waves(self, block: ModelledBlock, parameters: FloatArray) -> ComplexArray:
         """Return either packet and its derivatives by its four parameters, as complex curves (2, 5, FIELD_SIZE)."""
         p, free = parameters.tolist(), free_belt(block)
-        found = []
-        for side, at in enumerate((0, 4)):
-            curve = free.packet(side, p[at + 2], p[at + 3])
-            wave, distance = _amplitude_at(p, at) * curve, free.distance_rad[side]
-            found.append(np.stack([wave, curve, -1j * curve, 1j * distance * wave, -distance * wave]))
-        return np.stack(found)
+        curves = []
+        for side, first in enumerate((0, 4)):
+            curve = free.packet(side, p[first + 2], p[first + 3])
+            wave, distance = _amplitude_at(p, first) * curve, free.distance_rad[side]
+            curves.append(np.stack([wave, curve, -1j * curve, 1j * distance * wave, -distance * wave]))
+        return np.stack(curves)
 
 
 class TreadPitch(SignalEffect):
@@ -368,8 +368,8 @@ def _fades_within_a_wave(
         parameters: of the effect.
         std: of them.
     """
-    for edge, (at, order, decay) in zip(("leading", "trailing"), packets, strict=True):
-        present = np.hypot(*parameters[at : at + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[at : at + 2])
+    for edge, (first, order, decay) in zip(("leading", "trailing"), packets, strict=True):
+        present = np.hypot(*parameters[first : first + 2]) > _DETERMINED_SIGMAS * np.hypot(*std[first : first + 2])
         if present and order < 2.0 * np.pi * decay:
             return Reason(Code.FADES_WITHIN_ONE_WAVE, edge=edge, waves=order / (2.0 * np.pi * decay))
     return None
@@ -394,14 +394,14 @@ def _slopes(wave: BeltWave, waves: Running, harmonic: int) -> tuple[ComplexArray
     return by, along_by
 
 
-def _amplitude_at(parameters: list[float], place: int) -> complex:
+def _amplitude_at(parameters: list[float], first: int) -> complex:
     """Return cosine minus i sine."""
-    return complex(parameters[place], -parameters[place + 1])
+    return complex(parameters[first], -parameters[first + 1])
 
 
 def _travelling_signal(block: ModelledBlock, packets: list[_Packet]) -> FloatArray:
     """Return the contribution of packets, (3, FIELD_SIZE)."""
-    curves = np.sum([one.amplitude * np.stack([one.curve, one.along]) for one in packets], axis=0)
+    curves = np.sum([packet.amplitude * np.stack([packet.curve, packet.along]) for packet in packets], axis=0)
     return _curvature_signal(block, *spectrum_of(curves))
 
 

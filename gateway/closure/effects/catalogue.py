@@ -20,22 +20,22 @@ def catalogue() -> dict[str, Effect]:
     Raises:
         ValueError: two effects of this package share a name or a rank.
     """
-    found = list(_own())
+    effects = list(_builtin())
     for added in load_all(PluginGroup.EFFECTS, (), plugin_fault).values():
-        found += _effects_of(added)
-    found.sort(key=lambda effect: effect.rank)
-    by_name = {effect.name: effect for effect in found}
-    if len(by_name) < len(found) or len({effect.rank for effect in found}) < len(found):
-        raise ValueError(f"effects share a name or a rank: {[(effect.rank, effect.name) for effect in found]}")
+        effects += _effects_of(added)
+    effects.sort(key=lambda effect: effect.rank)
+    by_name = {effect.name: effect for effect in effects}
+    if len(by_name) < len(effects) or len({effect.rank for effect in effects}) < len(effects):
+        raise ValueError(f"effects share a name or a rank: {[(effect.rank, effect.name) for effect in effects]}")
     return by_name
 
 
-def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
+def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in holds no effects for the catalogue, None when it does."""
-    effects = _effects_of(found)
+    effects = _effects_of(loaded)
     if not effects:
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a sequence of gateway.closure.effects.effect.Effect")
-    taken = [(effect, "treadlink") for effect in _own()]
+    taken = [(effect, "treadlink") for effect in _builtin()]
     for earlier in takewhile(lambda other: other != plugin, installed(PluginGroup.EFFECTS)):
         taken += [(effect, earlier.package) for effect in _effects_of(imported(earlier))]
     for effect in effects:
@@ -46,18 +46,18 @@ def plugin_fault(plugin: Plugin, found: object) -> Reason | None:
     return None
 
 
-def _effects_of(found: object) -> tuple[Effect, ...]:
-    if not isinstance(found, tuple | list) or not all(isinstance(effect, Effect) for effect in found):
+def _effects_of(loaded: object) -> tuple[Effect, ...]:
+    if not isinstance(loaded, tuple | list) or not all(isinstance(effect, Effect) for effect in loaded):
         return ()
-    return tuple(found)
+    return tuple(loaded)
 
 
 @cache
-def _own() -> tuple[Effect, ...]:
-    found: list[Effect] = []
+def _builtin() -> tuple[Effect, ...]:
+    effects: list[Effect] = []
     for module in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
-        found += getattr(importlib.import_module(module.name), "EFFECTS", ())
-    return tuple(found)
+        effects += getattr(importlib.import_module(module.name), "EFFECTS", ())
+    return tuple(effects)
 
 
 def candidates(model: BaselineModel) -> dict[str, Effect]:

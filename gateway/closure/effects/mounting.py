@@ -66,7 +66,7 @@ class MountingOffset(RingEffect):
 
     def expected(self, conditions: Sequence[GroupConditions]) -> bool:
         """Return whether the declared depth is assumed somewhere: sensors on the liner sit some mm below the belts."""
-        return any(not here.offset_known for here in conditions)
+        return any(not condition.offset_known for condition in conditions)
 
 
 class YawTilt(SignalEffect):

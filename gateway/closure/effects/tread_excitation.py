@@ -113,15 +113,15 @@ class TreadExcitation(SignalEffect):
         if stage == 0:
             pairs = [(count, factor * mass) for factor in _MASSES]
         else:
-            here = conditions[0]
-            radius, omega = here.radius_m, here.omega_radps
-            numbers = np.array(TABLE_3_NUMBERS[:3]) * here.load_n / TABLE_3_LOAD_NUMBER
+            condition = conditions[0]
+            radius, omega = condition.radius_m, condition.omega_radps
+            numbers = np.array(TABLE_3_NUMBERS[:3]) * condition.load_n / TABLE_3_LOAD_NUMBER
             belt: tuple[float, float, float] = tuple((numbers * [radius**2, 1.0, radius**-2]).tolist())
             wave = belt_wave(BlockTread(count, belt[0] / mass, belt[1] / mass, 0.0, 0.0), 0, omega, radius)
             others = [float(round(count) + step) for step in _COUNTS]
             suits = [(other, mass_of_wave(wave.order, other, *belt, omega, radius)) for other in others]
             pairs = [(other, factor * its_mass) for other, its_mass in suits for factor in _MASSES_NEAR]
-        lowest, highest = np.array([(one.low, one.high) for one in self.parameters[2:4]]).T
+        lowest, highest = np.array([(parameter.low, parameter.high) for parameter in self.parameters[2:4]]).T
         loss = _LOSSES_S[stage], 0.5 * _LOSSES_S[stage]
         return tuple((*start[:2], *pair, *loss) for pair in pairs if (lowest <= pair).all() and (pair <= highest).all())
 
@@ -170,17 +170,17 @@ def _curves(block: ModelledBlock, belt: LoadedBelt, parameters: FloatArray) -> t
 @lru_cache(maxsize=32)
 def _response(belt: LoadedBelt, blocks: TreadBlocks, omega_radps: float, offset_m: float) -> BlockResponse:
     """Return the response on the model's grid, by trigonometric interpolation."""
-    found = block_response(belt, blocks, omega_radps, offset_m)
-    return BlockResponse(_on_field(found.signal), _on_field(found.by))
+    response = block_response(belt, blocks, omega_radps, offset_m)
+    return BlockResponse(_on_field(response.signal), _on_field(response.by))
 
 
 def _on_field(curves: ComplexArray) -> ComplexArray:
     spectrum = np.fft.fft(curves, axis=-1)
     nodes, half = curves.shape[-1], min(curves.shape[-1], FIELD_SIZE) // 2
-    kept = np.zeros((*curves.shape[:-1], FIELD_SIZE), dtype=np.complex128)
-    kept[..., :half] = spectrum[..., :half]
-    kept[..., 1 - half :] = spectrum[..., 1 - half :]
-    result: ComplexArray = np.fft.ifft(kept, axis=-1) * (FIELD_SIZE / nodes)
+    resampled = np.zeros((*curves.shape[:-1], FIELD_SIZE), dtype=np.complex128)
+    resampled[..., :half] = spectrum[..., :half]
+    resampled[..., 1 - half :] = spectrum[..., 1 - half :]
+    result: ComplexArray = np.fft.ifft(resampled, axis=-1) * (FIELD_SIZE / nodes)
     return result
 
 

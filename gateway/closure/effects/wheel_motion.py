@@ -216,8 +216,8 @@ def _parts(block: ModelledBlock) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _at_warped_angle(curve: FloatArray, warp: FloatArray) -> FloatArray:
     """Return a curve with its slopes, (k, 3, FIELD_SIZE), at theta + warp."""
     result: FloatArray = curve[-1]
-    for at in range(len(curve) - 2, -1, -1):
-        result = curve[at] + (warp / (at + 1)) * result
+    for degree in range(len(curve) - 2, -1, -1):
+        result = curve[degree] + (warp / (degree + 1)) * result
     return result
 
 

@@ -122,7 +122,7 @@ def differences(
 ) -> tuple[Shape, ...]:
     """Return the derivatives of a core's shape by the state's parameters, by one-sided differences."""
     base = core.shape(parameters, conditions, options, half_angle_rad)
-    shapes = [core.shape(one, conditions, options, half_angle_rad) for one in stepped(parameters, core.steps)]
+    shapes = [core.shape(point, conditions, options, half_angle_rad) for point in stepped(parameters, core.steps)]
     return slopes(base, shapes, core.steps)
 
 
@@ -133,10 +133,10 @@ def stepped(parameters: FloatArray, steps: FloatArray) -> list[FloatArray]:
 
 def slopes(base: Shape, shapes: Sequence[Shape], steps: FloatArray) -> tuple[Shape, ...]:
     """Return the differences of shapes from another over their steps (K,)."""
-    found = []
+    derivatives = []
     for shape, step in zip(shapes, steps.tolist(), strict=True):
         change = moved(shape, base, -1.0)
-        found.append(
+        derivatives.append(
             Shape(
                 SensorWaveform(*(field / step for field in change.waveform)),
                 change.leading_edge_rad / step,
@@ -144,4 +144,4 @@ def slopes(base: Shape, shapes: Sequence[Shape], steps: FloatArray) -> tuple[Sha
                 None if change.belt is None else change.belt.scaled(1.0 / step),
             )
         )
-    return tuple(found)
+    return tuple(derivatives)

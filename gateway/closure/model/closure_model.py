@@ -72,8 +72,8 @@ class ClosureModel:
         self.effects: tuple[AngleEffect, ...] = (*self._ring, *self._signal)
         self._witnesses = witnesses(campaign)
         self.layout = Layout(len(core.names), campaign.states, len(campaign.groups), self.effects)
-        at = references(campaign)
-        self._shifts = [shift(core.names, group.conditions, at[group.state]) for group in campaign.groups]
+        reference_of = references(campaign)
+        self._shifts = [shift(core.names, group.conditions, reference_of[group.state]) for group in campaign.groups]
         self._half_angles_rad = half_angles_rad(campaign)
 
     def priors(self, near: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
@@ -109,13 +109,13 @@ class ClosureModel:
         shared: dict[str, list[tuple[int, float]]] = {}
         for effect in self.effects:
             first = self.layout.effect(effect.name).start
-            for place, parameter in enumerate(effect.parameters, first):
+            for index, parameter in enumerate(effect.parameters, first):
                 if parameter.shared_std is not None:
-                    shared.setdefault(parameter.name, []).append((place, parameter.shared_std))
+                    shared.setdefault(parameter.name, []).append((index, parameter.shared_std))
         for together in shared.values():
             if len(together) > 1:
-                places, own = [place for place, _ in together], [std for _, std in together]
-                covariance = np.outer(std[places], std[places]) + np.diag(np.square(own))
+                places, shared_stds = [index for index, _ in together], [std for _, std in together]
+                covariance = np.outer(std[places], std[places]) + np.diag(np.square(shared_stds))
                 precision[np.ix_(places, places)] = np.linalg.inv(covariance)
         return precision
 
@@ -198,7 +198,7 @@ class ClosureModel:
                 replace(there, omega_dot_radps2=there.omega_dot_radps2 + _DRIFT_STEP_RADPS2),
             ]
         shape = self.shape(vector, index)
-        orders = np.stack([self._orders(vector, index, shape, at) for at in around])
+        orders = np.stack([self._orders(vector, index, shape, condition) for condition in around])
         if len(around) == 1:
             return orders
         of_square = (orders[1] - orders[0]) / (around[1].omega_radps ** 2 - there.omega_radps**2)
@@ -222,9 +222,9 @@ class ClosureModel:
             return self.core.tangent(self.tire(vector, index), conditions, options, self._half_angles_rad[index])
 
     def _orders(self, vector: FloatArray, index: int, shape: Shape, conditions: GroupConditions) -> ComplexArray:
-        here = base_signal(self.core, shape, conditions)
-        here, _ = self._chain(vector, here, _declared(self.campaign.groups[index]))
-        return field_orders(here.signal_mps2) * self._turn(vector, index)
+        block = base_signal(self.core, shape, conditions)
+        block, _ = self._chain(vector, block, _declared(self.campaign.groups[index]))
+        return field_orders(block.signal_mps2) * self._turn(vector, index)
 
     def group_derivatives(
         self, vector: FloatArray, index: int, only: str | None = None, without: Shape | None = None
@@ -244,36 +244,36 @@ class ClosureModel:
         """
         group, layout = self.campaign.groups[index], self.layout
 
-        def shape_at(at: FloatArray) -> Shape:
+        def shape_at(point: FloatArray) -> Shape:
             if only is None or without is None:
-                return self.shape(at, index)
-            return self._shape_near(at, index, only, without)
+                return self.shape(point, index)
+            return self._shape_near(point, index, only, without)
 
         shape = shape_at(vector)
-        here = base_signal(self.core, shape, group.conditions)
-        end, seen = self._chain(vector, here, _declared(group))
+        core_signal = base_signal(self.core, shape, group.conditions)
+        end, seen = self._chain(vector, core_signal, _declared(group))
         turn = self._turn(vector, index)
         base: ComplexArray = field_orders(end.signal_mps2) * turn
         places: list[int] = []
         rows: list[ComplexArray] = []
 
-        def add(place: int, step: float, there: Shape, at: FloatArray) -> None:
-            places.append(place)
-            rows.append((self._orders(at, index, there, group.conditions) - base) / step)
+        def add(position: int, step: float, there: Shape, point: FloatArray) -> None:
+            places.append(position)
+            rows.append((self._orders(point, index, there, group.conditions) - base) / step)
 
         if only is None:
             where = layout.state(group.state)
             tangents = self._tangents(vector, index)
-            for place, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
-                add(place, float(step), moved(shape, tangent, float(step)), vector)
+            for position, step, tangent in zip(range(where.start, where.stop), self.core.steps, tangents, strict=True):
+                add(position, float(step), moved(shape, tangent, float(step)), vector)
             places.append(layout.centre(index))
             rows.append(-1j * _ORDER * base)
         for effect in self._ring:
             if only in (None, effect.name):
-                for place, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
+                for position, parameter in enumerate(effect.parameters, layout.effect(effect.name).start):
                     there = vector.copy()
-                    there[place] += parameter.step
-                    add(place, parameter.step, shape_at(there), there)
+                    there[position] += parameter.step
+                    add(position, parameter.step, shape_at(there), there)
         wanted = [effect.name for effect in self._signal if only in (None, effect.name)]
         if wanted:
             rows.extend(field_orders(self._signal_rows(vector, seen, _declared(group), wanted)) * turn)
@@ -291,46 +291,46 @@ class ClosureModel:
     ) -> FloatArray:
         """Return the derivatives by the wanted effects' parameters, through the stages behind them, (k, 3, n)."""
         rows = []
-        for at, effect in enumerate(self._signal):
+        for number, effect in enumerate(self._signal):
             if effect.name not in wanted:
                 continue
-            for row in effect.derivative(seen[at][0], vector[self.layout.effect(effect.name)]):
+            for row in effect.derivative(seen[number][0], vector[self.layout.effect(effect.name)]):
                 pushed = row
                 if mount is not None and effect.stage < Stage.MOUNTING:
                     # Between here and the mounting the belt's own directions hold; effects there hardly answer.
                     pushed = mount @ pushed
-                for behind in range(at + 1, len(self._signal)):
+                for behind in range(number + 1, len(self._signal)):
                     pushed = pushed + self._response(vector, *seen[behind], self._signal[behind], pushed)
                 rows.append(pushed)
         return np.stack(rows)
 
     def _response(
-        self, vector: FloatArray, here: ModelledBlock, added: FloatArray, effect: SignalEffect, change: FloatArray
+        self, vector: FloatArray, block: ModelledBlock, added: FloatArray, effect: SignalEffect, change: FloatArray
     ) -> FloatArray:
         """Return the response of an effect's contribution, `added`, to a change of the signal before it."""
         size = float(np.abs(change).max())
         if not size > 0.0:
             return np.zeros_like(change)
-        scale = _NUDGE * max(float(np.abs(here.signal_mps2).max()), 1.0) / size
+        scale = _NUDGE * max(float(np.abs(block.signal_mps2).max()), 1.0) / size
         parameters = vector[self.layout.effect(effect.name)]
-        there = with_signal(here, here.signal_mps2 + scale * change)
+        there = with_signal(block, block.signal_mps2 + scale * change)
         result: FloatArray = (effect.contribution(there, parameters) - added) / scale
         return result
 
     def _chain(
-        self, vector: FloatArray, here: ModelledBlock, mount: FloatArray | None
+        self, vector: FloatArray, block: ModelledBlock, mount: FloatArray | None
     ) -> tuple[ModelledBlock, list[tuple[ModelledBlock, FloatArray]]]:
         """Return the signal with all effects, and the input and contribution of each."""
         seen = []
         for effect in self._signal:
             if mount is not None and effect.stage >= Stage.MOUNTING:
-                here, mount = with_signal(here, mount @ here.signal_mps2), None
-            added = effect.contribution(here, vector[self.layout.effect(effect.name)])
-            seen.append((here, added))
-            here = with_signal(here, here.signal_mps2 + added)
+                block, mount = with_signal(block, mount @ block.signal_mps2), None
+            added = effect.contribution(block, vector[self.layout.effect(effect.name)])
+            seen.append((block, added))
+            block = with_signal(block, block.signal_mps2 + added)
         if mount is not None:
-            here = with_signal(here, mount @ here.signal_mps2)
-        return here, seen
+            block = with_signal(block, mount @ block.signal_mps2)
+        return block, seen
 
     def _turn(self, vector: FloatArray, index: int) -> ComplexArray:
         """Return the turn of each order: the waveform is that of theta - centre."""

@@ -108,7 +108,7 @@ class ExactCore:
     ) -> Shape:
         """Return the shape, minus the grid's error last measured by `refine`."""
         coarse = self._on_grid(parameters, conditions, options, self._grid(conditions))
-        correction = self._corrections.get(_place(conditions))
+        correction = self._corrections.get(_operating_point(conditions))
         if correction is None:
             return coarse
         fields = [field + part for field, part in zip(coarse.waveform, correction[0], strict=True)]
@@ -130,7 +130,7 @@ class ExactCore:
             self._solve(parameters - math.log1p(step), conditions, round_options, nodes)
             for step in load_steps(*heights)
         ]
-        loaded = [LoadedShape(one.shape, one.ring.axle_height_m) for one in solved]
+        loaded = [LoadedShape(solution.shape, solution.ring.axle_height_m) for solution in solved]
         return out_of_round(loaded, conditions.radius_m, *heights)
 
     def tangent(
@@ -146,10 +146,10 @@ class ExactCore:
             _ROUNDED_M * round(x / _ROUNDED_M) for x in (options.runout_cosine_m, options.runout_sine_m)
         )
         options = replace(options, runout_cosine_m=cosine_m, runout_sine_m=sine_m)
-        load, pressure, omega = _place(conditions)
+        load, pressure, omega = _operating_point(conditions)
         speed = omega if options.depends_on_speed else _ANY_OMEGA_RADPS
-        place = load, pressure, speed, self._grid(conditions)
-        return self._tangents.at(place, parameters, options, lambda: self._slopes(parameters, conditions, options))
+        key = load, pressure, speed, self._grid(conditions)
+        return self._tangents.at(key, parameters, options, lambda: self._slopes(parameters, conditions, options))
 
     def change(
         self,
@@ -162,26 +162,28 @@ class ExactCore:
         """Return the approximate change of the shape by another option: on a coarse grid, at a nearby state."""
         near = tuple((np.round(parameters / _ROUNDED) * _ROUNDED).tolist())
         # The belts of the coarse grid are not that of the shape which is to change, and may differ in their unknowns.
-        there, here = (replace(_coarse_shape(near, conditions, one), belt=None) for one in (after, before))
-        return moved(there, here, -1.0)
+        changed, base = (
+            replace(_coarse_shape(near, conditions, ring_options), belt=None) for ring_options in (after, before)
+        )
+        return moved(changed, base, -1.0)
 
     def _slopes(self, parameters: FloatArray, conditions: GroupConditions, options: RingOptions) -> tuple[Shape, ...]:
         """Return the derivatives of a tire's shape by the state's parameters."""
         every = [parameters, *stepped(parameters, self.steps)]
         heights_m = options.runout_cosine_m, options.runout_sine_m
         if not any(heights_m):
-            here, *there = (_on_field(one, options) for one in self._nearby(every, conditions, options))
-            return slopes(here, there, self.steps)
+            base, *shapes = (_on_field(solution, options) for solution in self._nearby(every, conditions, options))
+            return slopes(base, shapes, self.steps)
         plain = _without_run_out(options)
         by_load = [
             [
-                LoadedShape(_on_field(one, plain), one.axle_height_m)
-                for one in self._nearby([each - math.log1p(step) for each in every], conditions, plain)
+                LoadedShape(_on_field(solution, plain), solution.axle_height_m)
+                for solution in self._nearby([each - math.log1p(step) for each in every], conditions, plain)
             ]
             for step in load_steps(*heights_m)
         ]
-        here, *there = (out_of_round(loaded, conditions.radius_m, *heights_m) for loaded in zip(*by_load, strict=True))
-        return slopes(here, there, self.steps)
+        base, *shapes = (out_of_round(loaded, conditions.radius_m, *heights_m) for loaded in zip(*by_load, strict=True))
+        return slopes(base, shapes, self.steps)
 
     def _nearby(
         self, parameters: Sequence[FloatArray], conditions: GroupConditions, options: RingOptions
@@ -191,11 +193,11 @@ class ExactCore:
         if options.traction:
             free = self._nearby(parameters, conditions, replace(options, traction=0.0))
             traction_nm = options.traction * conditions.load_n * conditions.radius_m
-            torques_nm = [one.axle_torque_nm + traction_nm for one in free]
+            torques_nm = [solution.axle_torque_nm + traction_nm for solution in free]
         nodes = self._grid(conditions)
         return nearby_solutions(
             self._solve(parameters[0], conditions, options, nodes).ring,
-            [ring_parameters(one, conditions, options) for one in parameters],
+            [ring_parameters(point, conditions, options) for point in parameters],
             sensor_offset_m=options.sensor_offset_m,
             drum_radius_m=options.drum_radius_m,
             axle_torque_nm=self._torque_nm(parameters[0], conditions, options, nodes),
@@ -210,17 +212,17 @@ class ExactCore:
         wanted = _NODES_PER_LAYER * 2.0 * math.pi / layer_rad
         nodes = next((nodes for nodes in self._grids if nodes >= wanted), self._grids[-1])
         # The grid never becomes coarser: a fit that alternates between grids does not converge.
-        nodes = self._nodes[_place(conditions)] = max(nodes, self._grid(conditions))
+        nodes = self._nodes[_operating_point(conditions)] = max(nodes, self._grid(conditions))
         coarse, fine = (self._on_grid(parameters, conditions, options, grid) for grid in (nodes, _FINER * nodes))
         change = np.array(fine.waveform) - np.array(coarse.waveform)
-        self._corrections[_place(conditions)] = (
+        self._corrections[_operating_point(conditions)] = (
             _EXTRAPOLATION * change,
             _EXTRAPOLATION * (fine.leading_edge_rad - coarse.leading_edge_rad),
             _EXTRAPOLATION * (fine.trailing_edge_rad - coarse.trailing_edge_rad),
         )
 
     def _grid(self, conditions: GroupConditions) -> int:
-        return self._nodes.get(_place(conditions), self._grids[0])
+        return self._nodes.get(_operating_point(conditions), self._grids[0])
 
     def numbers(self, parameters: FloatArray, conditions: GroupConditions) -> Mapping[str, float]:
         """Return Bs, Cw, Rs, Ts and the tread's stiffness at the load and pressure of `conditions`."""
@@ -243,10 +245,10 @@ class ExactCore:
             omega,
             nodes,
         )
-        known = self._kept.get(key)
-        if known is not None:
+        cached = self._kept.get(key)
+        if cached is not None:
             self._kept.move_to_end(key)
-            return known
+            return cached
         ring = ring_parameters(parameters, conditions, options)
         near_key = (conditions.load_n, conditions.pressure_pa, nodes, math.isfinite(ring.shear_stiffness_n))
         near = self._anchor(parameters, conditions, options, nodes) if self._anchored else self._near.get(near_key)
@@ -333,7 +335,7 @@ def ring_parameters(parameters: FloatArray, conditions: GroupConditions, options
     )
 
 
-def _place(conditions: GroupConditions) -> tuple[float, float, float]:
+def _operating_point(conditions: GroupConditions) -> tuple[float, float, float]:
     return conditions.load_n, conditions.pressure_pa, conditions.omega_radps
 
 
@@ -342,9 +344,9 @@ def _on_field(solution: RingSolution, options: RingOptions) -> Shape:
     coarse = np.array(solution.sensor)
     nodes = coarse.shape[1]
     spectrum = np.fft.rfft(coarse, axis=1)
-    kept = np.zeros((len(coarse), FIELD_SIZE // 2 + 1), dtype=np.complex128)
+    resampled = np.zeros((len(coarse), FIELD_SIZE // 2 + 1), dtype=np.complex128)
     count = min(nodes, FIELD_SIZE) // 2
-    kept[:, :count] = spectrum[:, :count]
-    fields = np.fft.irfft(kept, n=FIELD_SIZE, axis=1) * (FIELD_SIZE / nodes)
+    resampled[:, :count] = spectrum[:, :count]
+    fields = np.fft.irfft(resampled, n=FIELD_SIZE, axis=1) * (FIELD_SIZE / nodes)
     belt = loaded_belt(solution, options.drum_radius_m)
     return Shape(SensorWaveform(*fields), solution.leading_edge_rad, solution.trailing_edge_rad, belt)

@@ -77,9 +77,9 @@ class _Contact:
         ends = np.append(theta, edges_rad[0])
         self._phase = np.exp(1j * np.outer(orders, ends))
         self._twice = np.where(orders == 0, 1.0, 2.0)
-        place = np.mod(ends[:, None] - theta, 2.0 * np.pi) * (_TABLE / (2.0 * np.pi))
-        self._before = place.astype(np.intp)
-        self._after = place - self._before
+        position = np.mod(ends[:, None] - theta, 2.0 * np.pi) * (_TABLE / (2.0 * np.pi))
+        self._before = position.astype(np.intp)
+        self._after = position - self._before
 
     def beside_edge(self, shapes: ComplexArray) -> FloatArray:
         """Return shapes (..., orders) at the points, minus their value at the leading edge."""
@@ -120,7 +120,7 @@ class Response:
         radius_m: float,
         pressure_pa: float,
         load: Load,
-        at: Stiffness,
+        stiffness: Stiffness,
     ) -> None:
         """Solve belt and tread on a belt of this curvature times its radius, (FIELD_SIZE,)."""
         self._size = len(curvature)
@@ -130,10 +130,10 @@ class Response:
         bent = np.fft.rfft(curvature - 1.0)[: len(orders)] * self._turn / (self._size * radius_m)
         self._forcing: ComplexArray = bent * (1j * orders / radius_m if load is Load.PLY_STEER else load is Load.CONE)
         self._k2 = (orders / radius_m) ** 2
-        bending = BENDING_STIFFNESS_NM2 * np.exp(at.bending_ln)
-        self._tread = TREAD_STIFFNESS_NPM2 * np.exp(at.tread_ln)
+        bending = BENDING_STIFFNESS_NM2 * np.exp(stiffness.bending_ln)
+        self._tread = TREAD_STIFFNESS_NPM2 * np.exp(stiffness.tread_ln)
         share = 1.0 + _PRESSURE_SHARE * (pressure_pa / _REFERENCE_PA - 1.0)
-        self._sidewall = SIDEWALL_STIFFNESS_NPM2 * share * np.exp(at.sidewall_ln)
+        self._sidewall = SIDEWALL_STIFFNESS_NPM2 * share * np.exp(stiffness.sidewall_ln)
         self._soft = 1.0 + bending * self._k2 / SHEAR_STIFFNESS_N
         self._beam = bending * self._k2 / self._soft
         self._whole = self._k2 * (self._beam + _TENSION_NUMBER * pressure_pa * radius_m**2) + self._sidewall
@@ -172,19 +172,24 @@ class Response:
         return field
 
 
-def unit_response(here: ModelledBlock, load: Load, stiffness: Stiffness) -> Response:
-    """Return the response on the belt's shape at `here`; quick when the shape was seen before.
+def unit_response(block: ModelledBlock, load: Load, stiffness: Stiffness) -> Response:
+    """Return the response on the belt's shape of a block; quick when the shape was seen before.
 
     The curvature is the neutral layer's, whatever the depth of the sensor that the model has.
     """
-    curvature = np.ascontiguousarray(relative_curvature(here), dtype=np.float64)
-    at = here.conditions
-    edges = here.leading_edge_rad, here.trailing_edge_rad
-    return _solved(curvature.tobytes(), edges, at.radius_m, at.pressure_pa, load, stiffness)
+    curvature = np.ascontiguousarray(relative_curvature(block), dtype=np.float64)
+    conditions = block.conditions
+    edges = block.leading_edge_rad, block.trailing_edge_rad
+    return _solved(curvature.tobytes(), edges, conditions.radius_m, conditions.pressure_pa, load, stiffness)
 
 
 @lru_cache(maxsize=64)
 def _solved(
-    curvature: bytes, edges_rad: tuple[float, float], radius_m: float, pressure_pa: float, load: Load, at: Stiffness
+    curvature: bytes,
+    edges_rad: tuple[float, float],
+    radius_m: float,
+    pressure_pa: float,
+    load: Load,
+    stiffness: Stiffness,
 ) -> Response:
-    return Response(np.frombuffer(curvature), edges_rad, radius_m, pressure_pa, load, at)
+    return Response(np.frombuffer(curvature), edges_rad, radius_m, pressure_pa, load, stiffness)

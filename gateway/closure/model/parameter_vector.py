@@ -23,11 +23,11 @@ class Layout:
         self._state_count = states
         self._groups = groups
         self._effects: dict[str, slice] = {}
-        at = states * core_size + groups
+        begin = states * core_size + groups
         for effect in effects:
-            self._effects[effect.name] = slice(at, at + len(effect.parameters))
-            at += len(effect.parameters)
-        self.size = at
+            self._effects[effect.name] = slice(begin, begin + len(effect.parameters))
+            begin += len(effect.parameters)
+        self.size = begin
 
     def state(self, state: int) -> slice:
         """Return the places of a state's parameters."""
@@ -66,9 +66,9 @@ class Layout:
         """Set the priors of whole numbers, in place, so that a fit from the vector `near` keeps them."""
         for effect in effects:
             first = self.effect(effect.name).start
-            for place, parameter in enumerate(effect.parameters, first):
+            for index, parameter in enumerate(effect.parameters, first):
                 if parameter.whole:
-                    mean[place], std[place] = near[place], parameter.step
+                    mean[index], std[index] = near[index], parameter.step
 
     def moved(self, vector: FloatArray, other: Layout) -> FloatArray:
         """Return a vector of this layout in another one; missing parameters are 0."""

@@ -53,14 +53,14 @@ def out_of_round(loaded: Sequence[LoadedShape], radius_m: float, cosine_m: float
         sine_m: height on the road a quarter of a turn after the sensor's bottom.
     """
     middle = loaded[len(loaded) // 2]
-    shapes = [one.shape for one in loaded]
-    lower_m = np.array([middle.axle_height_m - one.axle_height_m for one in loaded])
+    shapes = [load_case.shape for load_case in loaded]
+    lower_m = np.array([middle.axle_height_m - load_case.axle_height_m for load_case in loaded])
     weights = polynomial_weights(lower_m, cosine_m * np.cos(_THETA) + sine_m * np.sin(_THETA))
     fields = np.einsum("ks,sfk->fk", weights, np.array([shape.waveform for shape in shapes]))
     fields[0] *= 1.0 + cosine_m / radius_m
     edges = []
     for angles in np.array([(shape.leading_edge_rad, shape.trailing_edge_rad) for shape in shapes]).T:
-        at = float(angles[len(loaded) // 2])
-        share = polynomial_weights(lower_m, cosine_m * math.cos(at) + sine_m * math.sin(at))
+        middle_rad = float(angles[len(loaded) // 2])
+        share = polynomial_weights(lower_m, cosine_m * math.cos(middle_rad) + sine_m * math.sin(middle_rad))
         edges.append(float(share @ angles))
     return Shape(SensorWaveform(*fields), edges[0], edges[1], middle.shape.belt)

@@ -63,9 +63,9 @@ def base_signal(core: Core, shape: Shape, conditions: GroupConditions) -> Modell
     return ModelledBlock(conditions, THETA, signal, wave, *edges, shape.belt)
 
 
-def with_signal(here: ModelledBlock, signal_mps2: FloatArray) -> ModelledBlock:
+def with_signal(block: ModelledBlock, signal_mps2: FloatArray) -> ModelledBlock:
     """Return the same block with another signal."""
-    return replace(here, signal_mps2=signal_mps2)
+    return replace(block, signal_mps2=signal_mps2)
 
 
 def mounting_matrix(roll_rad: float, pitch_rad: float) -> FloatArray:

@@ -97,9 +97,9 @@ class SeriesCore:
     ) -> tuple[Shape, ...]:
         """Return the derivatives of the shape by the state's parameters."""
         # The shape depends only on these conditions and the half angle.
-        place = conditions.radius_m, half_angle_rad
+        key = conditions.radius_m, half_angle_rad
         return self._tangents.at(
-            place, parameters, options, lambda: differences(self, parameters, conditions, options, half_angle_rad)
+            key, parameters, options, lambda: differences(self, parameters, conditions, options, half_angle_rad)
         )
 
     def change(
@@ -129,8 +129,8 @@ class SeriesCore:
     def _turning(self, parameters: FloatArray) -> FloatArray:
         """Return the part of the cosine orders of s / (R omega^2), from order 1, due to the belt's finite rotation."""
         # One size and load represent all: in these parameters the shape is the same.
-        at = np.concatenate([parameters[:4], _NOMINAL_TREAD])
-        ring = self._exact.solution(at, _NOMINAL, RingOptions())
+        nominal = np.concatenate([parameters[:4], _NOMINAL_TREAD])
+        ring = self._exact.solution(nominal, _NOMINAL, RingOptions())
         push = ring.contact_pressure_npm * (2.0 * math.pi * _NOMINAL.radius_m / _NOMINAL.load_n)
         normal = 0.5 * waveform_orders(push * np.cos(ring.theta_rad), _MAX_ORDER).real[1:]
         along = -0.5 * waveform_orders(push * np.sin(ring.theta_rad), _MAX_ORDER).imag[1:]

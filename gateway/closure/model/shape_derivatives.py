@@ -17,7 +17,7 @@ _SAME: Final = 0.005
 _KEPT: Final = 8
 
 
-class _Known(NamedTuple):
+class _Entry(NamedTuple):
     parameters: FloatArray
     options: FloatArray
     slopes: tuple[Shape, ...]
@@ -28,11 +28,11 @@ class Tangents:
 
     def __init__(self) -> None:
         """Start empty."""
-        self._kept: dict[Hashable, list[_Known]] = {}
+        self._kept: dict[Hashable, list[_Entry]] = {}
 
     def at(
         self,
-        place: Hashable,
+        key: Hashable,
         parameters: FloatArray,
         options: RingOptions,
         work_out: Callable[[], tuple[Shape, ...]],
@@ -40,19 +40,19 @@ class Tangents:
         """Return the derivatives of a shape by the state's parameters, at a nearby point if one is known.
 
         Args:
-            place: key of the conditions on which the shape depends.
+            key: of the conditions on which the shape depends.
             parameters: of the state, (K,).
             options: with every ring effect in.
             work_out: returns the derivatives at exactly these parameters and options.
         """
-        kept = self._kept.setdefault(place, [])
+        entries = self._kept.setdefault(key, [])
         chosen = np.array(astuple(options))
-        for known in kept:
-            if np.abs(known.parameters - parameters).max() <= _SAME and np.all(
-                np.abs(known.options - chosen) <= _SAME * np.maximum(np.abs(known.options), np.abs(chosen))
+        for entry in entries:
+            if np.abs(entry.parameters - parameters).max() <= _SAME and np.all(
+                np.abs(entry.options - chosen) <= _SAME * np.maximum(np.abs(entry.options), np.abs(chosen))
             ):
-                return known.slopes
+                return entry.slopes
         slopes = work_out()
-        kept.append(_Known(parameters.copy(), chosen, slopes))
-        del kept[:-_KEPT]
+        entries.append(_Entry(parameters.copy(), chosen, slopes))
+        del entries[:-_KEPT]
         return slopes

@@ -57,17 +57,19 @@ def shift(names: Sequence[str], there: GroupConditions, reference: GroupConditio
 
 def half_angles_rad(campaign: Campaign) -> list[float]:
     """Return the contact half angle of each group: one measured angle for each state, at the load of the group."""
-    at = references(campaign)
+    reference_of = references(campaign)
     factors = [
-        math.exp(_HALF_ANGLE_EXPONENT * _log(group.conditions.load_n, at[group.state].load_n))
+        math.exp(_HALF_ANGLE_EXPONENT * _log(group.conditions.load_n, reference_of[group.state].load_n))
         for group in campaign.groups
     ]
     mean = [0.0] * campaign.states
     for state in range(campaign.states):
-        own = [(group, factor) for group, factor in zip(campaign.groups, factors, strict=True) if group.state == state]
-        counts = [sum(block.count for block in group.blocks) for group, _ in own]
-        angles = [group.half_angle_rad / factor for group, factor in own]
-        mean[state] = float(np.average(angles, weights=counts)) if own else math.nan
+        members = [
+            (group, factor) for group, factor in zip(campaign.groups, factors, strict=True) if group.state == state
+        ]
+        counts = [sum(block.count for block in group.blocks) for group, _ in members]
+        angles = [group.half_angle_rad / factor for group, factor in members]
+        mean[state] = float(np.average(angles, weights=counts)) if members else math.nan
     return [mean[group.state] * factor for group, factor in zip(campaign.groups, factors, strict=True)]
 
 
