@@ -34,17 +34,17 @@ def curves_of(before: Fit, after: Fit, data: Whitened) -> tuple[Curves, ...]:
     for index, group in enumerate(after.model.campaign.groups):
         weight = np.square(data.weights[index])
         total = weight.sum(axis=0)
-        known = total > 0.0
-        scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
+        present = total > 0.0
+        scale = np.where(present, 1.0 / np.where(present, total, 1.0), 0.0)
 
-        def field(orders: ComplexArray, known: BoolArray = known) -> FloatArray:
-            return orders_field(np.where(known, orders, 0.0))
+        def field(orders: ComplexArray, present: BoolArray = present) -> FloatArray:
+            return orders_field(np.where(present, orders, 0.0))
 
-        absent = ~known.any(axis=1)
+        absent = ~present.any(axis=1)
         measured = field(data.mean(index, data.orders[index]))
         measured[absent] = np.nan
         order_noise = np.sqrt(scale)
-        order_noise[~known] = np.nan
+        order_noise[~present] = np.nan
         result.append(
             Curves(
                 label=group.label,
@@ -65,13 +65,15 @@ def trends_of(before: Fit, after: Fit, data: Whitened) -> tuple[Trend, ...]:
     residuals = group_residuals(before, data), group_residuals(after, data)
     trends = []
     for name, (value, least) in _AGAINST.items():
-        at = np.array([value(group) for group in groups])
-        if len(at) < 2 or np.ptp(at) < max(least, _VARIES * float(np.abs(at).mean()) if name != "time_s" else least):
+        abscissa = np.array([value(group) for group in groups])
+        if len(abscissa) < 2 or np.ptp(abscissa) < max(
+            least, _VARIES * float(np.abs(abscissa).mean()) if name != "time_s" else least
+        ):
             continue
         for axis, words in enumerate(AXIS_NAMES):
             if not any((weight[:, axis] > 0.0).any() for weight in data.weights):
                 continue
-            left = [np.array([r.rms_mps2()[axis] for r in of]) for of in residuals]
+            rms_mps2 = [np.array([r.rms_mps2()[axis] for r in of]) for of in residuals]
             noise = np.array([r.noise_rms_mps2()[axis] for r in residuals[1]])
-            trends.append(Trend(words, name, at, left[0], left[1], noise))
+            trends.append(Trend(words, name, abscissa, rms_mps2[0], rms_mps2[1], noise))
     return tuple(trends)

@@ -113,17 +113,17 @@ class Scan:
         Args:
             expired: True when the time is over.
         """
-        found: dict[int, Trial | None] = {}
-        while (place := self._next(len(found))) < len(self.effects):
+        trial_of: dict[int, Trial | None] = {}
+        while (index := self._next(len(trial_of))) < len(self.effects):
             if expired():
                 return []
-            found[place] = try_effect(self.fit, self.effects[place], self.shapes)
-        while len(found) < len(self.effects):
+            trial_of[index] = try_effect(self.fit, self.effects[index], self.shapes)
+        while len(trial_of) < len(self.effects):
             done, self._elsewhere = wait(self._elsewhere, return_when=FIRST_COMPLETED)
             for future in done:
-                for at, values in future.result().items():
-                    found[at] = None if values is None else self._trial(self.effects[at], values)
-        trials = [trial for trial in found.values() if trial is not None]
+                for number, values in future.result().items():
+                    trial_of[number] = None if values is None else self._trial(self.effects[number], values)
+        trials = [trial for trial in trial_of.values() if trial is not None]
         return sorted(trials, key=lambda trial: (-trial.promise, trial.effect.name))
 
     def _next(self, made: int) -> int:
@@ -211,9 +211,9 @@ class _Helper:
 
     def fit(self, order: _Order) -> Fit:
         """Return the fit of an order."""
-        own = self.material
-        model = ClosureModel(own.campaign, self._core, [own.effects[name] for name in order.effects])
-        return Fit.of(order.fit, model, own.data, self._apply(order))
+        material = self.material
+        model = ClosureModel(material.campaign, self._core, [material.effects[name] for name in order.effects])
+        return Fit.of(order.fit, model, material.data, self._apply(order))
 
     def _apply(self, order: _Order) -> Applied | None:
         """Return the discrepancy of an order; the last ones are kept, since several scans have the same."""
@@ -221,12 +221,12 @@ class _Helper:
             return None
         if self._discrepancy.concentrations != order.concentrations:
             self._discrepancy = self.material.discrepancy
-            for one in order.concentrations:
-                self._discrepancy = self._discrepancy.concentrated(one)
+            for concentration in order.concentrations:
+                self._discrepancy = self._discrepancy.concentrated(concentration)
             self._applied.clear()
-        for known in self._applied:
-            if np.array_equal(known.amplitudes, order.amplitudes):
-                return known
+        for applied in self._applied:
+            if np.array_equal(applied.amplitudes, order.amplitudes):
+                return applied
         self._applied = [self._discrepancy.applied(order.amplitudes), *self._applied[:1]]
         return self._applied[0]
 
@@ -249,10 +249,10 @@ def _tried(order: _Order) -> dict[int, _Values | None]:
     """Return, in another process, the trials of the effects that are left to take, by their place."""
     assert _helper is not None
     counters = shared_counters()
-    found: dict[int, _Values | None] = {}
+    values_of: dict[int, _Values | None] = {}
     fit: Fit | None = None
-    while (place := counters.take(order.scan)) < len(order.names):
+    while (index := counters.take(order.scan)) < len(order.names):
         fit = _helper.fit(order) if fit is None else fit
-        trial = try_effect(fit, _helper.material.effects[order.names[place]], order.shapes)
-        found[place] = None if trial is None else _Values(trial.start, trial.vector, trial.cost, trial.promise)
-    return found
+        trial = try_effect(fit, _helper.material.effects[order.names[index]], order.shapes)
+        values_of[index] = None if trial is None else _Values(trial.start, trial.vector, trial.cost, trial.promise)
+    return values_of

@@ -81,9 +81,9 @@ def try_effect(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) -> Tr
     if best is None:
         return None
     if effect.scan:
-        for place, values in effect.scan:
+        for index, values in effect.scan:
             near = best.start.tolist()
-            varied = [(*near[:place], value, *near[place + 1 :]) for value in values]
+            varied = [(*near[:index], value, *near[index + 1 :]) for value in values]
             best = max([best, *_trials(fit, model, effect, shapes, varied)], key=_promise)
     elif isinstance(effect, SignalEffect) and not effect.linear:
         # A start that is far too large adds curvature, which hides a small effect. The endpoint is therefore tried too.
@@ -103,10 +103,10 @@ def followed_trials(fit: Fit, effect: AngleEffect, shapes: Mapping[int, Shape]) 
     conditions = tuple(group.conditions for group in fit.model.campaign.groups)
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
     trials = _trials(fit, model, effect, shapes, effect.starts(conditions))
-    own = model.layout.effect(effect.name)
+    where = model.layout.effect(effect.name)
     for _ in range(_FOLLOWED):
         trials = _trials(
-            fit, model, effect, shapes, [np.clip(one.vector[own], *bounds(effect)).tolist() for one in trials]
+            fit, model, effect, shapes, [np.clip(trial.vector[where], *bounds(effect)).tolist() for trial in trials]
         )
     return sorted(trials, key=_promise, reverse=True)
 
@@ -130,10 +130,10 @@ def _nearest(
     for stage in range(effect.refinements if trials else 0):
         best = max(trials, key=_promise)
         trials += _trials(fit, model, effect, few, effect.nearer(stage, best.start.tolist(), conditions))
-    own = model.layout.effect(effect.name)
+    where = model.layout.effect(effect.name)
     for _ in range(_FOLLOWED):
         trials = sorted(trials, key=_promise, reverse=True)[:_FINALISTS]
-        ends = [np.clip(one.vector[own], *bounds(effect)).tolist() for one in trials]
+        ends = [np.clip(trial.vector[where], *bounds(effect)).tolist() for trial in trials]
         trials += _trials(fit, model, effect, few, ends)
     return [max(trials, key=_promise).start.tolist()] if trials else []
 
@@ -159,8 +159,8 @@ def _trials(
         return []
     # All starts go through the inverse covariance together, which takes a fraction of the time of one after the other.
     stacked: list[FloatArray | None] = [None] * len(model.campaign.groups)
-    for place, index in enumerate(shapes):
-        stacked[index] = np.concatenate([rows[place] for _, rows in begun])
+    for number, index in enumerate(shapes):
+        stacked[index] = np.concatenate([rows[number] for _, rows in begun])
     inner, cross = fit.own(stacked, len(begun)), np.split(fit.cross(stacked), len(begun), axis=1)
     trials = [_trial(fit, model, effect, start, *both) for (start, _), *both in zip(begun, inner, cross, strict=True)]
     return [trial for trial in trials if trial is not None and math.isfinite(trial.cost + trial.promise)]
@@ -218,14 +218,14 @@ def _rows_from(
         (k + 1, 3, REAL) of each group, None if the model has no solution.
     """
     there = _started(fit, model, effect, start)
-    found = []
+    group_rows = []
     try:
         for index, shape in shapes.items():
             _, base, derivatives = model.group_derivatives(there, index, effect.name, shape)
-            found.append(as_real(np.concatenate([derivatives, (base - fit.predicted[index])[None]])))
+            group_rows.append(as_real(np.concatenate([derivatives, (base - fit.predicted[index])[None]])))
     except (NoShapeError, np.linalg.LinAlgError):
         return None
-    return found if all(np.isfinite(rows).all() for rows in found) else None
+    return group_rows if all(np.isfinite(rows).all() for rows in group_rows) else None
 
 
 def _trial(
@@ -243,7 +243,7 @@ def _trial(
     """
     if not np.diagonal(inner)[:-1].any():
         return None
-    there, own = _started(fit, model, effect, start), model.layout.effect(effect.name)
+    there, where = _started(fit, model, effect, start), model.layout.effect(effect.name)
     # From the change of the signal to the residual with the start in place.
     misfit = fit.residual_product - 2.0 * float(cross[-1, -1]) + float(inner[-1, -1])
     slope = np.concatenate([fit.slope - cross[:-1, -1], cross[-1, :-1] - inner[:-1, -1]])
@@ -252,16 +252,16 @@ def _trial(
     reach = effect.reach(start.tolist())
     near = np.zeros_like(prior)
     if reach is not None:
-        np.fill_diagonal(near[own, own], np.square(np.reciprocal(reach)))
+        np.fill_diagonal(near[where, where], np.square(np.reciprocal(reach)))
     old = _places(fit, model)
-    new_places = np.arange(own.start, own.stop)
+    new_places = np.arange(where.start, where.stop)
     # A step beyond its reach would promise what the effect does not keep.
     matrix = prior + near
     # A fit that misses an effect has widened errors, and the effect may be what is missing: its prior stays as it is.
     matrix[np.ix_(old, old)] += fit.information
     matrix[np.ix_(old, new_places)] += cross[:-1, :-1]
     matrix[np.ix_(new_places, old)] += cross[:-1, :-1].T
-    matrix[own, own] += inner[:-1, :-1]
+    matrix[where, where] += inner[:-1, :-1]
     away = there - mean
     gradient = -prior @ away
     gradient[np.concatenate([old, new_places])] += slope
@@ -271,9 +271,9 @@ def _trial(
     except np.linalg.LinAlgError:
         return None
     cost = misfit + float(away @ prior @ away - change @ gradient)
-    known = model.witness_deviance() - fit.model.witness_deviance()
+    witness_change = model.witness_deviance() - fit.model.witness_deviance()
     occam += 2.0 * (model.log_choices() - fit.model.log_choices())
-    return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - known - occam))
+    return Trial(effect, model, start, there + change, cost, 0.5 * (fit.cost - cost - witness_change - occam))
 
 
 def _places(fit: Fit, model: ClosureModel) -> IntArray:

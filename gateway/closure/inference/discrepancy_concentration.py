@@ -60,23 +60,29 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
     if fit.applied is None:
         raise ValueError("a discrepancy is concentrated where a fit has one")
     possible = concentrations()
-    known = set(fit.applied.discrepancy.concentrations)
+    present = set(fit.applied.discrepancy.concentrations)
     answers = fit.applied.answers(fit.weighted, fit.precision)
     # At PLACES in place of orders, where a burst is narrow.
     seen = [
-        _Seen.of(answer, information, at, part, float(np.square(scale).sum()))
-        for (at, (_, _, place)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
+        _Seen.of(answer, information, index, part, float(np.square(scale).sum()))
+        for (index, (_, _, place)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
         for part, ((answer, information), scale) in enumerate(zip(parts, place.scales, strict=True))
     ]
     power = sum(float(np.square(residual.rms_mps2()).sum()) for residual in group_residuals(fit, data))
-    for number, one in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
+    for number, concentration in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
         for each in seen:
-            weights = fit.applied.amplitudes[each.place, each.part, -number] * (one.curves().T @ each.at_places.answer)
-            power -= each.power * float(np.square(one.curves() @ weights).mean())
+            weights = fit.applied.amplitudes[each.place, each.part, -number] * (
+                concentration.curves().T @ each.at_places.answer
+            )
+            power -= each.power * float(np.square(concentration.curves() @ weights).mean())
     log_odds = math.log(criteria.STAND_IN_ODDS / len(possible))
     shape = fit.applied.amplitudes.shape[:2]
-    every = [_evident(one, seen, shape, power, log_odds) for one in possible if one not in known]
-    best = max(every, key=lambda one: one.gain)
+    every = [
+        _evident(concentration, seen, shape, power, log_odds)
+        for concentration in possible
+        if concentration not in present
+    ]
+    best = max(every, key=lambda evident: evident.gain)
     worth = best.gain / math.sqrt(residual_ratio(fit, data)) + log_odds > 0.0
     return best if worth and best.share > criteria.CONCENTRATED_SHARE else None
 
@@ -120,12 +126,12 @@ class _Seen:
 
 
 def _evident(
-    one: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float, log_odds: float
+    concentration: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float, log_odds: float
 ) -> Evident:
     """Return what a concentration gains: at every place the part of the larger gain."""
-    curves = one.curves()
+    curves = concentration.curves()
     # An order has two coefficients, a band few orders, a burst few places.
-    in_orders = not isinstance(one, Burst)
+    in_orders = not isinstance(concentration, Burst)
     narrow = FROM_PLACES @ curves if in_orders else curves
     inside = np.flatnonzero(np.abs(narrow).max(axis=1) > 1e-3)
     narrow = narrow[inside]
@@ -148,4 +154,4 @@ def _evident(
             field = curves @ (vectors @ (along / (1.0 / amplitude + values)))
             powers[each.place] = each.power * float(field @ field) / len(PLACES)
     share = float(powers.sum()) / power if power > 0.0 else 0.0
-    return Evident(one, amplitudes, float(gains.sum()), log_odds, share)
+    return Evident(concentration, amplitudes, float(gains.sum()), log_odds, share)

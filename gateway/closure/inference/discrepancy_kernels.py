@@ -89,16 +89,16 @@ Concentration: TypeAlias = OrderLine | OrderBand | Burst
 
 def concentrations() -> tuple[Concentration, ...]:
     """Return all concentrations that a discrepancy may have."""
-    found: list[Concentration] = [OrderLine(order) for order in range(1, REAL // 2 + 1)]
+    every: list[Concentration] = [OrderLine(order) for order in range(1, REAL // 2 + 1)]
     highest = REAL // 2
     for first, following in itertools.pairwise((*criteria.BANDS_FROM, highest + 1)):
-        found += [OrderBand(first, last) for last in sorted({following - 1, highest})]
+        every += [OrderBand(first, last) for last in sorted({following - 1, highest})]
     step_rad = 2.0 * math.pi / REAL
     for width in criteria.BURST_WIDTHS_RAD:
         places = range(0, 2 * REAL, 2 * max(1, round(width / step_rad)))
         lengths = (length for length in (criteria.BLOW_RAD, *criteria.LENGTHS_RAD) if length <= width + step_rad)
-        found += [Burst(place, width, length) for length in lengths for place in places]
-    return tuple(found)
+        every += [Burst(centre, width, length) for length in lengths for centre in places]
+    return tuple(every)
 
 
 @lru_cache(maxsize=32)
@@ -106,13 +106,13 @@ def smooth_kernels(half_angle_rad: float, lengths_rad: tuple[float, ...]) -> Flo
     """Return kernels of unit power of curves near the contact and away from it, (2 lengths, REAL, REAL)."""
     beyond = np.clip((np.abs(ANGLES) - half_angle_rad - criteria.NEAR_RAD) / criteria.FADE_RAD, 0.0, 1.0)
     near = np.cos(0.5 * math.pi * beyond)
-    found = []
+    stacked = []
     for window in (near, np.sin(0.5 * math.pi * beyond)):
         for length in lengths_rad:
             field = _windowed(ANGLES, window, length)
             field /= max(float(np.square(window).mean()), 1e-12)
-            found.append(FROM_FIELD @ field @ FROM_FIELD.T)
-    kernels = np.stack(found)
+            stacked.append(FROM_FIELD @ field @ FROM_FIELD.T)
+    kernels = np.stack(stacked)
     kernels.setflags(write=False)
     return kernels
 
@@ -136,8 +136,8 @@ def _centred(width_rad: float, length_rad: float) -> FloatArray:
     """Return the curves of a burst in the middle of PLACES, those left out of which no compared order sees anything."""
     window = np.exp(-0.5 * np.square((PLACES - PLACES[REAL]) / width_rad))
     values, vectors = np.linalg.eigh(_windowed(PLACES, window, length_rad))
-    kept = values > 1e-6 * values[-1]
-    every: FloatArray = vectors[:, kept] * np.sqrt(values[kept])
+    visible = values > 1e-6 * values[-1]
+    every: FloatArray = vectors[:, visible] * np.sqrt(values[visible])
     _, sizes, combinations = np.linalg.svd(FROM_PLACES @ every, full_matrices=False)
     curves: FloatArray = every @ combinations[sizes > 1e-3 * sizes[0]].T
     curves.setflags(write=False)

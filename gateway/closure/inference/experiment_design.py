@@ -78,20 +78,25 @@ def _distinction(
     """Return the misfit that the rivals have with another recording beyond that without it; None if a fit fails."""
     campaign, size = final.model.campaign, len(final.model.campaign.groups)
     reference = int(np.argmax([sum(block.count for block in group.blocks) for group in campaign.groups]))
-    known = campaign.groups[reference]
-    there = change(known.conditions)
-    other_state = (there.load_n, there.pressure_pa) != (known.conditions.load_n, known.conditions.pressure_pa)
-    state = campaign.states if other_state else known.state
-    share = there.omega_radps / known.conditions.omega_radps
+    reference_group = campaign.groups[reference]
+    there = change(reference_group.conditions)
+    other_state = (there.load_n, there.pressure_pa) != (
+        reference_group.conditions.load_n,
+        reference_group.conditions.pressure_pa,
+    )
+    state = campaign.states if other_state else reference_group.state
+    share = there.omega_radps / reference_group.conditions.omega_radps
     # The recording has the same duration, so a lower speed gives fewer revolutions.
-    count = max(1, round(share * sum(block.count for block in known.blocks)))
-    block = Block(count, there, known.blocks[0].orders_mps2)
-    scatter = _scatter(known, share)
-    group: Group = replace(known, label="imagined", conditions=there, blocks=(block,), state=state, variance=scatter)
+    count = max(1, round(share * sum(block.count for block in reference_group.blocks)))
+    block = Block(count, there, reference_group.blocks[0].orders_mps2)
+    scatter = _scatter(reference_group, share)
+    group: Group = replace(
+        reference_group, label="imagined", conditions=there, blocks=(block,), state=state, variance=scatter
+    )
     states = campaign.states + int(other_state)
     larger = replace(campaign, groups=(*campaign.groups, group), states=states)
     truth = ClosureModel(larger, final.model.core, final.model.effects)
-    vector = _carried(final.model, truth, final.vector, known.state, other_state)
+    vector = _carried(final.model, truth, final.vector, reference_group.state, other_state)
     try:
         # Refined here and not in the first fit: the grid's error at the new conditions must be the same in both.
         truth.refine(vector)
@@ -120,16 +125,18 @@ def _as_predicted(campaign: Campaign, model: ClosureModel, vector: FloatArray) -
     return replace(campaign, groups=tuple(groups))
 
 
-def _scatter(known: Group, ratio: float) -> FloatArray:
+def _scatter(group: Group, ratio: float) -> FloatArray:
     """Return the scatter of a recording at another speed, (3, ORDERS).
 
     The sensor's own is white in time, so a revolution's goes with omega; the rest is the ring's, and goes with omega^4.
     """
-    one = np.where(known.variance > 0.0, known.variance, np.nan)
-    quiet = np.isfinite(one).any(axis=1)
-    own = np.zeros((3, 1))
-    own[quiet] = np.nanquantile(one[quiet], _QUIETEST, axis=1)[:, None]
-    result: FloatArray = np.minimum(one, own) * ratio + np.maximum(one - own, 0.0) * ratio**4
+    variance = np.where(group.variance > 0.0, group.variance, np.nan)
+    quiet = np.isfinite(variance).any(axis=1)
+    sensor_variance = np.zeros((3, 1))
+    sensor_variance[quiet] = np.nanquantile(variance[quiet], _QUIETEST, axis=1)[:, None]
+    result: FloatArray = (
+        np.minimum(variance, sensor_variance) * ratio + np.maximum(variance - sensor_variance, 0.0) * ratio**4
+    )
     return result
 
 
@@ -150,8 +157,8 @@ def _carried(
 ) -> FloatArray:
     """Return the parameters in the larger campaign: a state like the reference's, the contact's centre at 0."""
     result = np.zeros(larger.layout.size)
-    for known in range(model.campaign.states):
-        result[larger.layout.state(known)] = vector[model.layout.state(known)]
+    for present_state in range(model.campaign.states):
+        result[larger.layout.state(present_state)] = vector[model.layout.state(present_state)]
     if other_state:
         result[larger.layout.state(model.campaign.states)] = vector[model.layout.state(state)]
     for index in range(len(model.campaign.groups)):

@@ -98,9 +98,9 @@ class Whitened:
         """Return rows C^-1 rows' for the scatter C within equal batches of rows as for `weighted`, (batches, k, k)."""
         size = next(len(row) for row in rows if row is not None) // batches
         total = np.zeros((batches, size, size))
-        for left, row in zip(self.weighted(rows), rows, strict=True):
+        for weighted, row in zip(self.weighted(rows), rows, strict=True):
             if row is not None:
-                total += left.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
+                total += weighted.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
         return total
 
     def loosened(self, share: float) -> Whitened:
@@ -167,25 +167,25 @@ def whiten(campaign: Campaign, core: Core) -> Whitened:
     for group in campaign.groups:
         data = np.stack([block.orders_mps2 for block in group.blocks])
         count = np.array([block.count for block in group.blocks], dtype=np.float64)
-        known = np.isfinite(data).all(axis=0) & np.isfinite(group.variance)
+        present = np.isfinite(data).all(axis=0) & np.isfinite(group.variance)
         if not core.mean:
             # A tilt leaks the radial mean, which the model lacks, into the other axes.
-            known[:, 0] = False
-        variance = np.where(known, group.variance, 0.0) * _dependence(group)
+            present[:, 0] = False
+        variance = np.where(present, group.variance, 0.0) * _dependence(group)
         floor = _floor(group, math.hypot(_OWN_SHARE, core.equation_share))
-        known &= variance + floor > 0.0
-        orders.append(np.where(known, np.nan_to_num(data), 0.0))
+        present &= variance + floor > 0.0
+        orders.append(np.where(present, np.nan_to_num(data), 0.0))
         counts.append(count)
-        used.append(known)
-        errors = _edge_errors(group, known)
+        used.append(present)
+        errors = _edge_errors(group, present)
         factors.append(
             tuple(
-                _factor(known[a], variance[a] / count.sum(), floor[a], _profile(group, a), errors[:, a])
+                _factor(present[a], variance[a] / count.sum(), floor[a], _profile(group, a), errors[:, a])
                 for a in range(3)
             )
         )
         spread = variance / count[:, None, None] + _floor(group, _OWN_SHARE)
-        weights.append(np.where(known, 1.0 / np.sqrt(np.where(known, spread, 1.0)), 0.0))
+        weights.append(np.where(present, 1.0 / np.sqrt(np.where(present, spread, 1.0)), 0.0))
         edge_errors.append(errors)
     return Whitened(tuple(orders), tuple(counts), tuple(used), tuple(factors), tuple(weights), tuple(edge_errors))
 
@@ -194,18 +194,18 @@ def _profile(group: Group, axis: int) -> FloatArray | None:
     return None if group.scatter_profile is None else group.scatter_profile[axis]
 
 
-def _edge_errors(group: Group, known: BoolArray) -> FloatArray:
+def _edge_errors(group: Group, present: BoolArray) -> FloatArray:
     """Return real coefficients of the errors of a group's mean by its mean edge angles, (k, 3, REAL)."""
     if group.edge_errors_mps2 is None:
         return np.zeros((0, 3, REAL))
-    return math.sqrt(known.any(axis=1).sum()) * as_real(np.where(known, np.nan_to_num(group.edge_errors_mps2), 0.0))
+    return math.sqrt(present.any(axis=1).sum()) * as_real(np.where(present, np.nan_to_num(group.edge_errors_mps2), 0.0))
 
 
 def _factor(
-    known: BoolArray, variance: FloatArray, floor: FloatArray, profile: FloatArray | None, errors: FloatArray
+    present: BoolArray, variance: FloatArray, floor: FloatArray, profile: FloatArray | None, errors: FloatArray
 ) -> FloatArray:
     """Return the whitening matrix of one axis, (m, REAL); `errors` (k, REAL) are one standard error each."""
-    chosen = np.flatnonzero(np.concatenate([known, known[1:]]))
+    chosen = np.flatnonzero(np.concatenate([present, present[1:]]))
     if not len(chosen):
         return np.zeros((0, REAL))
     spread = np.concatenate([variance, variance[1:]])
@@ -257,9 +257,9 @@ def _dependence(group: Group) -> FloatArray:
         ratio = between.sum(axis=0) / (freedom * group.variance[:, 2:])
     result = np.ones((3, 1))
     for axis in range(3):
-        known = ratio[axis][np.isfinite(ratio[axis])]
-        if len(known):
+        finite = ratio[axis][np.isfinite(ratio[axis])]
+        if len(finite):
             # The median is robust; that of a chi-square is below its mean.
             expected = 2.0 * float(gammaincinv(0.5 * freedom, 0.5))
-            result[axis] = max(_LEAST_DEPENDENCE, float(np.median(known)) * freedom / expected)
+            result[axis] = max(_LEAST_DEPENDENCE, float(np.median(finite)) * freedom / expected)
     return result

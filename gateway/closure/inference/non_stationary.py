@@ -73,22 +73,24 @@ def changing(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     """Return the residuals that change during a recording by more than the model predicts, largest first."""
     campaign = fit.model.campaign
     predicted = fit.model.predict(fit.vector)
-    changes = [_change(*one) for one in zip(campaign.groups, data.orders, data.weights, predicted, strict=True)]
-    found = []
+    changes = [
+        _change(*arguments) for arguments in zip(campaign.groups, data.orders, data.weights, predicted, strict=True)
+    ]
+    entries = []
     for axis in range(3):
-        seen = [one for one in changes if one is not None]
-        bands = [band for band in itertools.pairwise(BANDS) if any(one.evident(axis, *band) for one in seen)]
+        seen = [change for change in changes if change is not None]
+        bands = [band for band in itertools.pairwise(BANDS) if any(change.evident(axis, *band) for change in seen)]
         if bands:
-            found.append(_entry(campaign.groups, changes, axis, joined(bands)))
-    largest = max((entry.rms_mps2 for entry in found), default=0.0)
-    found.sort(key=lambda entry: -entry.rms_mps2)
-    return tuple(entry for entry in found if entry.rms_mps2 > criteria.CHANGE_OF_LARGEST * largest)
+            entries.append(_entry(campaign.groups, changes, axis, joined(bands)))
+    largest = max((entry.rms_mps2 for entry in entries), default=0.0)
+    entries.sort(key=lambda entry: -entry.rms_mps2)
+    return tuple(entry for entry in entries if entry.rms_mps2 > criteria.CHANGE_OF_LARGEST * largest)
 
 
-def beside_changes(left: Sequence[Unexplained], changes: Sequence[Unexplained]) -> tuple[Unexplained, ...]:
+def beside_changes(unexplained: Sequence[Unexplained], changes: Sequence[Unexplained]) -> tuple[Unexplained, ...]:
     """Return the residuals without those at wheel orders of an axis that is already listed as non-stationary."""
     axes = {entry.axis for entry in changes}
-    return tuple(entry for entry in left if entry.lock_known or entry.axis not in axes)
+    return tuple(entry for entry in unexplained if entry.lock_known or entry.axis not in axes)
 
 
 def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: ComplexArray) -> _Change | None:
@@ -100,19 +102,19 @@ def _change(group: Group, orders: ComplexArray, weights: FloatArray, predicted: 
     # A residual proportional to the square of the speed, as most model errors are, is no change.
     squares = np.array([block.conditions.omega_radps**2 for block in group.blocks])
     scale = (squares / group.conditions.omega_radps**2)[:, None, None]
-    known = (weights > 0.0).all(axis=0)
-    residual = np.where(known, orders - predicted, 0.0)
+    present = (weights > 0.0).all(axis=0)
+    residual = np.where(present, orders - predicted, 0.0)
     mean = (weight * scale * residual).sum(axis=0) / (weight * np.square(scale)).sum(axis=0)
     away = np.abs(residual - scale * mean) ** 2
     # Variance of one real coefficient of a block's mean. An order has two, which POWER_SHARE halves.
-    own = np.where(known, group.variance, 0.0) / counts[:, None, None]
+    noise = np.where(present, group.variance, 0.0) / counts[:, None, None]
     free = (len(counts) - 1) / len(counts)
     return _Change(
         power=POWER_SHARE * (weight * away).sum(axis=0),
-        scatter=free * (weight * own).sum(axis=0),
-        variance=4.0 * (np.square(weight * POWER_SHARE) * away * own).sum(axis=0),
+        scatter=free * (weight * noise).sum(axis=0),
+        variance=4.0 * (np.square(weight * POWER_SHARE) * away * noise).sum(axis=0),
         mean=POWER_SHARE * np.abs(mean) ** 2,
-        signal=POWER_SHARE * np.square(np.where(known, np.abs(orders).mean(axis=0), 0.0)),
+        signal=POWER_SHARE * np.square(np.where(present, np.abs(orders).mean(axis=0), 0.0)),
         blocks=len(counts),
     )
 
@@ -123,11 +125,11 @@ def _entry(
     """Return one entry of an axis, with the size of the group where it is largest."""
     low, high = bands[0][0], bands[-1][1]
     orders = slice(low, high)
-    sizes = [(0.0, 0.0) if one is None else one.size(axis, orders) for one in changes]
-    at = max(range(len(sizes)), key=lambda index: sizes[index][0])
-    rms, std = sizes[at]
+    sizes = [(0.0, 0.0) if group_change is None else group_change.size(axis, orders) for group_change in changes]
+    largest = max(range(len(sizes)), key=lambda index: sizes[index][0])
+    rms, std = sizes[largest]
     first, last = low, high - 1
-    if (change := changes[at]) is not None:
+    if (change := changes[largest]) is not None:
         power = np.maximum((change.power - change.scatter)[axis, orders], 0.0)
         share = np.cumsum(power) / max(float(power.sum()), 1e-300)
         first = low + int(np.searchsorted(share, 0.02))
@@ -143,5 +145,5 @@ def _entry(
         rms,
         std,
         changes=True,
-        largest_in=groups[at].label,
+        largest_in=groups[largest].label,
     )

@@ -69,30 +69,36 @@ class Component:
         self._number = len(effect.parameters)
         wide = _ANYWHERE if self.strange else 1.0
         ends = []
-        for number, one in enumerate(effect.parameters):
-            low, high = (0.0, _SIZE_ABOVE * one.high) if number == 0 else (_BELOW * one.low, _ABOVE * one.high)
-            ends.append((low / wide, high * wide, one.prior_mean, one.prior_std))
+        for number, parameter in enumerate(effect.parameters):
+            low, high = (
+                (0.0, _SIZE_ABOVE * parameter.high)
+                if number == 0
+                else (_BELOW * parameter.low, _ABOVE * parameter.high)
+            )
+            ends.append((low / wide, high * wide, parameter.prior_mean, parameter.prior_std))
         free = criteria.FREE_SIZE
         ends += [(-wide * free, wide * free, 0.0, free)] * (3 * free_groups)
         self.prior = Prior(*np.array(ends, dtype=np.float64).T)
 
-    def density(self, site: int, conditions: GroupConditions, frequency_hz: FloatArray, own: FloatArray) -> FloatArray:
+    def density(
+        self, site: int, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray
+    ) -> FloatArray:
         """Return its one-sided density in a group, (3, m), (m/s^2)^2 per Hz."""
-        shape = self.effect.density(conditions, frequency_hz, own[: self._number])
-        return self._everywhere(shape) * self._sizes(site, own) if self.strange else shape
+        shape = self.effect.density(conditions, frequency_hz, parameters[: self._number])
+        return self._everywhere(shape) * self._sizes(site, parameters) if self.strange else shape
 
     def derivative(
-        self, site: int, conditions: GroupConditions, frequency_hz: FloatArray, own: FloatArray
+        self, site: int, conditions: GroupConditions, frequency_hz: FloatArray, parameters: FloatArray
     ) -> FloatArray:
         """Return d density / d parameters, (P, 3, m)."""
-        shape = self.effect.density_derivative(conditions, frequency_hz, own[: self._number])
+        shape = self.effect.density_derivative(conditions, frequency_hz, parameters[: self._number])
         if not self.strange:
             return shape
-        rows = np.zeros((len(own), 3, len(frequency_hz)))
-        sizes = self._sizes(site, own)
+        rows = np.zeros((len(parameters), 3, len(frequency_hz)))
+        sizes = self._sizes(site, parameters)
         for number, row in enumerate(shape):
             rows[number] = self._everywhere(row) * sizes
-        density = self.density(site, conditions, frequency_hz, own)
+        density = self.density(site, conditions, frequency_hz, parameters)
         for axis in range(3):
             rows[self._number + 3 * site + axis, axis] = 2.0 * density[axis]
         return rows
@@ -104,9 +110,9 @@ class Component:
         result[quiet] = density[list(self.effect.axes)].mean(axis=0)
         return result
 
-    def _sizes(self, site: int, own: FloatArray) -> FloatArray:
+    def _sizes(self, site: int, parameters: FloatArray) -> FloatArray:
         first = self._number + 3 * site
-        sizes: FloatArray = np.exp(2.0 * own[first : first + 3])[:, None]
+        sizes: FloatArray = np.exp(2.0 * parameters[first : first + 3])[:, None]
         return sizes
 
 
@@ -130,7 +136,7 @@ class Parts:
     @property
     def names(self) -> frozenset[str]:
         """Names of all parts."""
-        return frozenset((*(one.name for one in self.components), *((LOW_PASS,) if self.low_pass else ())))
+        return frozenset((*(component.name for component in self.components), *((LOW_PASS,) if self.low_pass else ())))
 
     @property
     def shared(self) -> int:
@@ -140,27 +146,27 @@ class Parts:
     @property
     def sizes(self) -> tuple[tuple[int, float], ...]:
         """Index of the size of each component, and ln of the range in which its order of magnitude is not known."""
-        found, at = [], 0
-        for one in self.components:
-            found.append((at, one.decades))
-            at += len(one.prior.mean)
-        return tuple(found)
+        sizes, first = [], 0
+        for component in self.components:
+            sizes.append((first, component.decades))
+            first += len(component.prior.mean)
+        return tuple(sizes)
 
     @property
     def filter_at(self) -> int:
         """Index of the first parameter behind those of the components."""
-        return sum(len(one.prior.mean) for one in self.components)
+        return sum(len(component.prior.mean) for component in self.components)
 
     @property
     def prior(self) -> Prior:
         """Priors of all shared parameters."""
-        found = [*(one.prior for one in self.components), *((_FILTER,) if self.low_pass else ())]
+        priors = [*(component.prior for component in self.components), *((_FILTER,) if self.low_pass else ())]
         empty = np.empty(0)
         return Prior(
-            np.concatenate([empty, *(one.low for one in found)]),
-            np.concatenate([empty, *(one.high for one in found)]),
-            np.concatenate([empty, *(one.mean for one in found)]),
-            np.concatenate([empty, *(one.std for one in found)]),
+            np.concatenate([empty, *(part.low for part in priors)]),
+            np.concatenate([empty, *(part.high for part in priors)]),
+            np.concatenate([empty, *(part.mean for part in priors)]),
+            np.concatenate([empty, *(part.std for part in priors)]),
         )
 
     def place(self, name: str) -> slice:
@@ -169,11 +175,11 @@ class Parts:
         Raises:
             ValueError: there is no such component.
         """
-        at = 0
-        for one in self.components:
-            if one.name == name:
-                return slice(at, at + len(one.prior.mean))
-            at += len(one.prior.mean)
+        first = 0
+        for component in self.components:
+            if component.name == name:
+                return slice(first, first + len(component.prior.mean))
+            first += len(component.prior.mean)
         raise ValueError(f"{name} is not in the model")
 
 
@@ -243,46 +249,48 @@ def wide_density(
     bins = len(site.first)
     rows = np.zeros((parts.shared, 3, bins))
     total = np.zeros((3, bins))
-    at = 0
+    first = 0
     for component in parts.components:
-        own = shared[at : at + len(component.prior.mean)]
-        total += site.wide(component.density(site.index, conditions, grid, own))
-        rows[at : at + len(own)] = site.wide(component.derivative(site.index, conditions, grid, own))
-        at += len(own)
+        parameters = shared[first : first + len(component.prior.mean)]
+        total += site.wide(component.density(site.index, conditions, grid, parameters))
+        rows[first : first + len(parameters)] = site.wide(
+            component.derivative(site.index, conditions, grid, parameters)
+        )
+        first += len(parameters)
     noise = np.repeat(np.exp(level)[:, None], bins, axis=1)
     if parts.low_pass:
-        passed, slopes = _passed(site.grid_hz, shared[at:])
+        passed, slopes = _passed(site.grid_hz, shared[first:])
         seen = site.wide(passed)
         rows *= seen
-        rows[at:] = (total + noise) * site.wide(slopes)[:, None]
+        rows[first:] = (total + noise) * site.wide(slopes)[:, None]
         total, noise = total * seen, noise * seen
     return total + noise, noise, rows
 
 
-def _passed(frequency_hz: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _passed(frequency_hz: FloatArray, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return |H|^2 of the low-pass, (m,), and its derivatives by ln of the corner and by the roll-off, (2, m)."""
-    log_ratio = np.log(frequency_hz) - float(own[0])
-    power = np.exp(np.clip(2.0 * float(own[1]) * log_ratio, -300.0, 300.0))
+    log_ratio = np.log(frequency_hz) - float(parameters[0])
+    power = np.exp(np.clip(2.0 * float(parameters[1]) * log_ratio, -300.0, 300.0))
     passed = 1.0 / (1.0 + power)
     fall = power * np.square(passed)
-    return passed, np.stack((2.0 * float(own[1]) * fall, -2.0 * log_ratio * fall))
+    return passed, np.stack((2.0 * float(parameters[1]) * fall, -2.0 * log_ratio * fall))
 
 
 def full_density(
-    site: Site, parts: Parts, level: FloatArray, shared: FloatArray, kept: frozenset[str]
+    site: Site, parts: Parts, level: FloatArray, shared: FloatArray, included: frozenset[str]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the density of noise and the components `kept`, and its part that is noise, all bins, (3, m)."""
+    """Return the density of noise and the components `included`, and its part that is noise, all bins, (3, m)."""
     frequency = site.spectra.frequency_hz
     total = np.zeros((3, len(frequency)))
-    at = 0
+    first = 0
     for component in parts.components:
-        own = shared[at : at + len(component.prior.mean)]
-        if component.name in kept:
-            density = component.density(site.index, site.spectra.conditions, frequency, own)
+        parameters = shared[first : first + len(component.prior.mean)]
+        if component.name in included:
+            density = component.density(site.index, site.spectra.conditions, frequency, parameters)
             total += through_window(density, len(frequency))
-        at += len(own)
+        first += len(parameters)
     noise = np.repeat(np.exp(level)[:, None], len(frequency), axis=1)
     if parts.low_pass:
-        passed, _ = _passed(frequency, shared[at:])
+        passed, _ = _passed(frequency, shared[first:])
         total, noise = total * passed, noise * passed
     return total + noise, noise

@@ -62,28 +62,28 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
     Returns:
         the findings; none when no group is long enough.
     """
-    found = [spectra for group in groups if (spectra := group_spectra(group, FOLDS)) is not None]
-    short = len(groups) - len(found)
+    measured = [spectra for group in groups if (spectra := group_spectra(group, FOLDS)) is not None]
+    short = len(groups) - len(measured)
     notes = [Reason(Code.GROUPS_TOO_SHORT, groups=short, of=len(groups))] if short else []
-    if not found:
+    if not measured:
         return TimeLocked(notes=tuple(notes))
-    sites = tuple(Site.of(index, one) for index, one in enumerate(found))
+    sites = tuple(Site.of(index, each) for index, each in enumerate(measured))
     effects = [effect for effect in catalogue().values() if isinstance(effect, SpectrumEffect)]
     posterior = over(SpectrumSearch(sites, effects).found)
     findings = _findings(posterior, effects, sites)
     # The density that is explained is that of effects that are identified, or of which one is.
-    kept = frozenset(one.name for one in findings if one.verdict is not Verdict.REFUSED)
+    named = frozenset(finding.name for finding in findings if finding.verdict is not Verdict.REFUSED)
     best = posterior.best
     fit = best.fit
     parts, drawn = [], []
     for site, level in zip(sites, fit.levels, strict=True):
-        density, noise = full_density(site, fit.parts, level, fit.shared, kept)
+        density, noise = full_density(site, fit.parts, level, fit.shared, named)
         parts += parts_left(site, density, noise, np.exp(level))
         drawn.append(_drawn(site, density, noise))
     notes += _notes(posterior)
-    left = tuple(unexplained(sites, parts))
-    doubted = beside_larger(findings, _larger(findings, left, sites, fit), several=several_speeds(sites))
-    return TimeLocked(tuple(doubted), left, tuple(drawn), tuple(notes))
+    remaining = tuple(unexplained(sites, parts))
+    doubted = beside_larger(findings, _larger(findings, remaining, sites, fit), several=several_speeds(sites))
+    return TimeLocked(tuple(doubted), remaining, tuple(drawn), tuple(notes))
 
 
 def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, several: bool) -> list[Finding]:
@@ -95,25 +95,29 @@ def beside_larger(findings: Sequence[Finding], larger: Mapping[str, float], *, s
         several: whether the recordings have several speeds.
     """
     decides = Code.RECORD_ON_ANOTHER_ROAD if several else Code.RECORD_ROAD_AT_ANOTHER_SPEED
-    found = []
-    smaller = {one.name for one in findings if one.verdict is not Verdict.REFUSED and one.rms_mps2 < larger[one.name]}
-    for one in findings:
-        if one.name in smaller:
-            own = Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=one.rms_mps2, larger_mps2=larger[one.name])
-            one = replace(one, reason=own)
-        if one.verdict is not Verdict.REFUSED and smaller & {one.name, *one.rivals}:
-            one = replace(
-                one,
+    doubted = []
+    smaller = {
+        finding.name
+        for finding in findings
+        if finding.verdict is not Verdict.REFUSED and finding.rms_mps2 < larger[finding.name]
+    }
+    for finding in findings:
+        if finding.name in smaller:
+            beside = Reason(Code.BESIDE_SOMETHING_LARGER, own_mps2=finding.rms_mps2, larger_mps2=larger[finding.name])
+            finding = replace(finding, reason=beside)
+        if finding.verdict is not Verdict.REFUSED and smaller & {finding.name, *finding.rivals}:
+            finding = replace(
+                finding,
                 verdict=Verdict.INDISTINGUISHABLE,
-                rivals=(*one.rivals, UNKNOWN),
-                decide_with=one.decide_with or Reason(decides),
+                rivals=(*finding.rivals, UNKNOWN),
+                decide_with=finding.decide_with or Reason(decides),
             )
-        found.append(one)
-    return found
+        doubted.append(finding)
+    return doubted
 
 
 def _larger(
-    findings: Sequence[Finding], left: Sequence[Unexplained], sites: Sequence[Site], fit: SpectrumFit
+    findings: Sequence[Finding], remaining: Sequence[Unexplained], sites: Sequence[Site], fit: SpectrumFit
 ) -> dict[str, float]:
     """Return the largest unexplained part of which an effect may be a part, m/s^2, by the effect's name.
 
@@ -123,7 +127,7 @@ def _larger(
     several = several_speeds(sites)
     return {
         finding.name: max(
-            (part.rms_mps2 for part in left if not several or _within_band(finding.name, part, sites, fit)),
+            (part.rms_mps2 for part in remaining if not several or _within_band(finding.name, part, sites, fit)),
             default=0.0,
         )
         for finding in findings
@@ -135,11 +139,11 @@ def _within_band(name: str, part: Unexplained, sites: Sequence[Site], fit: Spect
     effect = catalogue()[name]
     if name not in fit.parts.names or part.hz is None or not isinstance(effect, SpectrumEffect):
         return False
-    own = fit.shared[fit.parts.place(name)]
+    parameters = fit.shared[fit.parts.place(name)]
     inside = total = 0.0
     for site in sites:
         frequency = site.spectra.frequency_hz
-        density = effect.density(site.spectra.conditions, frequency, own)
+        density = effect.density(site.spectra.conditions, frequency, parameters)
         inside += float(density[:, (frequency >= part.hz[0]) & (frequency <= part.hz[1])].sum())
         total += float(density.sum())
     return inside > 0.5 * total
@@ -151,7 +155,9 @@ def _findings(
     """Return the finding of every effect with evidence: identified, then undecided, then rejected."""
     named = posterior.identified()
     names = [effect.name for effect in effects]
-    found = [_finding(posterior, name, Verdict.NAMED, sites) for name in posterior.names if name in {*named} & {*names}]
+    findings = [
+        _finding(posterior, name, Verdict.NAMED, sites) for name in posterior.names if name in {*named} & {*names}
+    ]
     seen = set(named)
     another = Reason(Code.RECORD_ROAD_AT_ANOTHER_SPEED)
     # A strange band is no cause: where it is likely, no effect of the catalogue is certain to be present.
@@ -160,7 +166,7 @@ def _findings(
             if name in names:
                 others = tuple(ANTI_ALIAS if other == LOW_PASS else other for other in group if other != name)
                 decides = None if several_speeds(sites) else another
-                found.append(
+                findings.append(
                     _finding(posterior, name, Verdict.INDISTINGUISHABLE, sites, rivals=others, decide_with=decides)
                 )
         seen |= set(group)
@@ -168,15 +174,18 @@ def _findings(
         probability = posterior.probability([name])
         if name in names and name not in seen and probability >= criteria.LISTED:
             reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
-            found.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason))
+            findings.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason))
             seen.add(name)
-    impossible = sorted((one for one in posterior.every.values() if one.objections), key=lambda one: -one.log_evidence)
-    for one in impossible:
-        for name, reason in one.objections if one.log_evidence > posterior.best.log_evidence else ():
+    impossible = sorted(
+        (spectrum_set for spectrum_set in posterior.every.values() if spectrum_set.objections),
+        key=lambda spectrum_set: -spectrum_set.log_evidence,
+    )
+    for spectrum_set in impossible:
+        for name, reason in spectrum_set.objections if spectrum_set.log_evidence > posterior.best.log_evidence else ():
             if name not in seen:
                 seen.add(name)
-                found.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason, inside=one))
-    return found
+                findings.append(_finding(posterior, name, Verdict.REFUSED, sites, reason=reason, inside=spectrum_set))
+    return findings
 
 
 def _finding(
@@ -190,7 +199,7 @@ def _finding(
     reason: Reason | None = None,
     inside: SpectrumSet | None = None,
 ) -> Finding:
-    one = posterior.with_effect(name) if inside is None else inside
+    chosen_set = posterior.with_effect(name) if inside is None else inside
     # What remains without it: the best set that lacks it and any band in its place.
     stand_in = strange_name(name)
     without = max(
@@ -205,9 +214,9 @@ def _finding(
     return Finding(
         name,
         verdict,
-        _parameters(effect, one.fit, [(other.fit, weight) for other, weight in matter]),
-        without.fit.deviance - one.fit.deviance,
-        _rms(sites, one.fit, effect),
+        _parameters(effect, chosen_set.fit, [(other.fit, weight) for other, weight in matter]),
+        without.fit.deviance - chosen_set.fit.deviance,
+        _rms(sites, chosen_set.fit, effect),
         rivals=rivals,
         decide_with=decide_with,
         reason=reason,
@@ -222,25 +231,25 @@ def _finding(
 def _parameters(
     effect: SpectrumEffect, fit: SpectrumFit, others: Sequence[tuple[SpectrumFit, float]]
 ) -> dict[str, Fitted]:
-    here = _of_effect(fit, effect.name)
-    variances = over_sets(here, [(_of_effect(other, effect.name), weight) for other, weight in others])
+    values_and_variances = _of_effect(fit, effect.name)
+    variances = over_sets(values_and_variances, [(_of_effect(other, effect.name), weight) for other, weight in others])
     return {
-        one.name: fitted_parameter(one, float(value), math.sqrt(max(float(variance), 0.0)))
-        for one, value, variance in zip(effect.parameters, here[0], variances, strict=True)
+        parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)))
+        for parameter, value, variance in zip(effect.parameters, values_and_variances[0], variances, strict=True)
     }
 
 
 def _of_effect(fit: SpectrumFit, name: str) -> tuple[FloatArray, FloatArray]:
-    place = fit.parts.place(name)
-    return fit.shared[place], np.diag(fit.covariance)[place]
+    where = fit.parts.place(name)
+    return fit.shared[where], np.diag(fit.covariance)[where]
 
 
 def _rms(sites: Sequence[Site], fit: SpectrumFit, effect: SpectrumEffect) -> float:
     """Return the root mean square of an effect, over groups and the axes on which it acts."""
-    own = fit.shared[fit.parts.place(effect.name)]
+    parameters = fit.shared[fit.parts.place(effect.name)]
     powers = []
     for site in sites:
-        density = effect.density(site.spectra.conditions, site.spectra.frequency_hz, own)
+        density = effect.density(site.spectra.conditions, site.spectra.frequency_hz, parameters)
         powers += [float(density[axis].sum()) * site.spectra.step_hz for axis in effect.axes]
     return math.sqrt(float(np.mean(powers)))
 

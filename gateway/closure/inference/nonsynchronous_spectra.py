@@ -132,11 +132,11 @@ def _transforms(run: FloatArray, segment: int, window: FloatArray, band: slice) 
 
 
 def _wide_bins(frequency_hz: FloatArray) -> tuple[IntArray, IntArray]:
-    starts, at = [], 0
+    starts, begin = [], 0
     for end_hz, width in _WIDTHS_HZ:
-        while at < len(frequency_hz) and frequency_hz[at] < end_hz:
-            starts.append(at)
-            at += width
+        while begin < len(frequency_hz) and frequency_hz[begin] < end_hz:
+            starts.append(begin)
+            begin += width
     first = np.array(starts, dtype=np.intp)
     return first, np.diff(np.append(first, len(frequency_hz))).astype(np.intp)
 

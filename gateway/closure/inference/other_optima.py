@@ -18,49 +18,49 @@ from gateway.types import FloatArray
 
 
 def other_optima(
-    one: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[int, ...], *, at_rest: bool = False
+    best: Evaluated, bare: Fit, effect: AngleEffect, groups: tuple[int, ...], *, at_rest: bool = False
 ) -> list[Evaluated]:
     """Return the other optima of a set of nearly its evidence, or of a higher one, best first.
 
     Args:
-        one: the set, with a discrepancy.
+        best: the set, with a discrepancy.
         bare: fit of the set without the effect, under the same discrepancy.
         effect: whose shape is varied; one with a single start has none.
         groups: indices of the groups in which it is tried.
         at_rest: whether they must rest, as on a flat ridge.
     """
-    applied = one.fit.applied
-    conditions = tuple(group.conditions for group in one.fit.model.campaign.groups)
+    applied = best.fit.applied
+    conditions = tuple(group.conditions for group in best.fit.model.campaign.groups)
     if applied is None or len(effect.starts(conditions)) < 2:
         return []
     try:
         trials = followed_trials(bare, effect, shapes_of(bare, groups))
     except (NoShapeError, np.linalg.LinAlgError):
         return []
-    known, tried = [one], 0
-    where = one.fit.model.layout.effect(effect.name)
-    slack = criteria.SIGMAS_LISTED * np.sqrt(np.diagonal(one.fit.covariance)[where])
+    optima, tried = [best], 0
+    where = best.fit.model.layout.effect(effect.name)
+    slack = criteria.SIGMAS_LISTED * np.sqrt(np.diagonal(best.fit.covariance)[where])
 
     def is_new(parameters: FloatArray) -> bool:
-        return all(bool(np.any(np.abs(parameters - other.fit.vector[where]) > slack)) for other in known)
+        return all(bool(np.any(np.abs(parameters - other.fit.vector[where]) > slack)) for other in optima)
 
     least = max((trial.promise for trial in trials), default=0.0) - criteria.WORTH_WORK
     for trial in trials:
         if trial.promise < least or tried == criteria.OPTIMA_TRIED:
             break
         # The trial's model has its effects in another order.
-        start = trial.model.layout.moved(start_of(trial), one.fit.model.layout)
+        start = trial.model.layout.moved(start_of(trial), best.fit.model.layout)
         if not is_new(start[where]):
             continue
         tried += 1
-        enough = one.log_evidence - criteria.WORTH_WORK
+        enough = best.log_evidence - criteria.WORTH_WORK
         try:
-            fit = fit_model(one.fit.model, one.fit.data, start, applied=applied, most_steps=criteria.OPTIMUM_STEPS)
-            found = evaluate(fit, one.fit.data, applied.discrepancy, applied, enough)
-            if at_rest and found.log_evidence > one.log_evidence - criteria.WORTH_WORK:
-                found = settled(found, one.fit.data)
+            fit = fit_model(best.fit.model, best.fit.data, start, applied=applied, most_steps=criteria.OPTIMUM_STEPS)
+            candidate = evaluate(fit, best.fit.data, applied.discrepancy, applied, enough)
+            if at_rest and candidate.log_evidence > best.log_evidence - criteria.WORTH_WORK:
+                candidate = settled(candidate, best.fit.data)
         except (FitFailedError, np.linalg.LinAlgError):
             continue
-        if found.log_evidence > one.log_evidence - criteria.WITHIN and is_new(found.fit.vector[where]):
-            known.append(found)
-    return sorted(known[1:], key=lambda other: -other.log_evidence)
+        if candidate.log_evidence > best.log_evidence - criteria.WITHIN and is_new(candidate.fit.vector[where]):
+            optima.append(candidate)
+    return sorted(optima[1:], key=lambda other: -other.log_evidence)

@@ -55,38 +55,38 @@ def opposite_pair(campaign: Campaign) -> tuple[int, int] | None:
     numbers, opposite = _opposites(campaign)
     if _opposite_lateral(campaign):
         return None
-    for one, against in zip(numbers, opposite, strict=True):
+    for number, against in zip(numbers, opposite, strict=True):
         if against.any():
-            return one, numbers[int(np.argmax(against))]
+            return number, numbers[int(np.argmax(against))]
     return None
 
 
 def unlike_contacts_of(campaign: Campaign) -> dict[int, Reason]:
     """Return the recordings whose contact differs from that of most others of its stated load, pressure and speed."""
-    found: dict[int, Reason] = {}
+    reasons: dict[int, Reason] = {}
     groups = campaign.groups
     for labelled in contact_groups(
         np.array([group.state for group in groups]),
         np.array([group.conditions.omega_radps for group in groups]),
         np.array([group.half_angle_rad for group in groups]),
     ):
-        contacts = [{groups[place].recording for place in alike} for alike in labelled]
+        contacts = [{groups[index].recording for index in alike} for alike in labelled]
         every = set().union(*contacts)
-        most = max(range(len(contacts)), key=lambda at: len(contacts[at]))
+        most = max(range(len(contacts)), key=lambda number: len(contacts[number]))
         if 2 * len(contacts[most]) <= len(every):
             continue
-        usual_rad = float(np.median([groups[place].half_angle_rad for place in labelled[most]]))
-        for at, alike in enumerate(labelled):
-            for place in alike if at != most else ():
-                group = groups[place]
+        usual_rad = float(np.median([groups[index].half_angle_rad for index in labelled[most]]))
+        for number, alike in enumerate(labelled):
+            for index in alike if number != most else ():
+                group = groups[index]
                 if group.recording not in contacts[most]:
-                    found[group.recording] = Reason(
+                    reasons[group.recording] = Reason(
                         Code.CONTACT_UNLIKE_OTHERS,
                         angle_rad=group.half_angle_rad,
                         other_rad=usual_rad,
                         count=len(contacts[most]),
                     )
-    return found
+    return reasons
 
 
 def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[int, Reason]:
@@ -103,11 +103,11 @@ def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[in
     every = set().union(*recordings.values())
     odd: dict[int, tuple[float, int]] = {}
     for state, width in widths.items():
-        against = [other for other, one in widths.items() if contradict(width, one)]
+        against = [other for other, other_width in widths.items() if contradict(width, other_width)]
         others = set().union(*(recordings[other] for other in against))
         if 2 * len(others) > len(every):
             odd[state] = float(np.median([widths[other].value for other in against])), len(others)
-    usual = set().union(*(own for state, own in recordings.items() if state not in odd))
+    usual = set().union(*(state_recordings for state, state_recordings in recordings.items() if state not in odd))
     return {
         number: Reason(Code.WIDTH_UNLIKE_OTHERS, value=widths[state].value, other=other, count=count)
         for state, (other, count) in odd.items()
@@ -117,16 +117,16 @@ def unlike_loads(campaign: Campaign, estimates: Mapping[str, Fitted]) -> dict[in
 
 def _widths(groups: Sequence[Group], estimates: Mapping[str, Fitted]) -> dict[int, Fitted]:
     """Return Cw of each state; the estimates of the one with the most revolutions name none."""
-    by_state = {one.state: one for one in estimates.values() if one.quantity == "Cw"}
-    found: dict[int, Fitted] = {}
+    by_state = {estimate.state: estimate for estimate in estimates.values() if estimate.quantity == "Cw"}
+    widths: dict[int, Fitted] = {}
     for group in groups:
-        here = TireState(group.conditions.load_n, group.conditions.pressure_pa)
-        if group.state not in found and here in by_state:
-            found[group.state] = by_state[here]
-    rest = {group.state for group in groups} - found.keys()
+        tire_state = TireState(group.conditions.load_n, group.conditions.pressure_pa)
+        if group.state not in widths and tire_state in by_state:
+            widths[group.state] = by_state[tire_state]
+    rest = {group.state for group in groups} - widths.keys()
     if None in by_state and len(rest) == 1:
-        found[rest.pop()] = by_state[None]
-    return found
+        widths[rest.pop()] = by_state[None]
+    return widths
 
 
 def _other_radius(campaign: Campaign) -> dict[int, Reason]:
@@ -155,8 +155,8 @@ def _opposite_lateral(campaign: Campaign) -> dict[int, Reason]:
 def _opposites(campaign: Campaign) -> tuple[list[int], BoolArray]:
     """Return the recordings, and (n, n) which of them have opposite lateral waveforms."""
     numbers = sorted({group.recording for group in campaign.groups})
-    found = [_lateral(campaign.groups, number) for number in numbers]
-    waves, variances = np.array([wave for wave, _ in found]), np.array([variance for _, variance in found])
+    laterals = [_lateral(campaign.groups, number) for number in numbers]
+    waves, variances = np.array([wave for wave, _ in laterals]), np.array([variance for _, variance in laterals])
     # One weight for all, so that pairs are compared by the same orders.
     used = np.isfinite(variances).all(axis=0)
     if not used.any():

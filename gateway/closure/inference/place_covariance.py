@@ -155,18 +155,18 @@ def _own_covariance(place: Place, number: int, bare: FloatArray) -> FloatArray:
     if len(place.groups) == 1:
         # What is a group's own is no different there from what it shares.
         return scatter.covariance
-    own = np.tensordot(criteria.OWN_SHARE * np.square(place.scales[:, number]), bare, axes=1)
-    return np.asarray(scatter.covariance + _chosen(own, scatter.chosen, scatter.chosen), dtype=np.float64)
+    unshared = np.tensordot(criteria.OWN_SHARE * np.square(place.scales[:, number]), bare, axes=1)
+    return np.asarray(scatter.covariance + _chosen(unshared, scatter.chosen, scatter.chosen), dtype=np.float64)
 
 
 def _steadied(bare: FloatArray) -> tuple[FloatArray, ...]:
     """Return the covariances (parts, REAL, REAL) with a diagonal by which their Cholesky factors exist."""
-    found = []
+    steadied = []
     for matrix in bare:
         prior = matrix.copy()
         prior[np.diag_indices(REAL)] += _JITTER * float(np.trace(prior)) / REAL
-        found.append(prior)
-    return tuple(found)
+        steadied.append(prior)
+    return tuple(steadied)
 
 
 class _Whole:
@@ -178,33 +178,33 @@ class _Whole:
         scatters, scales = place.scatters, place.scales
         numbers = range(len(place.groups))
         blocks = []
-        for one in numbers:
+        for first in numbers:
             row = []
-            for other in numbers:
-                shared = np.tensordot(scales[:, one] * scales[:, other], np.stack(self.priors), axes=1)
-                block = _chosen(shared, scatters[one].chosen, scatters[other].chosen)
-                row.append(block + _own_covariance(place, one, bare) if one == other else block)
+            for second in numbers:
+                shared = np.tensordot(scales[:, first] * scales[:, second], np.stack(self.priors), axes=1)
+                block = _chosen(shared, scatters[first].chosen, scatters[second].chosen)
+                row.append(block + _own_covariance(place, first, bare) if first == second else block)
             blocks.append(row)
         factor, log_determinant = inverse_factor(np.block(blocks))
         inverse = factor.T @ factor
         self.log_determinant = log_determinant - sum(scatter.log_determinant for scatter in scatters)
         ends = np.cumsum([0, *(len(scatter.chosen) for scatter in scatters)])
         self._inverse = np.zeros((len(numbers), len(numbers), REAL, REAL))
-        for one in numbers:
-            for other in numbers:
-                block = inverse[ends[one] : ends[one + 1], ends[other] : ends[other + 1]]
-                self._inverse[one, other][np.ix_(scatters[one].chosen, scatters[other].chosen)] = block
+        for first in numbers:
+            for second in numbers:
+                block = inverse[ends[first] : ends[first + 1], ends[second] : ends[second + 1]]
+                self._inverse[first, second][np.ix_(scatters[first].chosen, scatters[second].chosen)] = block
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
         size = next(len(row) for row in rows if row is not None)
-        found = []
+        totals = []
         for blocks in self._inverse.transpose(1, 0, 2, 3):
             total = np.zeros((size, REAL))
             for row, block in zip(rows, blocks, strict=True):
                 if row is not None:
                     total += row @ block
-            found.append(total)
-        return found
+            totals.append(total)
+        return totals
 
     def products(self, rows: Rows, batches: int) -> FloatArray:
         return _products(self.weighted(rows), rows, batches)
@@ -235,19 +235,19 @@ class _Shared:
         # H and L' H of each pair of parts, with the Cholesky factor L of P.
         self._information: list[list[FloatArray]] = [[] for _ in parts]
         stacked = np.stack(self._own)
-        for one in parts:
-            for other in range(one + 1):
-                scales = place.scales[one] * place.scales[other]
-                self._information[one].append(np.tensordot(scales, stacked, axes=1))
+        for first in parts:
+            for second in range(first + 1):
+                scales = place.scales[first] * place.scales[second]
+                self._information[first].append(np.tensordot(scales, stacked, axes=1))
         self._left = np.empty((place.parts * REAL, place.parts * REAL))
         inner = np.empty_like(self._left)
-        for one in parts:
-            for other in parts:
-                block = self._left_product(one, self._information[max(one, other)][min(one, other)])
-                self._left[_of(one), _of(other)] = block
-                if other <= one:
+        for first in parts:
+            for second in parts:
+                block = self._left_product(first, self._information[max(first, second)][min(first, second)])
+                self._left[_of(first), _of(second)] = block
+                if second <= first:
                     # The lower triangle is enough for the factorisation.
-                    inner[_of(one), _of(other)] = blas.dtrmm(1.0, self._lower[other], block, side=1, lower=1)
+                    inner[_of(first), _of(second)] = blas.dtrmm(1.0, self._lower[second], block, side=1, lower=1)
         inner[np.diag_indices(len(inner))] += 1.0
         self._factor, log_determinant = inverse_factor(inner)
         self.log_determinant += log_determinant
@@ -263,18 +263,18 @@ class _Shared:
         return lower_product(self._factor, self._left)
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
-        own = self._by_own(rows)
-        solved = self._solved(own) @ self._factor
+        unshared_rows = self._by_own(rows)
+        solved = self._solved(unshared_rows) @ self._factor
         shared = np.stack([solved[:, _of(part)] @ lower.T for part, lower in enumerate(self._lower)])
         return [
-            here - np.tensordot(scales, shared, axes=1) @ matrix
-            for here, scales, matrix in zip(own, self._place.scales.T, self._own, strict=True)
+            group_rows - np.tensordot(scales, shared, axes=1) @ matrix
+            for group_rows, scales, matrix in zip(unshared_rows, self._place.scales.T, self._own, strict=True)
         ]
 
     def products(self, rows: Rows, batches: int) -> FloatArray:
-        own = self._by_own(rows)
-        solved = self._solved(own).reshape(batches, -1, len(self._factor))
-        return _products(own, rows, batches) - solved @ solved.transpose(0, 2, 1)
+        unshared_rows = self._by_own(rows)
+        solved = self._solved(unshared_rows).reshape(batches, -1, len(self._factor))
+        return _products(unshared_rows, rows, batches) - solved @ solved.transpose(0, 2, 1)
 
     def _by_own(self, rows: Rows) -> list[FloatArray]:
         """Return rows G of each group."""
@@ -282,9 +282,9 @@ class _Shared:
         zeros = np.zeros((size, REAL))
         return [zeros if row is None else row @ matrix for row, matrix in zip(rows, self._own, strict=True)]
 
-    def _solved(self, own: Sequence[FloatArray]) -> FloatArray:
+    def _solved(self, unshared_rows: Sequence[FloatArray]) -> FloatArray:
         """Return rows G s L times the inverse of the Cholesky factor of I + L' H L, (k, parts REAL)."""
-        seen = self._place.seen(own)
+        seen = self._place.seen(unshared_rows)
         turned = np.concatenate([part @ lower for part, lower in zip(seen, self._lower, strict=True)], axis=1)
         result: FloatArray = turned @ self._factor.T
         return result
@@ -298,9 +298,9 @@ def _products(weighted: Sequence[FloatArray], rows: Rows, batches: int) -> Float
     """Return the sum over groups of weighted rows (k, REAL) times rows', within batches of them."""
     size = len(weighted[0]) // batches
     total = np.zeros((batches, size, size))
-    for left, row in zip(weighted, rows, strict=True):
+    for weighted_row, row in zip(weighted, rows, strict=True):
         if row is not None:
-            total += left.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
+            total += weighted_row.reshape(batches, size, -1) @ row.reshape(batches, size, -1).transpose(0, 2, 1)
     return total
 
 

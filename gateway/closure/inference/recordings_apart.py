@@ -48,7 +48,7 @@ def recordings_apart(campaign: Campaign, core: Core) -> list[Apart]:
 
     Each is fitted without effects; its errors contain what that leaves unexplained.
     """
-    found = []
+    farthest = []
     for state in sorted({group.state for group in campaign.groups}):
         recordings = sorted({group.recording for group in campaign.groups if group.state == state})
         if len(recordings) < 2:
@@ -56,8 +56,8 @@ def recordings_apart(campaign: Campaign, core: Core) -> list[Apart]:
         numbers = {number: _alone(campaign, core, state, number) for number in recordings}
         pairs = [apart for pair in combinations(recordings, 2) for apart in _between(state, pair, numbers)]
         if pairs:
-            found.append(max(pairs, key=lambda apart: (_errors(apart), apart.low_recording, apart.high_recording)))
-    return found
+            farthest.append(max(pairs, key=lambda apart: (_errors(apart), apart.low_recording, apart.high_recording)))
+    return farthest
 
 
 def _alone(campaign: Campaign, core: Core, state: int, recording: int) -> dict[str, Fitted]:
@@ -71,18 +71,18 @@ def _alone(campaign: Campaign, core: Core, state: int, recording: int) -> dict[s
         fit: Fit = evaluate(baseline_fit(part, core, data), data, Discrepancy(part, data), None).fit
     except FitFailedError:
         return {}
-    return {name: one for name, one in estimates_of([(fit, 1.0)])[0].items() if name in RING_NUMBERS}
+    return {name: estimate for name, estimate in estimates_of([(fit, 1.0)])[0].items() if name in RING_NUMBERS}
 
 
 def _between(state: int, pair: Sequence[int], numbers: dict[int, dict[str, Fitted]]) -> Iterator[Apart]:
     """Yield the numbers by which two recordings contradict each other."""
     first, second = pair
     for name in numbers[first].keys() & numbers[second].keys():
-        one, other = numbers[first][name], numbers[second][name]
-        if not (one.value > 0.0 and other.value > 0.0 and contradict(one, other)):
+        first_number, second_number = numbers[first][name], numbers[second][name]
+        if not (first_number.value > 0.0 and second_number.value > 0.0 and contradict(first_number, second_number)):
             continue
-        if abs(math.log(one.value / other.value)) > criteria.NUMBERS_APART:
-            low, high = (first, second) if one.value < other.value else (second, first)
+        if abs(math.log(first_number.value / second_number.value)) > criteria.NUMBERS_APART:
+            low, high = (first, second) if first_number.value < second_number.value else (second, first)
             yield Apart(state, numbers[low][name], numbers[high][name], low, high)
 
 

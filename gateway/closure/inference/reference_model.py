@@ -59,22 +59,22 @@ def on_exact_ring(fit: Fit) -> OnExactRing | None:
     concentrations = () if fit.applied is None else fit.applied.discrepancy.concentrations
     discrepancy = Discrepancy(model.campaign, data, concentrations=concentrations)
     try:
-        found = evaluate(fit_model(there, data, vector, from_afar=True), data, discrepancy, None)
+        exact = evaluate(fit_model(there, data, vector, from_afar=True), data, discrepancy, None)
     except FitFailedError:
         return None
-    estimates, _ = estimates_of([(found.fit, 1.0)])
+    estimates, _ = estimates_of([(exact.fit, 1.0)])
     layout = there.layout
-    parameters = {one.name: found.fit.vector[layout.effect(one.name)] for one in there.effects}
+    parameters = {ring_effect.name: exact.fit.vector[layout.effect(ring_effect.name)] for ring_effect in there.effects}
     # What fits worse than the series and the noise says nothing about the effects.
-    fits = found.fit.misfit / data.size < criteria.FITS_AS_WELL * max(1.0, fit.misfit / fit.data.size)
-    sizes = {one.name: _size_chi2(found.fit, one) for one in there.effects} if fits else {}
+    fits = exact.fit.misfit / data.size < criteria.FITS_AS_WELL * max(1.0, fit.misfit / fit.data.size)
+    sizes = {ring_effect.name: _size_chi2(exact.fit, ring_effect) for ring_effect in there.effects} if fits else {}
     absent = {name: chi2 for name, chi2 in sizes.items() if chi2 < criteria.AT_NOTHING}
     return OnExactRing(estimates, parameters, absent)
 
 
 def _size_chi2(fit: Fit, effect: AngleEffect) -> float:
     """Return the chi-square of an effect's sizes against nothing; shapes, which have a prior mean, say nothing."""
-    sizes = [place for place, one in enumerate(effect.parameters) if one.prior_mean == 0.0]
+    sizes = [index for index, parameter in enumerate(effect.parameters) if parameter.prior_mean == 0.0]
     if not sizes:
         return math.inf
     where = np.arange(len(fit.vector))[fit.model.layout.effect(effect.name)][sizes]

@@ -29,21 +29,21 @@ def turned_round(fit: Fit, data: Whitened) -> list[int]:
         data: whitened.
     """
     groups = fit.model.campaign.groups
-    found = []
+    turned = []
     for recording in sorted({group.recording for group in groups}):
-        product = square = left = used = 0.0
+        product = square = measured_square = used = 0.0
         for index in (index for index, group in enumerate(groups) if group.recording == recording):
             weight = data.weights[index][:, CIRCUMFERENTIAL, 1:]
             measured = weight * data.orders[index][:, CIRCUMFERENTIAL, 1:]
             modelled = weight * fit.predicted[index][CIRCUMFERENTIAL, 1:]
             product += float(np.sum((measured * modelled.conj()).real))
             square += float(np.sum(np.abs(modelled) ** 2))
-            left += float(np.sum(np.abs(measured) ** 2))
+            measured_square += float(np.sum(np.abs(measured) ** 2))
             used += 2.0 * float(np.count_nonzero(weight))
         if square <= 0.0:
             continue
         share = product / square
-        std = math.sqrt(max(1.0, (left - share * product) / used) / square)
+        std = math.sqrt(max(1.0, (measured_square - share * product) / used) / square)
         if share < _OPPOSITE and share < -_CERTAIN * std:
-            found.append(recording)
-    return found
+            turned.append(recording)
+    return turned

@@ -55,11 +55,11 @@ class _Profiles:
 
 def unexplained_revolutions(groups: Sequence[Group]) -> tuple[Unexplained, ...]:
     """Return what single revolutions contain beyond even noise, and samples that repeat, largest first."""
-    found = [*_repeated(groups)]
+    entries = [*_repeated(groups)]
     if any(group.by_angle is not None for group in groups):
         for lock in (PLACE, TURNS):
-            found += _places(groups, lock)
-    return tuple(sorted(found, key=lambda entry: -entry.rms_mps2))
+            entries += _places(groups, lock)
+    return tuple(sorted(entries, key=lambda entry: -entry.rms_mps2))
 
 
 def _places(groups: Sequence[Group], lock: str) -> list[Unexplained]:
@@ -68,20 +68,20 @@ def _places(groups: Sequence[Group], lock: str) -> list[Unexplained]:
     # What is fixed to the contact comes at the same angle in reverse, what is fixed to the wheel at the opposite one.
     reverse = [group.conditions.reverse for group in groups]
     orders = [[False] * len(groups), *([reverse] if len(set(reverse)) > 1 else [])]
-    found: list[Unexplained] = []
-    while len(found) < _MOST:
+    entries: list[Unexplained] = []
+    while len(entries) < _MOST:
         mirrored = max(orders, key=lambda order: _clearest(profiles.ordered(order))[0])
         ordered = profiles.ordered(mirrored)
         rare, members = _clearest(ordered)
         if not rare > 1.0:
             break
         cells = _stretch(ordered, members)
-        found.append(_entry(groups, lock, ordered, cells, mirrored, members))
+        entries.append(_entry(groups, lock, ordered, cells, mirrored, members))
         count = profiles.over.shape[-1]
         beside = np.arange(cells[0] - _BESIDE, cells[0] + len(cells) + _BESIDE) % count
         for group, is_mirrored in enumerate(mirrored):
             profiles.over[group][:, count - 1 - beside if is_mirrored else beside] = 0.0
-    return found
+    return entries
 
 
 def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
@@ -89,7 +89,7 @@ def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
     power = np.zeros((len(groups), 3, count))
     std, over, freedom = np.zeros_like(power), np.zeros_like(power), np.zeros((len(groups), 3))
     angle = _angles(count)
-    for at, group in enumerate(groups):
+    for number, group in enumerate(groups):
         scatter = group.by_angle
         if scatter is None:
             continue
@@ -110,22 +110,22 @@ def _profiles(groups: Sequence[Group], lock: str) -> _Profiles:
             level = float(np.median(values[free]))
             if not level > 0.0:
                 continue
-            freedom[at, axis] = float(scatter.freedom[axis])
+            freedom[number, axis] = float(scatter.freedom[axis])
             if lock == PLACE:
-                freedom[at, axis] *= _SUCCESSIVE * scatter.count
+                freedom[number, axis] *= _SUCCESSIVE * scatter.count
                 # A coarse converter scatters by up to half a step, and not at all where the signal stays.
                 coarse = 0.25 * group.step_mps2[axis] ** 2
-                over[at, axis] = (values - max(level, coarse) - allowed) / level
-                power[at, axis] = values - level
-                std[at, axis] = np.maximum(values, level) / math.sqrt(freedom[at, axis])
+                over[number, axis] = (values - max(level, coarse) - allowed) / level
+                power[number, axis] = values - level
+                std[number, axis] = np.maximum(values, level) / math.sqrt(freedom[number, axis])
             else:
                 # Turns that differ at random differ in odd and even ones too.
                 chance, values = np.maximum(values, level), scatter.alternating_m2ps4[axis]
-                over[at, axis] = (values - chance) / chance
-                power[at, axis] = (values - chance) / scatter.count
-                std[at, axis] = np.maximum(values, chance) / (scatter.count * math.sqrt(freedom[at, axis]))
+                over[number, axis] = (values - chance) / chance
+                power[number, axis] = (values - chance) / scatter.count
+                std[number, axis] = np.maximum(values, chance) / (scatter.count * math.sqrt(freedom[number, axis]))
             for profile in (power, over):
-                profile[at, axis, ~free] = 0.0
+                profile[number, axis, ~free] = 0.0
     return _Profiles(power, std, over, freedom)
 
 
@@ -133,8 +133,8 @@ def _clearest(profiles: _Profiles) -> tuple[float, FloatArray]:
     """Return the largest excess over what noise exceeds as rarely as `criteria.RARE`, and weights (g, 3) of it."""
     best, chosen = 0.0, profiles.freedom
     singles = [
-        np.where(np.arange(profiles.freedom.size).reshape(profiles.freedom.shape) == one, 1.0, 0.0)
-        for one in np.flatnonzero(profiles.freedom)
+        np.where(np.arange(profiles.freedom.size).reshape(profiles.freedom.shape) == single, 1.0, 0.0)
+        for single in np.flatnonzero(profiles.freedom)
     ]
     for mask in (np.ones_like(profiles.freedom), *singles):
         weight = mask * profiles.freedom
@@ -183,8 +183,10 @@ def _entry(
     rms = np.sqrt(np.maximum(square, 0.0))
     std = 0.5 * error / np.maximum(np.maximum(rms, np.sqrt(error)), 1e-30)
     axis = int(np.argmax(np.where(profiles.freedom[largest] > 0.0, square[largest], -math.inf)))
-    known = profiles.freedom[:, axis] > 0.0
-    sizes = [(at, float(rms[at, axis]), float(std[at, axis])) for at in np.flatnonzero(known).tolist()]
+    is_measured = profiles.freedom[:, axis] > 0.0
+    sizes = [
+        (number, float(rms[number, axis]), float(std[number, axis])) for number in np.flatnonzero(is_measured).tolist()
+    ]
     others = tuple(
         (AXIS_NAMES[other], float(rms[largest, other]))
         for other in range(3)
@@ -192,15 +194,15 @@ def _entry(
     )
     width = 2.0 * math.pi / count
     first = -math.pi + width * float(cells[0])
-    place = (first, first + width * len(cells))
+    angles_rad = (first, first + width * len(cells))
     if mirrored[largest]:
-        place = (-place[1], -place[0])
+        angles_rad = (-angles_rad[1], -angles_rad[0])
     return Unexplained(
         AXIS_NAMES[axis],
         lock,
         None,
         None,
-        place,
+        angles_rad,
         _scaling(groups, sizes),
         float(rms[largest, axis]),
         float(std[largest, axis]),
@@ -215,9 +217,9 @@ def _angles(count: int) -> FloatArray:
 
 def _scaling(groups: Sequence[Group], sizes: Sequence[tuple[int, float, float]]) -> Scaling:
     every = [group.conditions.omega_radps * group.conditions.radius_m for group in groups]
-    known = [(every[index], rms, std) for index, rms, std in sizes if rms > criteria.SIGMAS_LISTED * std]
+    significant = [(every[index], rms, std) for index, rms, std in sizes if rms > criteria.SIGMAS_LISTED * std]
     exponent, unsure = held_scaling(
-        [speed for speed, _, _ in known], [rms for _, rms, _ in known], [std for _, _, std in known]
+        [speed for speed, _, _ in significant], [rms for _, rms, _ in significant], [std for _, _, std in significant]
     )
     return scaling_of(exponent, unsure, several=max(every) > criteria.SPEEDS_APART * min(every))
 
@@ -232,11 +234,11 @@ def _repeated(groups: Sequence[Group]) -> list[Unexplained]:
     ]
     if not sizes:
         return []
-    largest, rms, std = max(sizes, key=lambda one: one[1])
+    largest, rms, std = max(sizes, key=lambda size: size[1])
     repeats = groups[largest].repeats
     errors = repeats.error_mps2 if repeats is not None else (0.0, 0.0, 0.0)
     axis = int(np.argmax(errors))
-    others = tuple((AXIS_NAMES[one], errors[one]) for one in range(3) if one != axis and errors[one] > 0.0)
+    others = tuple((AXIS_NAMES[other], errors[other]) for other in range(3) if other != axis and errors[other] > 0.0)
     return [
         Unexplained(
             AXIS_NAMES[axis],

@@ -81,11 +81,11 @@ class SpectrumFit:
 def start_fit(sites: Sequence[Site], observed: Sequence[Observed]) -> SpectrumFit:
     """Return white noise alone, at the median of each axis."""
     levels = np.zeros((len(sites), 3))
-    for g, one in enumerate(observed):
+    for g, observation in enumerate(observed):
         for axis in range(3):
-            used = one.freedom[axis] > 0.0
+            used = observation.freedom[axis] > 0.0
             if used.any():
-                levels[g, axis] = np.log(np.median(one.power[axis, used]))
+                levels[g, axis] = np.log(np.median(observation.power[axis, used]))
     common: FloatArray = np.asarray(np.median(levels, axis=0), dtype=np.float64)
     white = SpectrumFit(Parts(), levels, common, np.empty(0), np.empty((0, 0)), np.inf, -np.inf)
     return fit_spectra(sites, observed, white)
@@ -109,16 +109,17 @@ def fit_spectra(
 
     now = objective(levels, common, shared)
     damping = 1e-3
-    at = size + 3
+    first_shared = size + 3
     hessian, gradient = _normal(sites, observed, parts, levels, common, shared)
     for _ in range(rounds):
         scaled = hessian.copy()
-        scaled[range(at, len(scaled)), range(at, len(scaled))] += 1.0 / np.square(prior.std)
+        scaled[range(first_shared, len(scaled)), range(first_shared, len(scaled))] += 1.0 / np.square(prior.std)
         pull = gradient.copy()
-        pull[at:] += (prior.mean - shared) / np.square(prior.std)
+        pull[first_shared:] += (prior.mean - shared) / np.square(prior.std)
         # A parameter at an end that its score points beyond stays there.
-        held = at + np.flatnonzero(
-            ((shared <= prior.low) & (pull[at:] < 0.0)) | ((shared >= prior.high) & (pull[at:] > 0.0))
+        held = first_shared + np.flatnonzero(
+            ((shared <= prior.low) & (pull[first_shared:] < 0.0))
+            | ((shared >= prior.high) & (pull[first_shared:] > 0.0))
         )
         scaled[held], scaled[:, held], pull[held] = 0.0, 0.0, 0.0
         scaled[held, held] = 1.0
@@ -127,8 +128,8 @@ def fit_spectra(
             step = np.linalg.solve(scaled + damping * np.diag(np.diag(scaled)), pull)
             tried = (
                 levels + np.clip(step[:size].reshape(levels.shape), -2.0, 2.0),
-                common + np.clip(step[size:at], -2.0, 2.0),
-                np.clip(shared + step[at:], prior.low, prior.high),
+                common + np.clip(step[size:first_shared], -2.0, 2.0),
+                np.clip(shared + step[first_shared:], prior.low, prior.high),
             )
             value = objective(*tried)
             if value < now:
@@ -144,44 +145,48 @@ def fit_spectra(
         if gained < _ENDS:
             break
     precision = hessian.copy()
-    precision[range(at, len(precision)), range(at, len(precision))] += 1.0 / np.square(prior.std)
-    covariance: FloatArray = np.asarray(np.linalg.inv(precision)[at:, at:], dtype=np.float64)
+    precision[range(first_shared, len(precision)), range(first_shared, len(precision))] += 1.0 / np.square(prior.std)
+    covariance: FloatArray = np.asarray(np.linalg.inv(precision)[first_shared:, first_shared:], dtype=np.float64)
     evidence = -0.5 * (now + float(np.linalg.slogdet(precision)[1])) - float(np.log(prior.std).sum())
-    for place, decades in parts.sizes:
+    for index, decades in parts.sizes:
         # Sizes are scale parameters: the fit's normal prior only keeps it stable. Below its own error a size is none.
-        scale = max(float(shared[place]), math.sqrt(float(covariance[place, place])))
-        evidence += math.log(float(prior.std[place]) * math.sqrt(2.0 * math.pi) / (scale * decades))
+        scale = max(float(shared[index]), math.sqrt(float(covariance[index, index])))
+        evidence += math.log(float(prior.std[index]) * math.sqrt(2.0 * math.pi) / (scale * decades))
     deviance = _deviance(sites, observed, parts, levels, shared)
     return SpectrumFit(parts, levels, common, shared, covariance, deviance, evidence)
 
 
-def _likelihood(one: Observed, density: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _likelihood(observation: Observed, density: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return log likelihood of each bin, its derivative by ln of the density, and the information on that.
 
     The power over the density is a gamma variate times an error of the density, of inverse-gamma distribution: small
     in a sound bin, of any size in a strange one.
     """
-    ratio = one.freedom * one.power / density
-    log_power = one.freedom * np.log(density)
-    total = one.freedom[None] + np.array([_SOUND, 1.0])[:, None, None] + 1.0
+    ratio = observation.freedom * observation.power / density
+    log_power = observation.freedom * np.log(density)
+    total = observation.freedom[None] + np.array([_SOUND, 1.0])[:, None, None] + 1.0
     beside = np.array([_SOUND, 1.0])[:, None, None] + ratio
-    log_of = one.constant - log_power - total * np.log(beside)
+    log_of = observation.constant - log_power - total * np.log(beside)
     log_of += np.log(np.array([1.0 - criteria.STRANGE_BINS, criteria.STRANGE_BINS]))[:, None, None]
     whole = np.logaddexp(log_of[0], log_of[1])
     share = np.exp(log_of - whole)
-    slope = total * ratio / beside - one.freedom
+    slope = total * ratio / beside - observation.freedom
     nu = np.array([_SOUND, 1.0])[:, None, None]
-    known = one.freedom * (nu + 1.0) / (one.freedom + nu + 2.0)
-    used = one.freedom > 0.0
-    return np.where(used, whole, 0.0), np.where(used, (share * slope).sum(axis=0), 0.0), (share * known).sum(axis=0)
+    information = observation.freedom * (nu + 1.0) / (observation.freedom + nu + 2.0)
+    used = observation.freedom > 0.0
+    return (
+        np.where(used, whole, 0.0),
+        np.where(used, (share * slope).sum(axis=0), 0.0),
+        (share * information).sum(axis=0),
+    )
 
 
 def _deviance(
     sites: Sequence[Site], observed: Sequence[Observed], parts: Parts, levels: FloatArray, shared: FloatArray
 ) -> float:
     total = 0.0
-    for site, one, level in zip(sites, observed, levels, strict=True):
-        total -= 2.0 * float(_likelihood(one, wide_density(site, parts, level, shared)[0])[0].sum())
+    for site, observation, level in zip(sites, observed, levels, strict=True):
+        total -= 2.0 * float(_likelihood(observation, wide_density(site, parts, level, shared)[0])[0].sum())
     return total
 
 
@@ -198,29 +203,29 @@ def _normal(
     Priors of the levels included, those of the shared parameters not.
     """
     size, count = levels.size, len(shared)
-    at = size + 3
-    hessian = np.zeros((at + count, at + count))
-    gradient = np.zeros(at + count)
-    own = 1.0 / _LEVEL_STD**2
-    for g, (site, one) in enumerate(zip(sites, observed, strict=True)):
+    first_shared = size + 3
+    hessian = np.zeros((first_shared + count, first_shared + count))
+    gradient = np.zeros(first_shared + count)
+    level_precision = 1.0 / _LEVEL_STD**2
+    for g, (site, observation) in enumerate(zip(sites, observed, strict=True)):
         density, noise, rows = wide_density(site, parts, levels[g], shared)
-        _, surplus, known = _likelihood(one, density)
+        _, surplus, information = _likelihood(observation, density)
         for axis in range(3):
             relative = np.concatenate((noise[axis][None], rows[:, axis])) / density[axis]
-            block = (relative * known[axis]) @ relative.T
+            block = (relative * information[axis]) @ relative.T
             score = relative @ surplus[axis]
-            place, mean = 3 * g + axis, size + axis
-            hessian[place, place] += block[0, 0] + own
-            hessian[place, at:] += block[0, 1:]
-            hessian[at:, place] += block[1:, 0]
-            hessian[at:, at:] += block[1:, 1:]
-            gradient[at:] += score[1:]
-            pull = own * (common[axis] - levels[g, axis])
-            gradient[place] += score[0] + pull
+            row, mean = 3 * g + axis, size + axis
+            hessian[row, row] += block[0, 0] + level_precision
+            hessian[row, first_shared:] += block[0, 1:]
+            hessian[first_shared:, row] += block[1:, 0]
+            hessian[first_shared:, first_shared:] += block[1:, 1:]
+            gradient[first_shared:] += score[1:]
+            pull = level_precision * (common[axis] - levels[g, axis])
+            gradient[row] += score[0] + pull
             gradient[mean] -= pull
-            hessian[mean, mean] += own
-            hessian[place, mean] -= own
-            hessian[mean, place] -= own
-    hessian[range(size, at), range(size, at)] += _NOISE_STD**-2
-    gradient[size:at] += (_NOISE - common) / _NOISE_STD**2
+            hessian[mean, mean] += level_precision
+            hessian[row, mean] -= level_precision
+            hessian[mean, row] -= level_precision
+    hessian[range(size, first_shared), range(size, first_shared)] += _NOISE_STD**-2
+    gradient[size:first_shared] += (_NOISE - common) / _NOISE_STD**2
     return hessian, gradient
