@@ -335,7 +335,5 @@ def _orders(response: ComplexArray) -> Response:
         places = (sign * np.arange(ORDERS) + np.arange(PATTERNS)[:, None]) % nodes
         part = np.take_along_axis(spectrum, places[:, None, :], axis=-1)
         part[..., 0] *= 0.5
-        # Half the memory: seven digits are enough.
-        short: ComplexArray = part.reshape(PATTERNS, -1).astype(np.complex64)
-        parts.append(short)
-    return Response(parts[0], parts[1].conj())
+        parts.append(np.ascontiguousarray(part.reshape(PATTERNS, -1)))
+    return Response(parts[0], np.conj(parts[1]))
