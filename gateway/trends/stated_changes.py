@@ -29,7 +29,7 @@ class StatedChange(NamedTuple):
 
     Attributes:
         statement: what is stated.
-        index: of the first recording with the new statement.
+        recording_index: of the first recording with the new statement.
         before: statement before, as text.
         after: statement from then on.
     """
