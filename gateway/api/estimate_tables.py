@@ -76,14 +76,16 @@ class Estimates(ColumnTable):
             if wanted is not None:
                 is_wanted: BoolArray = self[key] == wanted
                 if not is_wanted.any():
-                    known = list(dict.fromkeys(self[key].tolist()))
+                    present = list(dict.fromkeys(self[key].tolist()))
                     raise KeyError(
-                        f"no estimate has the {key} '{wanted}'. {did_you_mean(wanted, known)}"
-                        f"There is {', '.join(known) or 'none'}"
+                        f"no estimate has the {key} '{wanted}'. {did_you_mean(wanted, present)}"
+                        f"There is {', '.join(present) or 'none'}"
                     )
                 chosen &= is_wanted
         if status is not None:
-            wanted_status = {Status(one).value for one in ([status] if isinstance(status, str) else status)}
+            wanted_status = {
+                Status(name_of_status).value for name_of_status in ([status] if isinstance(status, str) else status)
+            }
             chosen &= np.isin(self.status.astype(str), sorted(wanted_status))
         return self._selected(chosen)
 
@@ -233,16 +235,16 @@ class Alarms(ColumnTable):
     @classmethod
     def of(cls, records: Iterable[AlarmRecord], *, recording: str) -> Self:
         """Return the table of alarm records."""
-        kept = list(records)
+        alarms = list(records)
 
         def numbers(name: str, kind: type) -> Any:
-            return np.array([getattr(record, name) for record in kept], kind)
+            return np.array([getattr(record, name) for record in alarms], kind)
 
         return cls(
             recording=recording,
-            subject=text_array([record.position for record in kept]),
-            name=text_array([str(record.name) for record in kept]),
-            reason=text_array([text(record.reason) for record in kept]),
+            subject=text_array([record.position for record in alarms]),
+            name=text_array([str(record.name) for record in alarms]),
+            reason=text_array([text(record.reason) for record in alarms]),
             count=numbers("count", np.int64),
             first_s=numbers("first_s", np.float64),
             last_s=numbers("last_s", np.float64),

@@ -116,10 +116,10 @@ class LiveRevolutions:
     @property
     def alarms(self) -> dict[str, tuple[str, ...]]:
         """Present alarms in words, by position of the wheel or name of the link."""
-        found: dict[str, tuple[str, ...]] = {}
+        by_position: dict[str, tuple[str, ...]] = {}
         for alarm in self.snapshot.alarms:
-            found[alarm.position] = (*found.get(alarm.position, ()), text(alarm.reason))
-        return found
+            by_position[alarm.position] = (*by_position.get(alarm.position, ()), text(alarm.reason))
+        return by_position
 
     @property
     def dropped(self) -> int:

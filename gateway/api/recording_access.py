@@ -180,7 +180,7 @@ def path_of(config: Config | None) -> Path | None:
 
 def paths(given: PathLike | Sequence[PathLike]) -> list[Path]:
     """Return one or several paths as a list."""
-    return [Path(one) for one in ([given] if isinstance(given, str | Path) else given)]
+    return [Path(path) for path in ([given] if isinstance(given, str | Path) else given)]
 
 
 def several_names(given: str | Sequence[str]) -> tuple[str, ...]:
@@ -233,10 +233,10 @@ class Recording(Mapping[str, "Wheel"]):
     def __getitem__(self, position: str) -> Wheel:
         """Return a wheel; raises WheelNotFoundError for a position that the recording does not have."""
         if position not in self._content.wheels:
-            known = ", ".join(self.wheels) or "no wheel"
+            positions = ", ".join(self.wheels) or "no wheel"
             guess = nearest(position, self.wheels)
             hint = f"Did you mean {guess}? " if guess else ""
-            raise WheelNotFoundError(f"'{self.name}' has no wheel '{position}'", f"{hint}It has {known}.")
+            raise WheelNotFoundError(f"'{self.name}' has no wheel '{position}'", f"{hint}It has {positions}.")
         return Wheel(self, position)
 
     def __iter__(self) -> Iterator[str]:
@@ -325,8 +325,8 @@ class Recording(Mapping[str, "Wheel"]):
         for block in self.sample_blocks():
             blocks[block.wheel].append(block)
         return {
-            position: Samples.of(own, recording=self.name, wheel=position, start_s=start_s, stop_s=stop_s)
-            for position, own in blocks.items()
+            position: Samples.of(wheel_blocks, recording=self.name, wheel=position, start_s=start_s, stop_s=stop_s)
+            for position, wheel_blocks in blocks.items()
         }
 
     def sample_blocks(self, wheels: Sequence[str] | None = None) -> Iterator[SignalBlock]:
@@ -408,7 +408,7 @@ class Recording(Mapping[str, "Wheel"]):
 
     def _repr_html_(self) -> str:
         rows = "".join(
-            f"<tr><td>{escape(name)}</td><td>{', '.join(f'{one:08x}' for one in wheel.sensor_ids)}</td>"
+            f"<tr><td>{escape(name)}</td><td>{', '.join(f'{sensor_id:08x}' for sensor_id in wheel.sensor_ids)}</td>"
             f"<td>{wheel.rate_hz:.0f}</td><td>{wheel.samples}</td></tr>"
             for name, wheel in self._content.wheels.items()
         )
@@ -438,15 +438,15 @@ class Recording(Mapping[str, "Wheel"]):
         if self._kept is not None:
             yield from self._kept.get(wheel, ())
             return
-        kept: dict[str, list[RevolutionResult]] | None = {} if self._is_small else None
+        by_wheel: dict[str, list[RevolutionResult]] | None = {} if self._is_small else None
         for count, result in enumerate(RecordingPass(self._opened(), (), is_watched=False)):
-            if kept is not None:
-                kept.setdefault(result.position, []).append(result)
+            if by_wheel is not None:
+                by_wheel.setdefault(result.position, []).append(result)
                 if count >= _KEPT_REVOLUTIONS:
-                    kept, self._is_small = None, False
+                    by_wheel, self._is_small = None, False
             if result.position == wheel:
                 yield result
-        self._kept = kept
+        self._kept = by_wheel
 
     def _results(self, estimators: str | Sequence[str]) -> _Estimated:
         names = several_names(estimators) or self._settings.estimators
@@ -486,8 +486,8 @@ class Wheel:
     @property
     def sensor_id(self) -> str:
         """Serial number of its sensor, the last one, as hexadecimal text; empty when it did not send one."""
-        known = self.heard.sensor_ids
-        return f"{known[-1]:08x}" if known else ""
+        sensor_ids = self.heard.sensor_ids
+        return f"{sensor_ids[-1]:08x}" if sensor_ids else ""
 
     @property
     def radius_m(self) -> float:

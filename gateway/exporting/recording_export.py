@@ -95,20 +95,20 @@ def export_recording(
         return blocks if seen.has_arrivals else map(on_hub_time, blocks)
 
     def results(with_estimators: bool) -> Iterator[RevolutionResult]:
-        found = revolutions(again(), tuple(estimators) if with_estimators else (), wheels=positions)
-        return found if seen.has_arrivals else map(_on_hub_time, found)
+        revolution_results = revolutions(again(), tuple(estimators) if with_estimators else (), wheels=positions)
+        return revolution_results if seen.has_arrivals else map(_on_hub_time, revolution_results)
 
     source = Source(samples, results, path.name, seen.start_ns, estimators)
     stated = {wheel.position: conditions(wheel, seen, recording) for wheel in seen.wheels}
     with ExportFile(out, format_name, force=force) as out_file:
-        found = [measured(what, source) for what in contents]
+        measured_contents = [measured(what, source) for what in contents]
         tables: dict[tuple[str, str], WheelTable] = {
             (content.what, wheel): replace(content.table(wheel), conditions=stated[wheel])
-            for content in found
+            for content in measured_contents
             for wheel in positions
         }
         out_file.begin(list(tables.values()))
-        for content in found:
+        for content in measured_contents:
             rows = out_file.rows
             for wheel, block in content.rows:
                 out_file.write(tables[content.what, wheel], block)
@@ -118,7 +118,7 @@ def export_recording(
                     f"`treadlink estimate {path}` lists the reasons.",
                 )
             done += 1
-    columns = {content.what: len(content.columns) for content in found}
+    columns = {content.what: len(content.columns) for content in measured_contents}
     doubts = effects_doubts(recording.effects, recording.vehicle)
     return ExportReport(tuple(positions), out_file.rows, columns, damage, tuple(doubts))
 

@@ -120,17 +120,18 @@ def first_pass(opened: OpenedRecording, *, wheels: Collection[str] = ()) -> Firs
         OutputError: it has no samples, or a wheel of `wheels` has none.
     """
     recording, vehicle = opened.file, opened.vehicle
-    order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
-    found: dict[str, MeasuredWheel] = {}
+    order = {wheel.position: index for index, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
+    by_position: dict[str, MeasuredWheel] = {}
     for item in signals(opened):
-        wheel = found.setdefault(item.wheel, MeasuredWheel(item.wheel))
+        wheel = by_position.setdefault(item.wheel, MeasuredWheel(item.wheel))
         if isinstance(item, SignalBlock):
             wheel.take(item if has_arrivals(recording) else on_hub_time(item))
         else:
             wheel.pressure.add(item.pressure_pa)
             wheel.temperature.add(item.temperature_degc)
     heard = sorted(
-        (wheel for wheel in found.values() if wheel.samples), key=lambda wheel: order.get(wheel.position, len(order))
+        (wheel for wheel in by_position.values() if wheel.samples),
+        key=lambda wheel: order.get(wheel.position, len(order)),
     )
     path = recording.info.path
     if not heard and recording.damage is not None:
@@ -165,10 +166,10 @@ def conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecording
         seen: the pass that found it.
         recording: that was read.
     """
-    found = _conditions(wheel, seen, recording)
+    entries = _conditions(wheel, seen, recording)
     # Names come from files and hubs, and neither a terminal nor XML takes their control characters.
     return tuple(
-        replace(entry, value=escaped(entry.value)) if isinstance(entry.value, str) else entry for entry in found
+        replace(entry, value=escaped(entry.value)) if isinstance(entry.value, str) else entry for entry in entries
     )
 
 
@@ -211,26 +212,26 @@ def _tire(
         return
     yield Condition("radius_m", setup.radius_m, "m", stated)
     yield Condition("radius_std_m", setup.radius_std_m, "m", stated)
-    own = configured(vehicle, wheel.position)
-    assert own is not None
-    tire = vehicle.tire_of(own)
+    wheel_table = configured(vehicle, wheel.position)
+    assert wheel_table is not None
+    tire = vehicle.tire_of(wheel_table)
     if tire.size is not None:
         yield Condition("tire_size", tire.size, "", stated)
     if setup.load_n is not None:
         yield Condition("load_n", setup.load_n, "N", stated)
         if setup.load_std_n > 0.0:
             yield Condition("load_std_n", setup.load_std_n, "N", stated)
-    if own.mounting.offset_m is not None:
-        yield Condition("mounting_offset_m", own.mounting.offset_m, "m", stated)
+    if wheel_table.mounting.offset_m is not None:
+        yield Condition("mounting_offset_m", wheel_table.mounting.offset_m, "m", stated)
 
 
 def _environment(setup: WheelSetup | None, wheel: MeasuredWheel, stated: str, by_sensor: str) -> Iterator[Condition]:
     """Yield pressure and temperature: the mean of what the sensor measured, else what is stated."""
-    known = (
+    quantities = (
         ("pressure_pa", "Pa", wheel.pressure.value, setup.pressure_pa if setup is not None else None),
         ("temperature_degc", "degC", wheel.temperature.value, setup.temperature_degc if setup is not None else None),
     )
-    for name, unit, measured, configured_value in known:
+    for name, unit, measured, configured_value in quantities:
         if measured is not None:
             yield Condition(name, measured, unit, by_sensor)
         elif configured_value is not None:
