@@ -356,7 +356,7 @@ def _write_plugin(diagnosis: Diagnosis, path: Path, say: SummaryOutput) -> None:
     """
     from gateway.closure.laws.law_plugin import plugin_files
 
-    law = next((one for one in diagnosis.laws if one.certain), None)
+    law = next((candidate for candidate in diagnosis.laws if candidate.certain), None)
     if law is None:
         raise TreadlinkError(f"'{path}' is not written: no law was found", "A clue is no law: see its reasons.")
     if path.exists():

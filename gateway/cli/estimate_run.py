@@ -131,11 +131,11 @@ def _in_parallel(
         workers = stack.enter_context(Workers(jobs - 1, ["gateway.cli.recording_estimates"]))
         from gateway.views.tables.row_spool import spooled_rows
 
-        spools = [{kind: folder / f"{place}.{kind}" for kind in tables} for place in range(len(orders))]
-        spooling = [replace(order, spools=own) for order, own in zip(orders, spools, strict=True)]
+        spools = [{kind: folder / f"{index}.{kind}" for kind in tables} for index in range(len(orders))]
+        spooling = [replace(order, spools=order_spools) for order, order_spools in zip(orders, spools, strict=True)]
         run = workers.work_on(_estimate_in_process, spooling, on_bytes, _logging_of_this_process())
-        for place, found in stack.enter_context(contextlib.closing(run)):
-            waiting[place] = found
+        for index, outcome in stack.enter_context(contextlib.closing(run)):
+            waiting[index] = outcome
             while turn in waiting:
                 estimated = waiting.pop(turn)
                 if isinstance(estimated, TreadlinkError):

@@ -50,8 +50,8 @@ class ForceRun:
     def take(self, result: RevolutionResult) -> None:
         """Add a revolution."""
         self.offered += 1
-        found = {estimate.name: estimate for estimate in result.estimates}
-        shift, yaw = found.get("belt_shift_m"), found.get("belt_yaw_rad")
+        estimates = {estimate.name: estimate for estimate in result.estimates}
+        shift, yaw = estimates.get("belt_shift_m"), estimates.get("belt_yaw_rad")
         if shift is None or yaw is None or shift.status is Status.INVALID or yaw.status is Status.INVALID:
             return
         self.shifts.append(shift)
@@ -100,14 +100,15 @@ def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForce
     forces = [run.table.side_force_n for run in runs]
     side = _fit("side force", shifts, forces, stated.side_force_std_n)
     moments = [run.table.aligning_moment_nm for run in runs]
-    known = [moment for moment in moments if moment is not None]
-    if known and len(known) < len(moments):
+    stated_moments = [moment for moment in moments if moment is not None]
+    if stated_moments and len(stated_moments) < len(moments):
         raise CalibrationError(
-            f"{len(known)} of {len(moments)} runs state an aligning moment", "State aligning_moment_nm in all, or none."
+            f"{len(stated_moments)} of {len(moments)} runs state an aligning moment",
+            "State aligning_moment_nm in all, or none.",
         )
     law = None
-    if known:
-        law = _fit("aligning moment", [_mean(run.yaws) for run in runs], known, stated.aligning_moment_std_nm)
+    if stated_moments:
+        law = _fit("aligning moment", [_mean(run.yaws) for run in runs], stated_moments, stated.aligning_moment_std_nm)
     halves = [run.half_angle_rad for run in runs]
     return SideForceCalibration(side, law, (min(halves), max(halves)))
 
@@ -115,14 +116,16 @@ def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForce
 def _mean(estimates: Sequence[Estimate]) -> tuple[float, float]:
     """Return the mean of independent values of a running mean, and its standard error."""
     chosen = estimates[::-_APART]
-    values = float(np.mean([one.value for one in chosen]))
-    return values, float(np.mean([one.std for one in chosen])) / math.sqrt(len(chosen))
+    values = float(np.mean([estimate.value for estimate in chosen]))
+    return values, float(np.mean([estimate.std for estimate in chosen])) / math.sqrt(len(chosen))
 
 
 def _fit(what: str, displaced: Sequence[tuple[float, float]], forces: Sequence[float], std: float) -> LinearLaw:
     if float(np.ptp(np.asarray(forces))) == 0.0:
         raise CalibrationError(f"the {what} is the same in all runs", "Add a run at another one.")
-    law = fit_linear_law([one for one, _ in displaced], [error for _, error in displaced], forces, [std] * len(forces))
+    law = fit_linear_law(
+        [displacement for displacement, _ in displaced], [error for _, error in displaced], forces, [std] * len(forces)
+    )
     if not law.factor_std < _LARGEST_ERROR * abs(law.factor):
         raise CalibrationError(
             f"the runs do not determine the {what}: the standard error is {law.factor_std / abs(law.factor):.2g} times"
@@ -132,7 +135,7 @@ def _fit(what: str, displaced: Sequence[tuple[float, float]], forces: Sequence[f
     return law
 
 
-def force_lines(runs: Sequence[ForceRun], found: SideForceCalibration) -> list[str]:
+def force_lines(runs: Sequence[ForceRun], calibration: SideForceCalibration) -> list[str]:
     """Return the fit as a table with its validity."""
     width = max(len("run"), *(len(run.name) for run in runs))
     lines = [f"{'run':<{width}}   revs  shift mm      std  side force N  residual  yaw deg  moment N m  residual"]
@@ -140,56 +143,56 @@ def force_lines(runs: Sequence[ForceRun], found: SideForceCalibration) -> list[s
         shift, shift_std = _mean(run.shifts)
         yaw, _ = _mean(run.yaws)
         moment = ""
-        if found.moment is not None and run.table.aligning_moment_nm is not None:
-            fitted, _ = found.moment.force(yaw, 0.0)
+        if calibration.moment is not None and run.table.aligning_moment_nm is not None:
+            fitted, _ = calibration.moment.force(yaw, 0.0)
             stated = run.table.aligning_moment_nm
             moment = f" {stated:+11.1f} {fitted - stated:+9.1f}"
-        fitted, _ = found.side.force(shift, 0.0)
+        fitted, _ = calibration.side.force(shift, 0.0)
         force = run.table.side_force_n
         lines.append(
             f"{run.name:<{width}} {len(run.shifts):6d} {1e3 * shift:+9.4f} {1e3 * shift_std:8.4f} {force:+13.0f} "
             f"{fitted - force:+9.0f} {math.degrees(yaw):+8.4f}{moment}"
         )
-    side = found.side
+    side = calibration.side
     lines += [
         "",
         f"side force       {1e-3 * side.factor:.2f} ± {1e-3 * side.factor_std:.2f} N/mm, zero at "
         f"{1e3 * side.zero:+.4f} ± {1e3 * side.zero_std:.4f} mm",
     ]
-    if found.moment is None:
+    if calibration.moment is None:
         lines.append("aligning moment  not calibrated: the runs state none")
     else:
-        law, degree = found.moment, math.radians(1.0)
+        law, degree = calibration.moment, math.radians(1.0)
         lines.append(
             f"aligning moment  {law.factor * degree:.2f} ± {law.factor_std * degree:.2f} N m/deg, zero at "
             f"{law.zero / degree:+.5f} ± {law.zero_std / degree:.5f} deg"
         )
-    low, high = (math.degrees(angle) for angle in found.half_angle_range_rad)
+    low, high = (math.degrees(angle) for angle in calibration.half_angle_range_rad)
     if len(runs) == 2:
         lines.append("no check: two runs are just enough; one more would check the law")
     lines.append(f"valid for half angles of {low:.2f} to {high:.2f} deg, this tire and sensor as mounted")
     return lines
 
 
-def force_toml(found: SideForceCalibration) -> str:
+def force_toml(calibration: SideForceCalibration) -> str:
     """Return the table for the vehicle configuration, checked against its schema."""
     degree = math.radians(1.0)
     moment: dict[str, float] = {}
-    if found.moment is not None:
+    if calibration.moment is not None:
         moment = {
-            "moment_nm_per_deg": rounded(found.moment.factor * degree),
-            "moment_std_nm_per_deg": rounded(found.moment.factor_std * degree),
-            "yaw_zero_deg": rounded(found.moment.zero / degree),
-            "yaw_zero_std_deg": rounded(found.moment.zero_std / degree),
+            "moment_nm_per_deg": rounded(calibration.moment.factor * degree),
+            "moment_std_nm_per_deg": rounded(calibration.moment.factor_std * degree),
+            "yaw_zero_deg": rounded(calibration.moment.zero / degree),
+            "yaw_zero_std_deg": rounded(calibration.moment.zero_std / degree),
         }
     stated = {
-        "side_n_per_mm": rounded(1e-3 * found.side.factor),
-        "side_std_n_per_mm": rounded(1e-3 * found.side.factor_std),
-        "shift_zero_mm": rounded(1e3 * found.side.zero),
-        "shift_zero_std_mm": rounded(1e3 * found.side.zero_std),
+        "side_n_per_mm": rounded(1e-3 * calibration.side.factor),
+        "side_std_n_per_mm": rounded(1e-3 * calibration.side.factor_std),
+        "shift_zero_mm": rounded(1e3 * calibration.side.zero),
+        "shift_zero_std_mm": rounded(1e3 * calibration.side.zero_std),
         **moment,
-        "half_angle_min_rad": rounded(found.half_angle_range_rad[0]),
-        "half_angle_max_rad": rounded(found.half_angle_range_rad[1]),
+        "half_angle_min_rad": rounded(calibration.half_angle_range_rad[0]),
+        "half_angle_max_rad": rounded(calibration.half_angle_range_rad[1]),
     }
     table = SideForceCalibrationTable(**stated)
     return toml_text({"tire": {"side_force_calibration": table.model_dump(include=set(stated))}})

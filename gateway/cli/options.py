@@ -138,9 +138,9 @@ def given_command() -> str:
             continue
         value = context.params[name]
         several = isinstance(value, tuple)
-        for one in value if several else (value,):
+        for argument in value if several else (value,):
             if isinstance(parameter, click.Option):
                 words.append(parameter.opts[0])
-            if one is not True:
-                words.append(str(one))
+            if argument is not True:
+                words.append(str(argument))
     return shlex.join(words)

@@ -69,17 +69,17 @@ def estimate_recording(
     lines += [f"  {clean(notice_text(notice))}" for notice in notices]
     for table in recording.effects:
         effect_names = [effect.name for effect in table.effects]
-        for one in wheels:
-            if one.position == table.position:
-                lines.append(clean(f"  {effects_line(one, effect_names)}"))
-                lines += [clean(f"  {line}") for line in (removed_line(one, table),) if line]
-    found = estimation.alarms()
-    for alarm in found:
+        for wheel_summary in wheels:
+            if wheel_summary.position == table.position:
+                lines.append(clean(f"  {effects_line(wheel_summary, effect_names)}"))
+                lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, table),) if line]
+    alarms = estimation.alarms()
+    for alarm in alarms:
         for rows in tables:
             rows.write_alarm(alarm, name)
     lines += [
         clean(f"  {line}".rstrip())
-        for line in (*summary_lines(wheels, alarms=found), *reference_lines(check.comparisons()))
+        for line in (*summary_lines(wheels, alarms=alarms), *reference_lines(check.comparisons()))
     ]
     lines += _link_lines(estimation.links)
     missing = estimation.missing()

@@ -46,25 +46,25 @@ def measured_runs(path: Path, runs: SlipRunsFile, fallback: Path | None) -> list
     # One sensor on one tire: roll, yaw and share are those of all runs.
     wheels = [runs.wheel] * len(taken)
     read_runs(path, runs.run, wheels, ("kinematic",), fallback, take, skipped_revolutions=_SKIPPED_REVOLUTIONS)
-    for run, found in zip(runs.run, taken, strict=True):
-        _check_usable(run_name(run), found)
+    for run, measured in zip(runs.run, taken, strict=True):
+        _check_usable(run_name(run), measured)
     return [
-        found.run(
+        measured.run(
             run_name(run),
             math.radians(run.slip_deg),
             math.radians(runs.slip_std_deg if run.slip_std_deg is None else run.slip_std_deg),
             is_reverse=run.direction == "reverse",
         )
-        for run, found in zip(runs.run, taken, strict=True)
+        for run, measured in zip(runs.run, taken, strict=True)
     ]
 
 
-def _check_usable(name: str, found: SlipRunRevolutions) -> None:
-    if found.offered and not found.has_lateral:
+def _check_usable(name: str, measured: SlipRunRevolutions) -> None:
+    if measured.offered and not measured.has_lateral:
         raise CalibrationError(f"{name}: the sensor has no lateral axis", "Slip needs a sensor with a lateral axis.")
-    if found.count < MIN_REVOLUTIONS:
+    if measured.count < MIN_REVOLUTIONS:
         raise CalibrationError(
-            f"{name}: {found.count} of {found.offered} revolutions can be used, {MIN_REVOLUTIONS} are required",
+            f"{name}: {measured.count} of {measured.offered} revolutions can be used, {MIN_REVOLUTIONS} are required",
             "Record longer, or correct from_s and to_s. `treadlink inspect` shows what the recording contains.",
         )
 
@@ -80,7 +80,7 @@ def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:
             f"{math.degrees(run.slip_rad):+8.2f} {math.degrees(run.slope_rad):+10.4f} "
             f"{math.degrees(run.noise_std_rad):7.4f} {math.degrees(residual):+9.4f} {pull:+5.1f}  {other}"
         )
-    found = fit.calibration
+    law = fit.calibration
     if fit.degrees_of_freedom > 0:
         check = (
             f"chi-square {fit.chi_square:.1f}, degrees of freedom {fit.degrees_of_freedom}, probability "
@@ -90,30 +90,30 @@ def slip_lines(runs: Sequence[SlipRun], fit: SlipFit) -> list[str]:
         check = "no check: the runs are just enough for the unknowns; one more run would check the law"
     lines += [
         "",
-        f"belt share      {found.belt_share:.4f} ± {found.belt_share_std:.4f}, less "
-        f"{math.radians(1e2 * found.saturation_prad):.1f} ± {math.radians(1e2 * found.saturation_std_prad):.1f} % per "
+        f"belt share      {law.belt_share:.4f} ± {law.belt_share_std:.4f}, less "
+        f"{math.radians(1e2 * law.saturation_prad):.1f} ± {math.radians(1e2 * law.saturation_std_prad):.1f} % per "
         "degree of slip",
-        f"zero, forward   {_degrees(found.zero_rad, found.zero_std_rad)}: ply steer plus conicity",
+        f"zero, forward   {_degrees(law.zero_rad, law.zero_std_rad)}: ply steer plus conicity",
     ]
-    if found.ply_steer_rad is not None and found.conicity_rad is not None:
+    if law.ply_steer_rad is not None and law.conicity_rad is not None:
         lines += [
-            f"ply steer       {_degrees(found.ply_steer_rad, found.ply_steer_std_rad)}, changes sign in reverse",
-            f"conicity        {_degrees(found.conicity_rad, found.conicity_std_rad)}, the same in reverse",
+            f"ply steer       {_degrees(law.ply_steer_rad, law.ply_steer_std_rad)}, changes sign in reverse",
+            f"conicity        {_degrees(law.conicity_rad, law.conicity_std_rad)}, the same in reverse",
         ]
     else:
         lines.append("ply steer and conicity are not separated: no run rolls in reverse")
-    _, slip_std = found.slip_at(found.zero_rad, 0.0)
+    _, slip_std = law.slip_at(law.zero_rad, 0.0)
     lines += [
         f"slip angle      ± {math.degrees(slip_std):.3f} deg at zero slip by the calibration alone",
         check,
-        _validity(found),
+        _validity(law),
     ]
     return lines
 
 
-def _validity(found: SlipCalibration) -> str:
-    slips, halves = found.slip_range_rad, found.half_angle_range_rad
-    low, high = _pressures_kpa(found)
+def _validity(calibration: SlipCalibration) -> str:
+    slips, halves = calibration.slip_range_rad, calibration.half_angle_range_rad
+    low, high = _pressures_kpa(calibration)
     pressure = f", {low:.0f} to {high:.0f} kPa" if (low, high) != _ANY_PRESSURE_KPA else ""
     return (
         f"valid for slip of {math.degrees(slips[0]):+.2f} to {math.degrees(slips[1]):+.2f} deg, half angles of "
@@ -125,36 +125,36 @@ def _degrees(value_rad: float, std_rad: float) -> str:
     return f"{math.degrees(value_rad):+.4f} ± {math.degrees(std_rad):.4f} deg"
 
 
-def _pressures_kpa(found: SlipCalibration) -> tuple[float, float]:
-    low, high = found.pressure_range_pa
+def _pressures_kpa(calibration: SlipCalibration) -> tuple[float, float]:
+    low, high = calibration.pressure_range_pa
     return (1e-3 * low, 1e-3 * high) if math.isfinite(high) else _ANY_PRESSURE_KPA
 
 
-def slip_toml(found: SlipCalibration) -> str:
+def slip_toml(calibration: SlipCalibration) -> str:
     """Return the table for the vehicle configuration, checked against its schema."""
     degree = math.degrees(1.0)
-    low_kpa, high_kpa = _pressures_kpa(found)
+    low_kpa, high_kpa = _pressures_kpa(calibration)
     separated: dict[str, float] = {}
-    if found.ply_steer_rad is not None and found.conicity_rad is not None:
+    if calibration.ply_steer_rad is not None and calibration.conicity_rad is not None:
         separated = {
-            "ply_steer_deg": rounded(found.ply_steer_rad * degree),
-            "ply_steer_std_deg": rounded(found.ply_steer_std_rad * degree),
-            "conicity_deg": rounded(found.conicity_rad * degree),
-            "conicity_std_deg": rounded(found.conicity_std_rad * degree),
+            "ply_steer_deg": rounded(calibration.ply_steer_rad * degree),
+            "ply_steer_std_deg": rounded(calibration.ply_steer_std_rad * degree),
+            "conicity_deg": rounded(calibration.conicity_rad * degree),
+            "conicity_std_deg": rounded(calibration.conicity_std_rad * degree),
         }
     table = SlipCalibrationTable(
-        belt_share=rounded(found.belt_share),
-        belt_share_std=rounded(found.belt_share_std),
-        zero_deg=rounded(found.zero_rad * degree),
-        zero_std_deg=rounded(found.zero_std_rad * degree),
-        saturation_per_deg=rounded(found.saturation_prad / degree),
-        saturation_std_per_deg=rounded(found.saturation_std_prad / degree),
-        zero_share_correlation=rounded(found.zero_share_correlation),
-        share_saturation_correlation=rounded(found.share_saturation_correlation),
-        slip_min_deg=rounded(found.slip_range_rad[0] * degree),
-        slip_max_deg=rounded(found.slip_range_rad[1] * degree),
-        half_angle_min_rad=rounded(found.half_angle_range_rad[0]),
-        half_angle_max_rad=rounded(found.half_angle_range_rad[1]),
+        belt_share=rounded(calibration.belt_share),
+        belt_share_std=rounded(calibration.belt_share_std),
+        zero_deg=rounded(calibration.zero_rad * degree),
+        zero_std_deg=rounded(calibration.zero_std_rad * degree),
+        saturation_per_deg=rounded(calibration.saturation_prad / degree),
+        saturation_std_per_deg=rounded(calibration.saturation_std_prad / degree),
+        zero_share_correlation=rounded(calibration.zero_share_correlation),
+        share_saturation_correlation=rounded(calibration.share_saturation_correlation),
+        slip_min_deg=rounded(calibration.slip_range_rad[0] * degree),
+        slip_max_deg=rounded(calibration.slip_range_rad[1] * degree),
+        half_angle_min_rad=rounded(calibration.half_angle_range_rad[0]),
+        half_angle_max_rad=rounded(calibration.half_angle_range_rad[1]),
         pressure_min_kpa=rounded(low_kpa),
         pressure_max_kpa=rounded(high_kpa),
         **separated,

@@ -89,7 +89,7 @@ def _point(name: str, results: Sequence[RevolutionResult]) -> TirePoint | str:
         half_angle_rad=float(
             np.median([0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in good])
         ),
-        numbers={found.name: found for found in good[-1].estimates},
+        numbers={estimate.name: estimate for estimate in good[-1].estimates},
         temperature_degc=float(np.mean(temperatures)) if temperatures else None,
         half_angle_std_rad=_half_angle_std_rad(good),
     )
@@ -109,8 +109,8 @@ def _half_angle_std_rad(good: Sequence[RevolutionResult]) -> float:
         )
         for result in good
     ]
-    known = [std for std in stds if math.isfinite(std)]
-    return float(np.median(known)) if known else 0.0
+    finite = [std for std in stds if math.isfinite(std)]
+    return float(np.median(finite)) if finite else 0.0
 
 
 def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNumbers) -> list[str]:
@@ -123,22 +123,22 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
             f"{point.name:<{width}} {point.load_n:8.0f} {1e-3 * point.pressure_pa:6.1f} {point.half_angle_rad:9.4f} "
             f"{point.half_angle_std_rad:8.4f} {residual:+8.1%}  {other}"
         )
-    found = fit.calibration
-    low, high = (found.load_at(half, found.pressure_pa) for half in found.half_angle_range_rad)
+    law = fit.calibration
+    low, high = (law.load_at(half, law.pressure_pa) for half in law.half_angle_range_rad)
     lines += [
         "",
-        f"ln(load / {found.load_n:.0f} N) = {found.angle_exponent:.3f} x {found.angle_curvature:+.3f} x^2 "
-        f"{found.pressure_exponent:+.3f} ln(pressure / {1e-3 * found.pressure_pa:.1f} kPa), "
-        f"x = ln(half angle / {found.half_angle_rad:.4f} rad)",
+        f"ln(load / {law.load_n:.0f} N) = {law.angle_exponent:.3f} x {law.angle_curvature:+.3f} x^2 "
+        f"{law.pressure_exponent:+.3f} ln(pressure / {1e-3 * law.pressure_pa:.1f} kPa), "
+        f"x = ln(half angle / {law.half_angle_rad:.4f} rad)",
         *_exponent_lines(fit),
-        f"standard error {found.relative_std:.1%}"
+        f"standard error {law.relative_std:.1%}"
         + (
             ""
             if fit.is_error_measured
             else " (assumed; three recordings with different loads are needed to measure it)"
         ),
-        f"valid for {low:.0f} to {high:.0f} N at {1e-3 * found.pressure_pa:.0f} kPa, "
-        f"{1e-3 * found.pressure_range_pa[0]:.0f} to {1e-3 * found.pressure_range_pa[1]:.0f} kPa, at the present wear",
+        f"valid for {low:.0f} to {high:.0f} N at {1e-3 * law.pressure_pa:.0f} kPa, "
+        f"{1e-3 * law.pressure_range_pa[0]:.0f} to {1e-3 * law.pressure_range_pa[1]:.0f} kPa, at the present wear",
         f"bending stiffness falls by {reference.softening_per_k:.2%} ± {reference.softening_std_per_k:.2%} per kelvin"
         + ("" if is_softening_measured(reference) else " (assumed; recordings 20 K apart are needed to measure it)"),
     ]
@@ -147,10 +147,10 @@ def fit_lines(points: Sequence[TirePoint], fit: LoadFit, reference: ReferenceNum
 
 def _exponent_lines(fit: LoadFit) -> Iterator[str]:
     """Yield the exponents with their errors, and a note on each that the recordings do not determine."""
-    found = fit.calibration
+    law = fit.calibration
     yield (
-        f"exponent {found.angle_exponent:.2f} ± {fit.angle_exponent_std:.2f}, curvature {found.angle_curvature:.2f} ± "
-        f"{fit.angle_curvature_std:.2f}, exponent of the pressure {found.pressure_exponent:.2f} ± "
+        f"exponent {law.angle_exponent:.2f} ± {fit.angle_exponent_std:.2f}, curvature {law.angle_curvature:.2f} ± "
+        f"{fit.angle_curvature_std:.2f}, exponent of the pressure {law.pressure_exponent:.2f} ± "
         f"{fit.pressure_exponent_std:.2f}"
     )
     if fit.scatter > _NOTED_SCATTER:
@@ -192,19 +192,19 @@ def calibration_toml(calibration: LoadCalibration, reference: ReferenceNumbers) 
         pressure_max_kpa=_rounded(1e-3 * pressure[1]),
         temperature_degc=None if calibration.temperature_degc is None else _rounded(calibration.temperature_degc),
     )
-    known: dict[str, float] = {}
+    numbers_by_key: dict[str, float] = {}
     for name in RING_NUMBERS:
         value = getattr(reference, name)
         if value is not None:
-            known[name] = _rounded(value)
-            known[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
+            numbers_by_key[name] = _rounded(value)
+            numbers_by_key[f"{name}_std"] = _rounded(getattr(reference, f"{name}_std"))
     if is_softening_measured(reference):
-        known["softening_percent_per_k"] = _rounded(100.0 * reference.softening_per_k)
-        known["softening_std_percent_per_k"] = _rounded(100.0 * reference.softening_std_per_k)
+        numbers_by_key["softening_percent_per_k"] = _rounded(100.0 * reference.softening_per_k)
+        numbers_by_key["softening_std_percent_per_k"] = _rounded(100.0 * reference.softening_std_per_k)
     tire: dict[str, object] = {"load_calibration": table.model_dump(exclude_none=True)}
-    if known and reference.pressure_pa is not None:
+    if numbers_by_key and reference.pressure_pa is not None:
         numbers = Reference(
-            **known,
+            **numbers_by_key,
             pressure_kpa=_rounded(1e-3 * reference.pressure_pa),
             temperature_degc=None if reference.temperature_degc is None else _rounded(reference.temperature_degc),
             estimator=reference.estimator,

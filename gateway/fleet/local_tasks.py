@@ -61,8 +61,8 @@ class LocalTasks(WorkerTasks):
         task = self._running.get(token)
         if task is None:
             return 0
-        place = self._tasks.index(task)
-        return self._workers.progress.at(place) - self._read_before[place]
+        index = self._tasks.index(task)
+        return self._workers.progress.at(index) - self._read_before[index]
 
     def wait(self, timeout_s: float) -> TaskResult | None:
         """Return the next result; None after the time.
@@ -77,52 +77,52 @@ class LocalTasks(WorkerTasks):
     def cancel(self) -> None:
         """Take back all tasks; a process that has one is ended."""
         self._running.clear()
-        for place, task in enumerate(self._tasks):
+        for index, task in enumerate(self._tasks):
             if task is not None:
-                self._replace(place)
+                self._replace(index)
 
     def _begin(self, task: RunningTask) -> Future[Any]:
-        place = self._tasks.index(None)
-        self._tasks[place] = task
+        index = self._tasks.index(None)
+        self._tasks[index] = task
         try:
-            if self._begun[place] is None:
-                self._begun[place] = self._workers.each[place].submit(_ignore_interrupt)
-            self._read_before[place] = self._workers.progress.at(place)
-            return self._workers.each[place].work(task.work, task.order)
+            if self._begun[index] is None:
+                self._begun[index] = self._workers.each[index].submit(_ignore_interrupt)
+            self._read_before[index] = self._workers.progress.at(index)
+            return self._workers.each[index].work(task.work, task.order)
         except OSError as error:
             raise _not_started(error) from error
 
     def _outcome(self, task: RunningTask) -> Any:
-        place = self._tasks.index(task)
+        index = self._tasks.index(task)
         try:
             outcome = task.future.result()
         except BrokenProcessPool as error:
-            begun = self._begun[place]
-            above_limit = place in self._above_limit
-            self._replace(place)
+            begun = self._begun[index]
+            above_limit = index in self._above_limit
+            self._replace(index)
             if begun is not None and begun.exception() is not None:
                 raise _not_started(error) from error
             if above_limit:
                 return Reason(Code.WORKER_MEMORY_ABOVE_LIMIT, limit_bytes=self._memory_bytes)
             return Reason(Code.WORKER_ENDED)
         finally:
-            self._tasks[place] = None
+            self._tasks[index] = None
         return outcome
 
-    def _replace(self, place: int) -> None:
-        self._workers.replace(place)
-        self._tasks[place] = None
-        self._begun[place] = None
-        self._above_limit.discard(place)
+    def _replace(self, index: int) -> None:
+        self._workers.replace(index)
+        self._tasks[index] = None
+        self._begun[index] = None
+        self._above_limit.discard(index)
 
     def _end_above_limit(self) -> None:
         import psutil
 
-        for place, worker in enumerate(self._workers.each):
+        for index, worker in enumerate(self._workers.each):
             pid = worker.pid
             with suppress(psutil.Error):
                 if pid is not None and psutil.Process(pid).memory_info().rss > self._memory_bytes:
-                    self._above_limit.add(place)
+                    self._above_limit.add(index)
                     psutil.Process(pid).kill()
 
 

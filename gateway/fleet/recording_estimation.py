@@ -130,13 +130,13 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
     Some estimates come only with a lateral axis, others only where the configuration states plies or a calibration.
     """
     taken = {*RECORDING_HEAD, *RECORDING_TAIL, *RESULT_HEAD, *RESULT_TAIL}
-    found: dict[str, None] = {}
+    estimate_columns: dict[str, None] = {}
     for tire in (_EVERYTHING_STATED, TireData()):
         for axes in (0.0, math.nan):
             made = TireEstimates(replace(UNKNOWN_WHEEL, tire=tire), estimators)
             (result,) = made.take_block(RevolutionArrays([_unusable(axes)]), [0.0], [0], [None])
-            found |= dict.fromkeys(distinct_name(estimate.name, taken) for estimate in result.estimates)
-    return tuple(found)
+            estimate_columns |= dict.fromkeys(distinct_name(estimate.name, taken) for estimate in result.estimates)
+    return tuple(estimate_columns)
 
 
 def _unusable(axes_mps2: float) -> Revolution:
@@ -272,10 +272,10 @@ class _Collector:
         if row is None:
             row = self.wheels[result.position] = WheelRow()
         row.add(result)
-        kept = self._order.settings.rows
-        if kept is RowsKept.ALL:
+        kept_rows = self._order.settings.rows
+        if kept_rows is RowsKept.ALL:
             self._write(result)
-        elif kept is RowsKept.SECOND:
+        elif kept_rows is RowsKept.SECOND:
             held = self._held.get(result.position)
             if held is not None and held.host_ns // _NS != result.host_ns // _NS:
                 self._write(held)
@@ -365,18 +365,22 @@ def _recording_rows(
     first_ns, last_ns = estimation.span_ns or (0, 0)
     start_ns = reader.info.start_ns if reader.info.start_ns else first_ns
     states = {state.position: state for state in estimation.wheels}
-    own, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
-    of_links = [alarm for alarm in alarms if alarm.position not in own]
-    sensors = {position: _sensor_text(estimation.sensors.at(vehicle, position)) for position in own}
+    positions, alarms, counters = _heard(collected, estimation), estimation.alarms(), estimation.links.values()
+    of_links = [alarm for alarm in alarms if alarm.position not in positions]
+    sensors = {position: _sensor_text(estimation.sensors.at(vehicle, position)) for position in positions}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
     statements = estimation.statements.found()
     with PartFile(path, recording_columns(names), RECORDINGS) as part:
-        for position in own:
+        for position in positions:
             wheel = configured(vehicle, position)
             mine = [*(alarm for alarm in alarms if alarm.position == position), *of_links]
             stated = [
-                *((_FALSE_STATEMENT, one.reason) for one in statements if _concerns(one.subject, position, own)),
-                *((_OTHER_EFFECTS, one.reason) for one in doubts if one.subject == position),
+                *(
+                    (_FALSE_STATEMENT, notice.reason)
+                    for notice in statements
+                    if _concerns(notice.subject, position, positions)
+                ),
+                *((_OTHER_EFFECTS, notice.reason) for notice in doubts if notice.subject == position),
             ]
             cells = collected.wheels.get(position, WheelRow()).cells(states.get(position), names)
             cells |= {

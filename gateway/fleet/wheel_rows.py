@@ -161,12 +161,12 @@ class WheelRow:
             if self._last is None and wheel.missing is not None:
                 cells["missing"] = json.dumps(as_json(wheel.missing), ensure_ascii=False)
         for name in estimates:
-            known = self._estimates.get(name)
-            if known is not None:
-                cells |= dict(zip((name + part for part in RECORDING_PARTS), known.cells(), strict=True))
+            collected = self._estimates.get(name)
+            if collected is not None:
+                cells |= dict(zip((name + part for part in RECORDING_PARTS), collected.cells(), strict=True))
         late = {
-            name: dict(zip((part or "value" for part in RECORDING_PARTS), known.cells(), strict=True))
-            for name, known in self._estimates.items()
+            name: dict(zip((part or "value" for part in RECORDING_PARTS), collected.cells(), strict=True))
+            for name, collected in self._estimates.items()
             if name not in estimates
         }
         cells["other_estimates"] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
