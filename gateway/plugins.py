@@ -71,12 +71,12 @@ Check = Callable[[Plugin, object], Reason | None]
 @cache
 def installed(group: PluginGroup) -> tuple[Plugin, ...]:
     """Return the plug-ins of a group by name; nothing is imported."""
-    found = []
+    plugins = []
     for entry in importlib.metadata.entry_points(group=group):
         package, version = (entry.dist.name, entry.dist.version) if entry.dist is not None else ("?", "?")
-        found.append(Plugin(group, entry.name, package, version, entry.value))
+        plugins.append(Plugin(group, entry.name, package, version, entry.value))
     # The same package may be found twice, as in an editable installation.
-    return tuple(sorted(set(found), key=lambda plugin: (plugin.name, plugin.package)))
+    return tuple(sorted(set(plugins), key=lambda plugin: (plugin.name, plugin.package)))
 
 
 def names(group: PluginGroup, taken: Collection[str]) -> list[str]:
@@ -92,25 +92,25 @@ def load(group: PluginGroup, name: str, taken: Collection[str], check: Check) ->
     """
     for plugin in installed(group):
         if plugin.name == name and _name_refusal(plugin, taken) is None:
-            found, refusal = _examined(plugin, check)
+            loaded, refusal = _examined(plugin, check)
             if refusal is not None:
                 raise PluginError(plugin.name, plugin.package, dict(refusal.values))
-            return found
+            return loaded
     return None
 
 
 def load_all(group: PluginGroup, taken: Collection[str], check: Check) -> Mapping[str, object]:
     """Return the objects of all plug-ins of a group that fit, by name; the others are logged."""
-    found = {}
+    by_name = {}
     for plugin in installed(group):
         refusal = _name_refusal(plugin, taken)
         if refusal is None:
             loaded, refusal = _examined(plugin, check)
             if refusal is None:
-                found[plugin.name] = loaded
+                by_name[plugin.name] = loaded
                 continue
         _logger.warning("plug-in %s of %s refused: %s", plugin.name, plugin.package, refusal.code)
-    return found
+    return by_name
 
 
 def statuses(group: PluginGroup, taken: Collection[str], check: Check) -> list[PluginStatus]:

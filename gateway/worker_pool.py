@@ -50,20 +50,20 @@ class SharedNumbers:
             context = get_context("spawn")
             self._lock, self._numbers = context.Lock(), context.RawArray("q", count)
 
-    def take(self, at: int) -> int:
+    def take(self, index: int) -> int:
         """Return a number and add one to it, as one step."""
         with self._lock:
-            number = self._numbers[at]
-            self._numbers[at] = number + 1
+            number = self._numbers[index]
+            self._numbers[index] = number + 1
         return number
 
-    def put(self, at: int, number: int) -> None:
+    def put(self, index: int, number: int) -> None:
         """Change a number that no other process changes."""
-        self._numbers[at] = number
+        self._numbers[index] = number
 
-    def at(self, place: int) -> int:
+    def at(self, index: int) -> int:
         """Return a number."""
-        return self._numbers[place]
+        return self._numbers[index]
 
     def total(self) -> int:
         """Return the sum."""
@@ -72,8 +72,8 @@ class SharedNumbers:
     def end(self) -> None:
         """Make all numbers larger than any that is counted to."""
         with self._lock:
-            for at in range(len(self._numbers)):
-                self._numbers[at] = _NONE_LEFT
+            for index in range(len(self._numbers)):
+                self._numbers[index] = _NONE_LEFT
 
 
 class Worker(ProcessPoolExecutor):
@@ -83,15 +83,15 @@ class Worker(ProcessPoolExecutor):
     with it held back, and end by it without a word when they are up.
     """
 
-    def __init__(self, place: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
+    def __init__(self, index: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
         """Create a worker; its process starts when work is submitted.
 
         Args:
-            place: number of the worker among those of the command.
+            index: of the worker among those of the command.
             counters: that all of them count with.
             progress: of each.
         """
-        super().__init__(1, get_context("spawn"), _begin, (place, counters, progress))
+        super().__init__(1, get_context("spawn"), _begin, (index, counters, progress))
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
         """Call `fn` in the process."""
@@ -165,7 +165,7 @@ class Workers:
         """
         self.counters = SharedNumbers(_COUNTERS if count else 0)
         self.progress = SharedNumbers(count)
-        self.each = tuple(Worker(place, self.counters, self.progress) for place in range(count))
+        self.each = tuple(Worker(index, self.counters, self.progress) for index in range(count))
         self._imports = tuple(imports)
         self._counted = 0
         self._exit = ExitStack()
@@ -191,12 +191,12 @@ class Workers:
         self.counters.end()
         self._exit.__exit__(kind, error, trace)
 
-    def replace(self, place: int) -> None:
+    def replace(self, index: int) -> None:
         """End a process at once, and put another one in its place."""
-        self.each[place].end(at_once=True)
-        self.progress.put(place, 0)
-        worker = self._exit.enter_context(Worker(place, self.counters, self.progress))
-        self.each = (*self.each[:place], worker, *self.each[place + 1 :])
+        self.each[index].end(at_once=True)
+        self.progress.put(index, 0)
+        worker = self._exit.enter_context(Worker(index, self.counters, self.progress))
+        self.each = (*self.each[:index], worker, *self.each[index + 1 :])
 
     def work_on(
         self,
@@ -221,19 +221,19 @@ class Workers:
         Raises:
             BrokenProcessPool: a process was terminated from outside; leaving `Workers` explains it.
         """
-        turns = deque(sorted(range(len(orders)), key=lambda place: -sizes[place] if sizes else place))
+        turns = deque(sorted(range(len(orders)), key=lambda index: -sizes[index] if sizes else index))
         ended: SimpleQueue[tuple[int, Future[_Result]]] = SimpleQueue()
         # What the processes did before is of other work.
-        left, reported, done_here = len(orders), self.progress.total(), 0
+        remaining, reported, done_here = len(orders), self.progress.total(), 0
 
         def feed(worker: Worker) -> None:
             """Give a process the next order, and another one whenever it has done one."""
             with suppress(IndexError):
-                place = turns.popleft()
-                worker.work(work, orders[place]).add_done_callback(partial(fed, worker, place))
+                index = turns.popleft()
+                worker.work(work, orders[index]).add_done_callback(partial(fed, worker, index))
 
-        def fed(worker: Worker, place: int, future: Future[_Result]) -> None:
-            ended.put((place, future))
+        def fed(worker: Worker, index: int, future: Future[_Result]) -> None:
+            ended.put((index, future))
             if not future.cancelled() and future.exception() is None:
                 feed(worker)
 
@@ -245,15 +245,15 @@ class Workers:
 
         try:
             # One order is done here; of two, another process has the first, as it must not be idle.
-            for worker in self.each[: left - 1]:
+            for worker in self.each[: remaining - 1]:
                 if begin is not None:
                     worker.submit(begin)
                 feed(worker)
-            while left:
-                place = None
+            while remaining:
+                index = None
                 with suppress(IndexError):
-                    place = turns.popleft()
-                if place is not None:
+                    index = turns.popleft()
+                if index is not None:
                     before = done_here
 
                     def on_part(part: int, before: int = before) -> None:
@@ -261,17 +261,17 @@ class Workers:
                         done_here = before + part
                         report(done_here)
 
-                    result = work(orders[place], on_part)
-                    left -= 1
-                    yield place, result
-                while left:
+                    result = work(orders[index], on_part)
+                    remaining -= 1
+                    yield index, result
+                while remaining:
                     try:
-                        of, future = ended.get(timeout=_POLL_S) if place is None else ended.get_nowait()
+                        of, future = ended.get(timeout=_POLL_S) if index is None else ended.get_nowait()
                     except Empty:
                         report(done_here)
                         break
                     report(done_here)
-                    left -= 1
+                    remaining -= 1
                     yield of, future.result()
         finally:
             turns.clear()
@@ -284,7 +284,7 @@ class Workers:
         return self._counted - 1
 
 
-_place: int = 0
+_worker_index: int = 0
 _counters: SharedNumbers | None = None
 _progress: SharedNumbers | None = None
 _done: int = 0
@@ -306,7 +306,7 @@ def reported_progress() -> Iterator[Callable[[int], None]]:
     def report(done: int) -> None:
         nonlocal now
         now = done
-        progress.put(_place, before + now)
+        progress.put(_worker_index, before + now)
 
     yield report
     _done = before + now
@@ -318,9 +318,9 @@ def _worked(work: Work[_Order, _Result], order: _Order) -> _Result:
         return work(order, report)
 
 
-def _begin(place: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
-    global _place, _counters, _progress
-    _place, _counters, _progress = place, counters, progress
+def _begin(index: int, counters: SharedNumbers, progress: SharedNumbers) -> None:
+    global _worker_index, _counters, _progress
+    _worker_index, _counters, _progress = index, counters, progress
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:  # as of a command that a script runs in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
     if hasattr(signal, "pthread_sigmask"):

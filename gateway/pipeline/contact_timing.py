@@ -291,7 +291,7 @@ class ContactTimer:
                 times[index] = passage.start + first + centre / passage.rate
         rolling = self._follow(pairs, times)
         passages = [
-            _moved(_passage(*rolling[index], at=guesses[index]), -first) if index in guesses else passage
+            _moved(_passage(*rolling[index], zero_at=guesses[index]), -first) if index in guesses else passage
             for index, first, passage in zip(places, firsts, passages, strict=True)
         ]
         match = around.match(passages, own_hz)
@@ -436,10 +436,10 @@ def _is_next(before: float, period: float) -> bool:
     return before < _LARGEST_RATIO * period and period < _LARGEST_RATIO * before
 
 
-def _passage(start: float, end: float, previous_period: float | None, *, at: float | None = None) -> Phase:
-    """Return the phase around the later contact of a revolution, angle 0 at `at`, or else at that contact."""
+def _passage(start: float, end: float, previous_period: float | None, *, zero_at: float | None = None) -> Phase:
+    """Return the phase around the later contact of a revolution, angle 0 at `zero_at`, or else at that contact."""
     phase = fit_phase(start, end, start - previous_period if previous_period is not None else None)
-    zero = end if at is None else at
+    zero = end if zero_at is None else zero_at
     return Phase(zero, zero + phase.samples, phase.rate + phase.acceleration * phase.samples, phase.acceleration)
 
 

@@ -135,11 +135,14 @@ class FrameRouter(Generic[WheelT]):
         tick_us = hub.unwrap(tick)
         if host_ns is not None:
             hub.host.stamp(tick_us, host_ns)
-        if isinstance(message, Hello | Environment) and (own := self.wheel(link, hub_number, number)) is not None:
+        if (
+            isinstance(message, Hello | Environment)
+            and (source_wheel := self.wheel(link, hub_number, number)) is not None
+        ):
             if isinstance(message, Hello):
-                own.hello(message)
+                source_wheel.hello(message)
             else:
-                own.environment(tick_us, message)
+                source_wheel.environment(tick_us, message)
         return tick_us
 
     def hub(self, link: str, number: int) -> Hub:
@@ -179,9 +182,9 @@ class FrameRouter(Generic[WheelT]):
         ticks = np.asarray(batch.tick_us[part]).astype(np.uint32)
         unwrapped = np.empty(len(ticks), np.int64)
         for number in np.unique(hubs[is_used]).tolist():
-            own = np.flatnonzero((hubs == number) & is_used)
-            arrivals_ns = host_ns[part][own] if host_ns is not None else None
-            unwrapped[own] = self.hub(link, number).stamp_all(ticks[own], arrivals_ns)
+            frames = np.flatnonzero((hubs == number) & is_used)
+            arrivals_ns = host_ns[part][frames] if host_ns is not None else None
+            unwrapped[frames] = self.hub(link, number).stamp_all(ticks[frames], arrivals_ns)
         return unwrapped
 
     def _group(self, link: str, group: SampleGroup, part: slice, ticks_us: NDArray[np.int64]) -> None:
@@ -227,6 +230,8 @@ class _Groups:
                 yield group, slice(lo, hi)
                 continue
             # The wheel changed its block size or its axes: its blocks are taken one by one.
-            frames = [(int(group.frame_index[at]), group, at) for group, lo, hi in of_wheel for at in range(lo, hi)]
-            for _, group, at in sorted(frames, key=itemgetter(0)):
-                yield group, slice(at, at + 1)
+            frames = [
+                (int(group.frame_index[index]), group, index) for group, lo, hi in of_wheel for index in range(lo, hi)
+            ]
+            for _, group, index in sorted(frames, key=itemgetter(0)):
+                yield group, slice(index, index + 1)

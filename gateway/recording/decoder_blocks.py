@@ -60,9 +60,9 @@ class LinkBlocks:
 
     def _decode(self, batch: FrameBatch) -> Iterator[tuple[FrameBatch, NDArray[np.int64]]]:
         if len(batch):
-            place = np.searchsorted(np.array(self._ends), batch.end_offset, side="left")
+            chunk = np.searchsorted(np.array(self._ends), batch.end_offset, side="left")
             arrivals = np.array(self._arrivals_ns, np.int64)
-            yield batch, arrivals[np.minimum(place, len(arrivals) - 1)]
+            yield batch, arrivals[np.minimum(chunk, len(arrivals) - 1)]
         # Only the last chunk of a block can still complete a frame of the next.
         del self._ends[:-1], self._arrivals_ns[:-1]
 

@@ -71,11 +71,11 @@ class WheelInspection:
         us = unwrap(self._tick, tick_us) - self._tick
         return bool(is_jump(unwrap(self._next, number) - self._next, us, self.hello.rate_hz))
 
-    def add(self, group: SampleGroup, place: int, host_s: int) -> None:
+    def add(self, group: SampleGroup, index: int, host_s: int) -> None:
         """Count a block of samples."""
         n = group.counts.shape[1]
-        number = int(group.first_sample[place])
-        if self._jumps(number, int(group.tick_us[place])):
+        number = int(group.first_sample[index])
+        if self._jumps(number, int(group.tick_us[index])):
             self._next = self._first = self._tick = None
         expected = self._next
         first = number if expected is None else unwrap(expected, number)
@@ -91,7 +91,7 @@ class WheelInspection:
             self._next = first + n
         else:
             self.samples_lost = max(0, self.samples_lost - n)
-        tick = int(group.tick_us[place])
+        tick = int(group.tick_us[index])
         self._tick = tick if self._tick is None else unwrap(self._tick, tick)
         if self._first is None:
             self._first = (first, self._tick)
@@ -178,10 +178,10 @@ class Inspection:
     @property
     def span_ns(self) -> tuple[int, int]:
         """Arrival of the first and the last chunk of all links; (0, 0) without any."""
-        known = [link for link in self.links.values() if link.chunks]
-        if not known:
+        heard = [link for link in self.links.values() if link.chunks]
+        if not heard:
             return 0, 0
-        return min(link.first_ns for link in known), max(link.last_ns for link in known)
+        return min(link.first_ns for link in heard), max(link.last_ns for link in heard)
 
 
 def inspect_recording(
@@ -262,17 +262,17 @@ def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int6
         if source in admitted:
             link.wheel(*source).frames[MessageType(int(key) & 0xFF).name.lower()] += int(count)
     blocks = {
-        int(frame): (group, place)
+        int(frame): (group, index)
         for group in batch.sample_groups()
         if (group.hub, group.wheel) in admitted
-        for place, frame in enumerate(group.frame_index.tolist())
+        for index, frame in enumerate(group.frame_index.tolist())
     }
     seconds = (arrivals_ns // _SECOND_NS).tolist()
     for frame in range(len(batch)):
         entry = blocks.get(frame)
         if entry is not None:
-            group, place = entry
-            link.wheel(group.hub, group.wheel).add(group, place, seconds[frame])
+            group, index = entry
+            link.wheel(group.hub, group.wheel).add(group, index, seconds[frame])
         elif kinds[frame] in (MessageType.HELLO, MessageType.LOG_TEXT):
             source = int(batch.hub[frame]), int(batch.wheel[frame])
             if source in admitted:

@@ -58,11 +58,11 @@ class ReferenceReader(RecordingReader):
     def items(self) -> Generator[LinkItem, None, None]:
         """Yield chunks, frames of buses, link events and marks in file order, once."""
         for message in self.messages():
-            found = _TOPIC.fullmatch(message.channel.topic)
-            if found is None:
+            match = _TOPIC.fullmatch(message.channel.topic)
+            if match is None:
                 yield from self.link_items(message)
             elif self._count < _MOST_VALUES:
-                self._take(message, found[1], found[2])
+                self._take(message, match[1], match[2])
 
     def references(self) -> tuple[RecordedReference, ...]:
         """Return the references in order of appearance, complete after the last item."""
