@@ -175,8 +175,10 @@ class SessionAlarms(AlarmWatch):
 
     def with_silences(self, wheels: Sequence[WheelSnapshot]) -> tuple[WheelSnapshot, ...]:
         """Return wheels with what is silent of them."""
-        found = self.silence.of_wheels()
-        return tuple(silenced(wheel, found[wheel.position]) if wheel.position in found else wheel for wheel in wheels)
+        silences = self.silence.of_wheels()
+        return tuple(
+            silenced(wheel, silences[wheel.position]) if wheel.position in silences else wheel for wheel in wheels
+        )
 
 
 class RecordingAlarms(AlarmWatch):

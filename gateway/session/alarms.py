@@ -84,10 +84,10 @@ def alarms(
         sensor_ids: configured sensors, hex text by position.
         standing: alarms that stood before, with the codes of their reasons.
     """
-    found = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds, standing)]
+    of_wheels = [alarm for wheel in wheels for alarm in _wheel_alarms(wheel, thresholds, standing)]
     misplaced = _misplaced_sensors(wheels, sensor_ids or {})
     of_links = [alarm for link in links for alarm in _link_alarms(link, thresholds, standing)]
-    return (*found, *misplaced, *of_links)
+    return (*of_wheels, *misplaced, *of_links)
 
 
 def silent_alarms(
@@ -214,8 +214,8 @@ class _Limit(NamedTuple, Generic[_Of]):
 def _speed_mps(wheel: WheelSnapshot) -> float | None:
     if wheel.silence is not None or wheel.last is None:
         return None
-    found = (one for one in wheel.last.estimates if one.name == _SPEED)
-    return next((one.value for one in found if one.status != Status.INVALID), None)
+    speeds = (estimate for estimate in wheel.last.estimates if estimate.name == _SPEED)
+    return next((estimate.value for estimate in speeds if estimate.status != Status.INVALID), None)
 
 
 _WHEEL_LIMITS: Final = (

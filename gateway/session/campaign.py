@@ -76,12 +76,12 @@ def read_campaign(
     if folds < 2 or not paths:
         raise ValueError("a campaign needs at least one recording and two folds")
     orders = _orders(paths, vehicle, wheel, folds, reverse, key_file)
-    found: dict[int, RecordingRead] = {}
+    by_index: dict[int, RecordingRead] = {}
     work = (workers or Workers()).work_on(read_recording, orders, on_bytes or (lambda _: None), sizes=_sizes(orders))
     with closing(work) as done:
-        for place, read in done:
-            found[place] = _checked_for_one_wheel(orders[place], read)
-    reads = [found[place] for place in range(len(orders))]
+        for index, read in done:
+            by_index[index] = _checked_for_one_wheel(orders[index], read)
+    reads = [by_index[index] for index in range(len(orders))]
     campaign = _assemble(orders, reads, _chosen_wheel(orders, reads, wheel))
     for number, first in repeated_recordings(campaign.groups).items():
         raise RecordingError(
@@ -114,11 +114,11 @@ class WheelRecordings:
 
     def chosen(self, keep: Collection[int]) -> WheelRecordings:
         """Return some of the recordings by their numbers, numbered anew."""
-        kept = sorted(keep)
+        numbers = sorted(keep)
         return WheelRecordings(
             self.wheel,
-            tuple(replace(self.orders[old], index=new) for new, old in enumerate(kept)),
-            tuple(_renumbered(self.reads[old], new) for new, old in enumerate(kept)),
+            tuple(replace(self.orders[old], index=new) for new, old in enumerate(numbers)),
+            tuple(_renumbered(self.reads[old], new) for new, old in enumerate(numbers)),
         )
 
 
@@ -147,12 +147,12 @@ def read_usable(
     reads = [RecordingRead(())] * len(orders)
     work = Workers().work_on(_read_or_refuse, orders, lambda _: None)
     with closing(work) as done:
-        for place, read in done:
+        for index, read in done:
             why = read if isinstance(read, Reason) else _why_unusable(read, wheel)
             if why is not None:
-                refused[place] = why
+                refused[index] = why
             if isinstance(read, RecordingRead):
-                reads[place] = read
+                reads[index] = read
     if len(refused) == len(orders):
         lines = (f"'{order.path}': {text(refused[order.index])}" for order in orders)
         raise RecordingError(f"no recording of wheel {wheel} can be used:\n" + "\n".join(lines))
@@ -267,8 +267,8 @@ def _assemble(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead], wheel
 
 def _common(names: Iterable[str]) -> str:
     """Return the name that all recordings have, empty if they differ."""
-    found = set(names)
-    return found.pop() if len(found) == 1 else ""
+    distinct = set(names)
+    return distinct.pop() if len(distinct) == 1 else ""
 
 
 def _rejected(reads: Sequence[RecordingRead]) -> dict[Reason, int]:
@@ -306,10 +306,12 @@ def _usable_groups(reads: Sequence[RecordingRead], wheel: str, rejected: dict[Re
 
 def _reference_degc(groups: Sequence[Group]) -> float:
     """Return the mean of the known temperatures, weighted by revolutions."""
-    known = [(c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)]
-    if not known:
+    weighted_degc = [
+        (c.temperature_degc, _count(g)) for g in groups if math.isfinite((c := g.conditions).temperature_degc)
+    ]
+    if not weighted_degc:
         return _PLACEHOLDER_DEGC
-    return sum(value * count for value, count in known) / sum(count for _, count in known)
+    return sum(value * count for value, count in weighted_degc) / sum(count for _, count in weighted_degc)
 
 
 def _recording_remarks(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> Iterator[Reason]:
@@ -353,14 +355,16 @@ def _states(groups: Sequence[Group]) -> IntArray:
 
 def _most_informative(groups: list[Group]) -> tuple[list[Group], int]:
     """Return the groups that inform the diagnosis most, and the number of revolutions in the others."""
-    kept = telling(
+    chosen = telling(
         np.array([group.recording for group in groups]),
         _states(groups),
         np.array([group.conditions.omega_radps for group in groups]),
         np.array([_count(group) for group in groups], dtype=np.float64),
         MAX_GROUPS,
     ).tolist()
-    return [groups[place] for place in kept], sum(map(_count, groups)) - sum(_count(groups[place]) for place in kept)
+    return [groups[index] for index in chosen], sum(map(_count, groups)) - sum(
+        _count(groups[index]) for index in chosen
+    )
 
 
 def _count(group: Group) -> int:
@@ -385,10 +389,10 @@ def _begins(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> tupl
 
 def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) -> Group:
     def placed(conditions: GroupConditions) -> GroupConditions:
-        own = conditions.temperature_degc
+        measured_degc = conditions.temperature_degc
         return replace(
             conditions,
-            temperature_degc=own if math.isfinite(own) else degc,
+            temperature_degc=measured_degc if math.isfinite(measured_degc) else degc,
             reference_degc=degc,
             time_s=conditions.time_s - begin_s,
         )
@@ -401,8 +405,8 @@ def _placed(group: Group, state: int, begin_s: float, degc: float, name: str) ->
 def _merged(orders: Sequence[ReadOrder], remarks: Sequence[tuple[_Remark, ...]]) -> tuple[_Remark | Reason, ...]:
     """Return the remarks of all recordings, each once, with its recordings unless it holds for all."""
     recordings: dict[_Remark, list[str]] = {}
-    for order, own in zip(orders, remarks, strict=True):
-        for remark in dict.fromkeys(own):
+    for order, order_remarks in zip(orders, remarks, strict=True):
+        for remark in dict.fromkeys(order_remarks):
             recordings.setdefault(remark, []).append(order.name)
     return tuple(
         remark if len(names) == len(orders) else Reason(Code.OF_RECORDINGS, statement=remark, recordings=tuple(names))
@@ -438,20 +442,20 @@ def _wheel_missing(order: ReadOrder, read: RecordingRead, reads: Sequence[Record
         choices.append("Or leave this recording out." if choices else "Leave this recording out.")
     elif not choices:
         choices.append("Give recordings of one wheel.")
-    found = f"it contains {', '.join(read.wheels)}" if read.wheels else "it contains no wheel"
-    message = f"'{order.path}' contains no revolution of wheel {wheel}; {found}"
+    contained = f"it contains {', '.join(read.wheels)}" if read.wheels else "it contains no wheel"
+    message = f"'{order.path}' contains no revolution of wheel {wheel}; {contained}"
     return RecordingError("; ".join((message, *map(notice_text, read.notices))), " ".join(choices))
 
 
 def _no_revolution(orders: Sequence[ReadOrder], reads: Sequence[RecordingRead]) -> RecordingError:
-    found = [_samples_s(order.path) for order in orders]
+    durations_s = [_samples_s(order.path) for order in orders]
     messages = [
         "; ".join((f"no whole revolution in '{order.path}': {_samples_text(seconds)}", *map(notice_text, read.notices)))
-        for order, read, seconds in zip(orders, reads, found, strict=True)
+        for order, read, seconds in zip(orders, reads, durations_s, strict=True)
     ]
-    if not any(found):
+    if not any(durations_s):
         remedy = "`treadlink inspect` shows what was recorded."
-    elif max(seconds or 0.0 for seconds in found) < _ONE_TURN_S:
+    elif max(seconds or 0.0 for seconds in durations_s) < _ONE_TURN_S:
         remedy = "Record longer: half a minute of rolling at a steady speed is enough."
     else:
         remedy = "Did the wheel roll? `treadlink inspect` shows what was recorded."
@@ -467,5 +471,5 @@ def _samples_text(seconds: float | None) -> str:
 def _samples_s(path: Path) -> float | None:
     """Return the duration of samples of the wheel with the most; None when their rate is unknown."""
     wheels = [wheel for link in inspect_recording(path).links.values() for wheel in link.wheels.values()]
-    known = [wheel.samples / wheel.hello.rate_hz for wheel in wheels if wheel.samples and wheel.hello is not None]
-    return max(known) if known else None if any(wheel.samples for wheel in wheels) else 0.0
+    durations_s = [wheel.samples / wheel.hello.rate_hz for wheel in wheels if wheel.samples and wheel.hello is not None]
+    return max(durations_s) if durations_s else None if any(wheel.samples for wheel in wheels) else 0.0

@@ -150,8 +150,8 @@ class _Collector:
         self.links.add(link)
         self.clock.take(link, batch, arrivals_ns)
         for hub, number, places in batch.by_source():
-            for place in places[batch.type[places] == MessageType.HELLO].tolist():
-                hello = batch.message(place)
+            for index in places[batch.type[places] == MessageType.HELLO].tolist():
+                hello = batch.message(index)
                 if isinstance(hello, Hello):
                     self.readings.setdefault((hub, number), SensorReading.from_hello(hello))
         for group in batch.sample_groups():
@@ -175,13 +175,15 @@ class _Collector:
 
     def repeats(self, source: tuple[int, int] | None) -> Repeats | None:
         """Return the repeated samples of a wheel, None without."""
-        found = self.repeated[source].result() if source in self.repeated else None
-        if source is None or found is None:
+        repeated = self.repeated[source].result() if source in self.repeated else None
+        if source is None or repeated is None:
             return None
         reading = self.readings[source]
         error = np.zeros(3)
-        error[list(reading.columns)] = found.error_counts * np.abs(reading.scale_mps2)
-        return Repeats(found.runs, found.samples, found.total, (float(error[0]), float(error[1]), float(error[2])))
+        error[list(reading.columns)] = repeated.error_counts * np.abs(reading.scale_mps2)
+        return Repeats(
+            repeated.runs, repeated.samples, repeated.total, (float(error[0]), float(error[1]), float(error[2]))
+        )
 
     def step_mps2(self, source: tuple[int, int] | None) -> tuple[float, float, float]:
         """Return the step of a wheel's converter by axis, 0 where it is not known."""
@@ -193,10 +195,10 @@ class _Collector:
 
     def bridges(self, source: tuple[int, int] | None) -> Reason | None:
         """Return that gaps of a wheel's signal are bridged by straight lines, None without."""
-        found = self.bridged[source].result() if source is not None and source in self.bridged else None
-        if found is None:
+        bridging = self.bridged[source].result() if source is not None and source in self.bridged else None
+        if bridging is None:
             return None
-        return Reason(Code.SAMPLES_BRIDGED, samples=found.samples, share=found.share, lines=len(found.lines))
+        return Reason(Code.SAMPLES_BRIDGED, samples=bridging.samples, share=bridging.share, lines=len(bridging.lines))
 
     @property
     def has_host_times(self) -> bool:
@@ -238,10 +240,10 @@ def _check_sensor(order: ReadOrder, sensors: SensorsHeard, position: str, *, has
     mismatches = tuple(sensors.mismatches(order.vehicle, [position]))
     if wheel is None or not mismatches or wheel.sensor_number in sensors.at(order.vehicle, position):
         return
-    found = "; ".join(map(notice_text, mismatches))
+    listed = "; ".join(map(notice_text, mismatches))
     remedy = "Give the configuration of this wheel, or correct the sensor_id in it."
     raise ConfigError(
-        f"the configuration does not belong to '{order.path}': {found}",
+        f"the configuration does not belong to '{order.path}': {listed}",
         f"{remedy} Without --config the recording's own is used." if has_own else remedy,
     )
 
@@ -273,7 +275,7 @@ def _reduced(
         remarks.append(Reason(Code.AXES_LEFT_OUT, axes=tuple(AXIS_NAMES[axis] for axis in _NOT_RADIAL)))
     if (clipped := int(table["cut_off"].sum())) > 0:
         remarks.append(Reason(Code.REVOLUTIONS_CLIPPED, count=clipped, total=len(table)))
-    elif saturated := sum(one.counters.samples_saturated for one in reading.wheels if one.position == position):
+    elif saturated := sum(state.counters.samples_saturated for state in reading.wheels if state.position == position):
         remarks.append(Reason(Code.SENSOR_RANGE_REACHED, count=saturated))
     if _is_doubted(faults, wheel):
         groups = [replace(group, sensor_doubted=True) for group in groups]
@@ -340,11 +342,11 @@ def _declared(
     stated_m = vehicle.tire_of(wheel).radius_m if vehicle is not None and wheel is not None else None
     mounting = wheel.mounting if wheel is not None else None
     offset_m = mounting.offset_m if mounting is not None else None
-    known = offset_m is not None and not is_assumed(vehicle, Quantity.OFFSET)
+    offset_known = offset_m is not None and not is_assumed(vehicle, Quantity.OFFSET)
     if offset_m is None:
         in_use = last.conditions
-        known = in_use.sensor_offset_std_m < _OFFSET_KNOWN_M
-        offset_m = in_use.sensor_offset_m if known else 0.0
+        offset_known = in_use.sensor_offset_std_m < _OFFSET_KNOWN_M
+        offset_m = in_use.sensor_offset_m if offset_known else 0.0
     return Declared(
         name=order.name,
         recording=order.index,
@@ -354,6 +356,6 @@ def _declared(
         pitch_rad=mounting.pitch_rad if mounting is not None else 0.0,
         reverse=order.reverse,
         ac_coupled=store.ac_coupled,
-        offset_known=known,
+        offset_known=offset_known,
         gain_std=last.conditions.claims.gain_std,
     )

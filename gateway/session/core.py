@@ -355,11 +355,11 @@ class SessionCore:
 
     def dropped(self, link: str, stages: Mapping[Stage, int]) -> None:
         """Set the number of items that the stages of the session have dropped; the first drop is reported."""
-        known = self._link(link)
-        for stage in stages.keys() - known.queue_dropped.keys():
+        state = self._link(link)
+        for stage in stages.keys() - state.queue_dropped.keys():
             level = Level.ERROR if stage in _LOSSES else Level.WARNING
             self.notify(Notice(link, Reason(_BEHIND[stage]), level))
-        known.queue_dropped = stages
+        state.queue_dropped = stages
 
     def finish(self) -> list[RevolutionResult]:
         """End the session: complete the last revolutions and close the recording."""
@@ -381,12 +381,12 @@ class SessionCore:
         """Return the latest state, immutable."""
         wheels, links = self._state()
         wheels = self._alarms.with_silences(wheels) if not ended else self._at_end(wheels)
-        found = self._alarms.alarms(wheels, links) if not ended else ()
+        alarms = self._alarms.alarms(wheels, links) if not ended else ()
         notices, records = tuple(self._notices), self._alarms.log.records()
         sinks = self._alarms.sinks
         disk = self._alarms.disk
         return SessionSnapshot(
-            elapsed_s, wheels, links, found, notices, *self.recording.path_and_size, ended, records, sinks, disk
+            elapsed_s, wheels, links, alarms, notices, *self.recording.path_and_size, ended, records, sinks, disk
         )
 
     def false_statements(self) -> list[Notice]:

@@ -406,13 +406,13 @@ class LiveSession:
         playbacks = {} if self._items else self._playbacks()
         times: dict[str, int] = {}
         for link, number in list(self._source_of.items()):
-            known = self._taken_ns.get(number)
+            time_ns = self._taken_ns.get(number)
             if number in playbacks:
-                known = playbacks[number].now_ns() or known
+                time_ns = playbacks[number].now_ns() or time_ns
             elif not self._patient[number] and not self._items:
-                known = now_ns
-            if known is not None:
-                times[link] = known
+                time_ns = now_ns
+            if time_ns is not None:
+                times[link] = time_ns
         return times
 
     def _take_results(self, results: Sequence[RevolutionResult]) -> None:

@@ -89,25 +89,27 @@ def recorded_orders(
         on_position=lambda position: on_progress(position / max(file.info.size_bytes, 1)),
     )
     vehicle = recording.vehicle
-    found: dict[str, _Wheel] = {}
+    by_position: dict[str, _Wheel] = {}
     for result in revolutions(recording, wheels=tuple(wheels) or None):
-        wheel = found.get(result.position)
+        wheel = by_position.get(result.position)
         if wheel is None:
             radius_m = result.conditions.radius_m
-            wheel = found[result.position] = _Wheel(radius_m, OrderAccumulator(speed_step_mps / radius_m))
+            wheel = by_position[result.position] = _Wheel(radius_m, OrderAccumulator(speed_step_mps / radius_m))
         wheel.add(result)
     orders = []
     doubts = effects_doubts(recording.effects, vehicle)
-    for position, wheel in found.items():
+    for position, wheel in by_position.items():
         statistics, mean = wheel.orders.statistics(), wheel.mean.mean()
         if statistics is not None and mean is not None:
             of_wheel = tuple(notice.reason for notice in doubts if notice.subject == position)
             orders.append(WheelOrders(position, wheel.radius_m, statistics, mean, wheel.rejected, of_wheel))
-    missing = [position for position in wheels if position not in found]
+    missing = [position for position in wheels if position not in by_position]
     if missing or not orders:
         of = f" of wheel {', '.join(missing)}" if missing else ""
         raise RecordingError(
             f"'{path}' has no usable revolution{of}", f"`treadlink estimate {path}` lists the reasons."
         )
-    order = {wheel.position: place for place, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
-    return RecordedOrders(tuple(sorted(orders, key=lambda one: order.get(one.wheel, len(order)))), file.damage)
+    order = {wheel.position: index for index, wheel in enumerate(vehicle.wheel if vehicle is not None else ())}
+    return RecordedOrders(
+        tuple(sorted(orders, key=lambda wheel_orders: order.get(wheel_orders.wheel, len(order)))), file.damage
+    )

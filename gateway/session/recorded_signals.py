@@ -164,7 +164,7 @@ def survey(recording: OpenedRecording) -> Survey:
     for link, batch, arrivals_ns in recording.blocks(links):
         first_ns, last_ns = first_ns or int(arrivals_ns[0]), max(last_ns, int(arrivals_ns[-1]))
         router.batch(link, batch, arrivals_ns)
-    order = {name: place for place, name in enumerate(configured.values())}
+    order = {name: index for index, name in enumerate(configured.values())}
     heard = [wheel for wheel in router.wheels.values() if wheel is not None]
     heard.sort(key=lambda wheel: order.get(wheel.wheel, len(order)))
     return Survey({wheel.wheel: wheel for wheel in heard}, links.counters, first_ns, last_ns)
@@ -237,8 +237,8 @@ class _Run:
 
     def part(self, first: int, end: int) -> _Run:
         """Return samples `first` to `end` (exclusive)."""
-        own = slice(first - self.first, end - self.first)
-        return _Run(first, self.axes_mps2[own], self.saturated[own])
+        part = slice(first - self.first, end - self.first)
+        return _Run(first, self.axes_mps2[part], self.saturated[part])
 
 
 class _Segment:
@@ -268,8 +268,8 @@ class _Segment:
 
     def ready(self) -> int:
         """Return the end of the samples that can be dated now."""
-        known = self.head - round(_HOLD_S * self.rate_hz) - self.first
-        return self.first + known // self._knot * self._knot if known > 0 else self.released
+        decided = self.head - round(_HOLD_S * self.rate_hz) - self.first
+        return self.first + decided // self._knot * self._knot if decided > 0 else self.released
 
     def release(self, end: int, host: HostClock) -> Iterator[tuple[_Run, FloatArray, NDArray[np.int64], float]]:
         """Yield the held samples before `end`, without gaps, with their hub times, host times and rate."""
@@ -369,12 +369,12 @@ class _Wheel:
 
     def hello(self, hello: Hello) -> None:
         """Take the layout and scale of the samples; a change of sensor, rate or layout begins a new segment."""
-        known = self._hello
-        if known == hello:
+        previous = self._hello
+        if previous == hello:
             return
         self._arrivals.take()
-        if known is None or any(
-            getattr(known, name) != getattr(hello, name) for name in ("axes", "rate_hz", "boot_count", "sensor_id")
+        if previous is None or any(
+            getattr(previous, name) != getattr(hello, name) for name in ("axes", "rate_hz", "boot_count", "sensor_id")
         ):
             self.flush()
         self._hello, self._reading = hello, SensorReading.from_hello(hello)

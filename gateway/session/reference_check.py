@@ -24,7 +24,7 @@ class ReferenceCheck:
 
     def comparisons(self) -> tuple[ReferenceComparison, ...]:
         """Return the comparison with every reference, by wheel."""
-        found = []
+        comparisons = []
         for reference in self._reader.references():
             turns = self._turns.get(reference.position, TurnLog())
             comparison = turns.compare(
@@ -36,5 +36,5 @@ class ReferenceCheck:
                 reference.value_std,
                 self._radius_m.get(reference.position, ASSUMED_RADIUS_MM * 1e-3),
             )
-            found.append(comparison)
-        return tuple(found)
+            comparisons.append(comparison)
+        return tuple(comparisons)
