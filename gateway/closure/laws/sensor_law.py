@@ -69,7 +69,7 @@ class AxisDelay(_AxisLaw):
     def _spectrum(self, block: ModelledBlock) -> tuple[ComplexArray, ComplexArray]:
         spectrum = np.asarray(np.fft.rfft(block.signal_mps2[self.axis]), dtype=np.complex128)
         spectrum[-1] = 0.0
-        rate: ComplexArray = 1j * block.conditions.omega_radps * np.arange(len(spectrum), dtype=np.float64)
+        rate = np.asarray(1j * block.conditions.omega_radps * np.arange(len(spectrum)), dtype=np.complex128)
         return spectrum, rate
 
 
