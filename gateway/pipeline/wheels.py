@@ -5,7 +5,7 @@ Synchronous and deterministic: no clock, no I/O. The results do not depend on th
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -137,6 +137,8 @@ class Pipeline:
         self._configured = {wheel.setup.position: wheel for wheel in self._order}
         self._positions = {(setup.hub, setup.wheel): setup.position for setup in setups}
         self._router: FrameRouter[WheelPipeline] = FrameRouter(self._positions, self._made)
+        # Wheels that have sent a frame, with the clocks of their hubs.
+        self._heard: list[tuple[Hub, WheelPipeline]] = []
         self.limit = self._router.limit
         # Sources of samples of each link, those that were admitted.
         self._sources: dict[str, dict[tuple[int, int], _Source]] = {}
@@ -176,11 +178,7 @@ class Pipeline:
 
         One wheel at a time keeps the work on a chunk short.
         """
-        overdue = [
-            (wheel, late_s)
-            for link, hub, wheel in self._wheels()
-            if (late_s := wheel.overdue_s(self._router.hub(link, hub).last_us)) >= 0.0
-        ]
+        overdue = [(wheel, late_s) for hub, wheel in self._heard if (late_s := wheel.overdue_s(hub.last_us)) >= 0.0]
         if not overdue:
             return []
         latest_s = max(late_s for _, late_s in overdue)
@@ -190,7 +188,8 @@ class Pipeline:
     def complete(self, link: str) -> list[RevolutionResult]:
         """Return the revolutions of a link that wait for the next ones, as when it falls silent."""
         self._add_runs(link)
-        return [result for of_link, _, wheel in self._wheels() if of_link == link for result in wheel.complete()]
+        of_link = (wheel for key, wheel in self._router.wheels.items() if key[0] == link)
+        return [result for wheel in of_link if wheel is not None for result in wheel.complete()]
 
     def _add_runs(self, link: str) -> None:
         """Add the samples of a link that wait to their wheels."""
@@ -205,18 +204,15 @@ class Pipeline:
         self._sources[link][hub, wheel] = source
         return source
 
-    def _made(self, position: str, hub: int, number: int, _: Hub) -> WheelPipeline:
+    def _made(self, position: str, hub: int, number: int, clock: Hub) -> WheelPipeline:
         """Return the wheel of a position; one that is not configured is new."""
         wheel = self._configured.get(position)
         if wheel is None:
             setup = replace(self._unknown, position=position, hub=hub, wheel=number)
             wheel = WheelPipeline(setup, self._estimators, self._wheel_hold_s)
             self._order.append(wheel)
+        self._heard.append((clock, wheel))
         return wheel
-
-    def _wheels(self) -> Iterator[tuple[str, int, WheelPipeline]]:
-        """Yield link, number of the hub and wheel of all that have sent a frame."""
-        return ((link, hub, wheel) for (link, hub, _), wheel in self._router.wheels.items() if wheel is not None)
 
     def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> list[RevolutionResult]:
         """Take a block of decoded frames of a dump; the results are those of `frames`, wheel by wheel.
@@ -227,15 +223,15 @@ class Pipeline:
             host_ns: (frames,) arrival time of each.
         """
         self._router.batch(link, batch, host_ns)
-        return [result for _, _, wheel in self._wheels() for result in wheel.complete()]
+        return [result for _, wheel in self._heard for result in wheel.complete()]
 
     def finish(self) -> list[RevolutionResult]:
         """Complete the revolutions that can be completed, when no more frames will come."""
         for of_link in self._sources:
             self._add_runs(of_link)
         results: list[RevolutionResult] = []
-        for link, hub, wheel in self._wheels():
-            results += wheel.finish(self._router.hub(link, hub).host)
+        for hub, wheel in self._heard:
+            results += wheel.finish(hub.host)
         return results
 
     def wheels(self) -> tuple[WheelSnapshot, ...]:

@@ -85,8 +85,10 @@ class SessionRecording:
             host_ns: present time.
             average_mps2: returns the average of a wheel after its last revolution, at its speed.
         """
+        if self.recorder is None:
+            return
         latest = {result.position: result for result in results}
-        for result in results if self.recorder is not None else ():
+        for result in results:
             position = result.position
             self._topic(wheel_topic(position, "revolution"), host_ns, revolution_payload(result))
             if latest[position] is result and host_ns >= self._waveform_due_ns.get(position, 0):

@@ -98,7 +98,7 @@ class _Wheel:
         self.changes = 0
         self.former_sensor: int | None = None
         # Blocks that wait for their review, and the samples of the chosen ones by place.
-        self.pending: list[tuple[int, int, int, int]] = []
+        self.pending: list[tuple[int, int, int]] = []
         self.counts: dict[int, NDArray[np.int16]] = {}
         self.content = SampleContent()
         self.restart()
@@ -185,10 +185,9 @@ class StatementWatch:
             else:
                 wheel = wheel or self._wheel(source)
                 first_sample, axes, counts = message
-                place = len(wheel.pending)
                 if chosen(first_sample):
-                    wheel.counts[place] = counts
-                wheel.pending.append((place, first_sample, tick_us, axes))
+                    wheel.counts[len(wheel.pending)] = counts
+                wheel.pending.append((first_sample, tick_us, axes))
                 if len(wheel.pending) >= self._review_blocks:
                     self._review_pending(source, wheel)
 
@@ -361,7 +360,7 @@ class StatementWatch:
         if wheel.pending:
             rows = np.array(wheel.pending, np.int64).T
             wheel.pending.clear()
-            self._review(source, wheel, _Blocks(*rows), wheel.counts)
+            self._review(source, wheel, _Blocks(np.arange(rows.shape[1]), *rows), wheel.counts)
             wheel.counts.clear()
 
     def _review(self, source: _Source, wheel: _Wheel, blocks: _Blocks, counts: Mapping[int, NDArray[np.int16]]) -> None:
