@@ -35,13 +35,13 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "wheel": _text(diagnosis.wheel),
         "model": _text(diagnosis.model),
         "recordings": _texts(diagnosis.recordings),
-        "left_out": [_reason(one) for one in diagnosis.left_out],
+        "left_out": [_reason(remark) for remark in diagnosis.left_out],
         "origin": _origin(diagnosis.origin),
         "stated": _remarks(diagnosis.stated),
         "assumed": _remarks(diagnosis.assumed),
         "notes": _remarks(diagnosis.notes),
         "reasons": {
-            name: [_reason(one) for one in remarks if isinstance(one, Reason)]
+            name: [_reason(remark) for remark in remarks if isinstance(remark, Reason)]
             for name, remarks in (
                 ("stated", diagnosis.stated),
                 ("assumed", diagnosis.assumed),
@@ -57,7 +57,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "complete": bool(diagnosis.complete),
         "noise_floor_mps2": _number(diagnosis.noise_floor_mps2),
         "effects": [_finding(finding) for finding in diagnosis.findings],
-        "unexplained": [_unexplained(left) for left in diagnosis.unexplained],
+        "unexplained": [_unexplained(residual) for residual in diagnosis.unexplained],
         "laws": [_law(law) for law in diagnosis.laws],
         "next_steps": [{"about": _text(about), "step": _text(step)} for about, step in next_steps(diagnosis)],
         "estimates": {
@@ -111,8 +111,13 @@ def _origin(origin: Origin | None) -> dict[str, Any] | None:
         "vehicle": _text(origin.vehicle),
         "tire": _text(origin.tire),
         "recordings": [
-            {"path": _text(one.path), "sha256": one.sha256, "first_s": one.first_s, "last_s": one.last_s}
-            for one in origin.recordings
+            {
+                "path": _text(recording.path),
+                "sha256": recording.sha256,
+                "first_s": recording.first_s,
+                "last_s": recording.last_s,
+            }
+            for recording in origin.recordings
         ],
     }
 
@@ -140,27 +145,27 @@ def _finding(finding: Finding) -> dict[str, Any]:
         "rivals": _texts(finding.rivals),
         "decide_with": _reason_text(finding.decide_with),
         "reason": _reason_text(finding.reason),
-        "reasons": [_reason(one) for one in (finding.reason,) if one is not None],
-        "deciding_recordings": [_reason(one) for one in (finding.decide_with,) if one is not None],
+        "reasons": [_reason(reason) for reason in (finding.reason,) if reason is not None],
+        "deciding_recordings": [_reason(reason) for reason in (finding.decide_with,) if reason is not None],
         "summary": _text(finding.summary),
         "equation": _text(finding.equation),
     }
 
 
-def _unexplained(left: Unexplained) -> dict[str, Any]:
+def _unexplained(residual: Unexplained) -> dict[str, Any]:
     return {
-        "axis": _text(left.axis),
-        "lock": _text(left.lock),
-        "lock_known": bool(left.lock_known),
-        "changes": bool(left.changes),
-        "orders": None if left.orders is None else [int(order) for order in left.orders],
-        "hz": None if left.hz is None else _numbers(left.hz),
-        "angle_rad": None if left.angle_rad is None else _numbers(left.angle_rad),
-        "scaling": scaling_text(left.scaling),
-        "scaling_exponent": _number(left.scaling.exponent),
-        "rms_mps2": _number(left.rms_mps2),
-        "std_mps2": _number(left.std_mps2),
-        "text": _text(residual_sentence(left)),
+        "axis": _text(residual.axis),
+        "lock": _text(residual.lock),
+        "lock_known": bool(residual.lock_known),
+        "changes": bool(residual.changes),
+        "orders": None if residual.orders is None else [int(order) for order in residual.orders],
+        "hz": None if residual.hz is None else _numbers(residual.hz),
+        "angle_rad": None if residual.angle_rad is None else _numbers(residual.angle_rad),
+        "scaling": scaling_text(residual.scaling),
+        "scaling_exponent": _number(residual.scaling.exponent),
+        "rms_mps2": _number(residual.rms_mps2),
+        "std_mps2": _number(residual.std_mps2),
+        "text": _text(residual_sentence(residual)),
     }
 
 
@@ -178,21 +183,22 @@ def _law(law: Law) -> dict[str, Any]:
         "share": _number(law.share),
         "rms_mps2": _number(law.rms_mps2),
         "sizes": [
-            {"recording": int(one.recording), "value": _number(one.value), "std": _number(one.std)} for one in law.sizes
+            {"recording": int(size.recording), "value": _number(size.value), "std": _number(size.std)}
+            for size in law.sizes
         ],
         "unseen": [
             {
-                "recording": int(one.recording),
-                "axis": _text(one.axis),
-                "rms_before_mps2": _number(one.before_mps2),
-                "rms_after_mps2": _number(one.after_mps2),
-                "noise_mps2": _number(one.noise_mps2),
+                "recording": int(check.recording),
+                "axis": _text(check.axis),
+                "rms_before_mps2": _number(check.before_mps2),
+                "rms_after_mps2": _number(check.after_mps2),
+                "noise_mps2": _number(check.noise_mps2),
             }
-            for one in law.unseen
+            for check in law.unseen
         ],
         "held_out": None if law.held_out is None else held_out_json(law.held_out),
         "rivals": _texts(law.rivals),
-        "reasons": [_reason(one) for one in law.reasons],
+        "reasons": [_reason(reason) for reason in law.reasons],
     }
 
 
@@ -226,7 +232,7 @@ def _reason(reason: Reason) -> dict[str, Any]:
 
 
 def _remarks(remarks: Sequence[Remark]) -> list[str]:
-    return [_reason_text(one) if isinstance(one, Reason) else _text(one) for one in remarks]
+    return [_reason_text(remark) if isinstance(remark, Reason) else _text(remark) for remark in remarks]
 
 
 def _texts(texts: Sequence[str]) -> list[str]:

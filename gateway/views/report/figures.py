@@ -170,9 +170,9 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
         top.plot(degrees, curves.after_mps2[axis], color=AFTER, label="after: with effects")
         _residual(middle, curves, axis)
         _residual(bottom, curves, axis, before=False)
-        for left in _of(unexplained, axis, "angle"):
-            if left.angle_rad is not None:
-                bottom.axvspan(*np.degrees(left.angle_rad), color=RESIDUAL, alpha=0.35, lw=0, label="unexplained")
+        for residual in _of(unexplained, axis, "angle"):
+            if residual.angle_rad is not None:
+                bottom.axvspan(*np.degrees(residual.angle_rad), color=RESIDUAL, alpha=0.35, lw=0, label="unexplained")
         bottom.set_xlim(-limit, limit)
         bottom.set_xticks(np.linspace(-limit, limit, 9 if column == 0 else 5))
         bottom.set_xlabel("angle from the contact's centre, deg")
@@ -187,7 +187,7 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
 
 def law_figure(law: Law) -> Figure:
     """Draw what is left without a law, and the law, of its axes in the group where it is largest."""
-    curves = max(law.curves, key=lambda one: float(np.square(one.law_mps2).sum()))
+    curves = max(law.curves, key=lambda group_curves: float(np.square(group_curves.law_mps2).sum()))
     axes = [axis for axis in range(len(AXIS_NAMES)) if AXIS_NAMES[axis] in law.axes]
     figure = new_figure(_WIDTH_INCH, 2.2 * len(axes) + 0.8)
     panels = figure.subplots(len(axes), 1, sharex=True, squeeze=False)[:, 0]
@@ -233,10 +233,15 @@ def orders_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained] 
         panel.plot(n - 0.18, before, "o", color=BEFORE, ms=3.4, mfc="none", mew=1.0, label="before")
         panel.vlines(n + 0.18, 0.0, after, color=AFTER, lw=1.4)
         panel.plot(n + 0.18, after, "o", color=AFTER, ms=2.8, label="after")
-        for left in _of(unexplained, axis, "angle"):
-            if left.orders is not None:
+        for residual in _of(unexplained, axis, "angle"):
+            if residual.orders is not None:
                 panel.axvspan(
-                    left.orders[0] - 0.5, left.orders[1] + 0.5, ymax=0.05, color=RESIDUAL, lw=0, label="unexplained"
+                    residual.orders[0] - 0.5,
+                    residual.orders[1] + 0.5,
+                    ymax=0.05,
+                    color=RESIDUAL,
+                    lw=0,
+                    label="unexplained",
                 )
         panel.axhline(0.0, color=QUIET, lw=0.6)
         panel.set_ylabel(f"{part} part, {_UNIT}")
@@ -256,10 +261,10 @@ def spectra_figure(spectra: Spectra, unexplained: Sequence[Unexplained] = (), *,
     positive = spectra.frequency_hz > 0.0
     frequency = spectra.frequency_hz[positive]
     for panel, axis in zip(panels, axes, strict=True):
-        for left in _of(unexplained, axis, "time"):
-            if left.hz is not None and 0.0 < left.hz[0] <= left.hz[1]:
+        for residual in _of(unexplained, axis, "time"):
+            if residual.hz is not None and 0.0 < residual.hz[0] <= residual.hz[1]:
                 # A tone is narrow: its edge keeps it visible.
-                panel.axvspan(*left.hz, color=RESIDUAL, alpha=0.5, lw=3.0, label="unexplained")
+                panel.axvspan(*residual.hz, color=RESIDUAL, alpha=0.5, lw=3.0, label="unexplained")
         panel.loglog(frequency, spectra.measured_m2ps3[axis][positive], color=QUIET, lw=0.9, label="measured")
         panel.loglog(frequency, spectra.before_m2ps3[axis][positive], color=BEFORE, ls="--", label="sensor noise only")
         panel.loglog(frequency, spectra.after_m2ps3[axis][positive], color=AFTER, label="with effects")
@@ -295,12 +300,20 @@ def trend_figure(trends: Sequence[Trend]) -> Figure:
     panels = figure.subplots(1, len(trends), sharex=True, squeeze=False)[0]
     for panel, trend in zip(panels, trends, strict=True):
         order = np.argsort(trend.at, kind="stable")
-        at = trend.at[order] * unit.factor
-        panel.plot(at, trend.noise_mps2[order], "_", color=QUIET, ms=13.0, mew=1.6, label="noise of the mean")
+        abscissa = trend.at[order] * unit.factor
+        panel.plot(abscissa, trend.noise_mps2[order], "_", color=QUIET, ms=13.0, mew=1.6, label="noise of the mean")
         panel.plot(
-            at, trend.before_mps2[order], "o", color=BEFORE, ms=6.5, mfc="none", mew=1.5, label="before", clip_on=False
+            abscissa,
+            trend.before_mps2[order],
+            "o",
+            color=BEFORE,
+            ms=6.5,
+            mfc="none",
+            mew=1.5,
+            label="before",
+            clip_on=False,
         )
-        panel.plot(at, trend.after_mps2[order], "o", color=AFTER, ms=5.0, label="after", clip_on=False)
+        panel.plot(abscissa, trend.after_mps2[order], "o", color=AFTER, ms=5.0, label="after", clip_on=False)
         panel.set_ylim(bottom=0.0)
         panel.margins(x=0.08)
         panel.set_title(drawable(trend.axis))
@@ -321,7 +334,11 @@ def _residual(panel: Axes, curves: Curves, axis: int, *, before: bool = True) ->
 
 
 def _of(unexplained: Sequence[Unexplained], axis: int, lock: str) -> list[Unexplained]:
-    return [left for left in unexplained if left.axis == AXIS_NAMES[axis] and left.lock == lock and not left.changes]
+    return [
+        residual
+        for residual in unexplained
+        if residual.axis == AXIS_NAMES[axis] and residual.lock == lock and not residual.changes
+    ]
 
 
 def _band_label(noise: float) -> str:
@@ -339,16 +356,16 @@ def _legend(figure: Figure, panels: Sequence[Axes], noise: str) -> None:
 
 def _symmetric_scale(panel: Axes, values: FloatArray, band: FloatArray) -> None:
     """Choose a scale on which both the largest coefficient and the noise can be read."""
-    known, noise = np.abs(values[np.isfinite(values)]), band[np.isfinite(band) & (band > 0.0)]
-    if not known.size or not noise.size or known.max() <= _LOG_FROM * np.median(noise):
+    sizes, noise = np.abs(values[np.isfinite(values)]), band[np.isfinite(band) & (band > 0.0)]
+    if not sizes.size or not noise.size or sizes.max() <= _LOG_FROM * np.median(noise):
         return
     linear = float(2.0 * np.median(noise))
     panel.set_yscale("symlog", linthresh=linear, linscale=1.0)
-    top = math.floor(math.log10(float(known.max())))
+    top = math.floor(math.log10(float(sizes.max())))
     lowest = math.ceil(math.log10(linear))
     decades = [10.0**decade for decade in range(lowest, top + 1)]
     ticks = [*(-tick for tick in reversed(decades)), 0.0, *decades]
     panel.set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
-    limit = 1.6 * float(known.max())
+    limit = 1.6 * float(sizes.max())
     panel.set_ylim(-limit, limit)
     panel.minorticks_off()

@@ -314,7 +314,7 @@ def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
         "Law and residual",
         "Measured mean less the model with effects, and what the law adds to that model.",
         "figures",
-        [_law(at, law) for at, law in enumerate(diagnosis.laws)],
+        [_law(number, law) for number, law in enumerate(diagnosis.laws)],
     )
     if groups:
         index = reference_group(groups)
@@ -339,13 +339,13 @@ def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
             "figures",
             [_orders(diagnosis, reference, axis, label) for axis in recorded_axes(reference)],
         )
-        others = _spread([one for at, one in enumerate(groups) if at != index], MOST_GROUPS)
+        others = _spread([group for number, group in enumerate(groups) if number != index], MOST_GROUPS)
         yield Chapter(
             "groups",
             "Residual of the other groups",
             _drawn("Colours and lines as above: dashed before, solid after.", len(others), len(groups) - 1),
             "small-figures",
-            [_residual(at, one) for at, one in enumerate(others)],
+            [_residual(number, group) for number, group in enumerate(others)],
         )
     yield from _time_locked(diagnosis)
     yield Chapter(
@@ -353,39 +353,39 @@ def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
         "Trends of the residual",
         "One point for each group: the residual of its mean with noise power subtracted, and the noise of the mean.",
         "figures",
-        [_trend(at, trends) for at, trends in enumerate(_by_quantity(diagnosis.trends))],
+        [_trend(number, trends) for number, trends in enumerate(_by_quantity(diagnosis.trends))],
     )
 
 
 def _time_locked(diagnosis: Diagnosis) -> Iterator[Chapter]:
-    known = [one for one in diagnosis.spectra if bool(np.isfinite(one.measured_m2ps3).any())]
-    if not known:
+    measured = [spectra for spectra in diagnosis.spectra if bool(np.isfinite(spectra.measured_m2ps3).any())]
+    if not measured:
         return
-    wanted = diagnosis.curves[reference_group(diagnosis.curves)].label if diagnosis.curves else known[0].label
-    at = next((at for at, one in enumerate(known) if one.label == wanted), 0)
-    others = _spread([one for index, one in enumerate(known) if index != at], MOST_SPECTRA)
+    wanted = diagnosis.curves[reference_group(diagnosis.curves)].label if diagnosis.curves else measured[0].label
+    number = next((number for number, spectra in enumerate(measured) if spectra.label == wanted), 0)
+    others = _spread([spectra for index, spectra in enumerate(measured) if index != number], MOST_SPECTRA)
     yield Chapter(
         "spectra",
         "Signal that does not repeat with the wheel",
         "Spectral density after the mean revolution is subtracted. Vibration, resonances and tones exceed the sensor's "
         "noise.",
         "figures",
-        [_spectrum("s", known[at], diagnosis)],
+        [_spectrum("s", measured[number], diagnosis)],
     )
     yield Chapter(
         "other-spectra",
         "Time-locked spectra of the other groups",
-        _drawn("Colours and lines as above.", len(others), len(known) - 1),
+        _drawn("Colours and lines as above.", len(others), len(measured) - 1),
         "small-figures",
-        [_spectrum(f"s{index}", one, diagnosis, small=True) for index, one in enumerate(others)],
+        [_spectrum(f"s{index}", spectra, diagnosis, small=True) for index, spectra in enumerate(others)],
     )
 
 
-def _law(at: int, law: Law) -> Drawing:
+def _law(number: int, law: Law) -> Drawing:
     kind = "Law" if law.certain else "Clue"
     return _drawing(
         law_figure(law),
-        f"l{at}",
+        f"l{number}",
         f"What is left without the law, and the law, in m/s² over the wheel's angle: {clean(law.title)}.",
         f"{kind}: {clean(law.title)}.",
         "Residual without it, and what it adds to the model, at the group where that is largest.",
@@ -393,7 +393,7 @@ def _law(at: int, law: Law) -> Drawing:
 
 
 def _waveform(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Drawing:
-    size = next(one for one in residuals(curves) if one.axis == AXIS_NAMES[axis])
+    size = next(axis_residual for axis_residual in residuals(curves) if axis_residual.axis == AXIS_NAMES[axis])
     return _drawing(
         waveform_figure(curves, axis, diagnosis.unexplained),
         f"w{axis}",
@@ -417,16 +417,19 @@ def _orders(diagnosis: Diagnosis, curves: Curves, axis: int, label: str) -> Draw
 
 def _marked(diagnosis: Diagnosis, axis: int) -> bool:
     return any(
-        left.axis == AXIS_NAMES[axis] and left.lock == "angle" and left.orders is not None and not left.changes
-        for left in diagnosis.unexplained
+        residual.axis == AXIS_NAMES[axis]
+        and residual.lock == "angle"
+        and residual.orders is not None
+        and not residual.changes
+        for residual in diagnosis.unexplained
     )
 
 
 def _residual(index: int, curves: Curves) -> Drawing:
     label = typeset(curves.label)
     sizes = "Residual in m/s² rms, before → after (noise of the mean): " + ", ".join(
-        f"{one.axis} {significant(one.before_mps2)} → {significant(one.after_mps2)} ({significant(one.noise_mps2)})"
-        for one in residuals(curves)
+        f"{size.axis} {significant(size.before_mps2)} → {significant(size.after_mps2)} ({significant(size.noise_mps2)})"
+        for size in residuals(curves)
     )
     return _drawing(
         residual_figure(curves), f"g{index}", f"Residuals over the wheel's angle, {label}. {sizes}.", label, sizes
@@ -477,7 +480,7 @@ def _drawn(keys: str, drawn: int, there: int) -> str:
 def _spread(items: list[Any], most: int) -> list[Any]:
     if len(items) <= most:
         return items
-    return [items[round(at)] for at in np.linspace(0, len(items) - 1, most)]
+    return [items[round(position)] for position in np.linspace(0, len(items) - 1, most)]
 
 
 def _by_quantity(trends: Sequence[Trend]) -> list[list[Trend]]:

@@ -55,7 +55,7 @@ def next_steps(diagnosis: Diagnosis) -> list[NextStep]:
 
 def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
     for of_sensor in (True, False):
-        names = [one.name for one in diagnosis.named if _is_of_sensor(one.name) == of_sensor]
+        names = [effect.name for effect in diagnosis.named if _is_of_sensor(effect.name) == of_sensor]
         if diagnosis.taken_from:
             break
         if names and of_sensor:
@@ -69,8 +69,8 @@ def _steps(diagnosis: Diagnosis) -> Iterator[tuple[str, str]]:
         small = finding.reason is not None and finding.reason.code is Code.SMALLER_THAN_LEFT
         step = "find the cause of what is left first" if small else "record longer, or at another speed or load"
         yield effect_title(finding.name), step
-    for left in diagnosis.unexplained[:_MOST_RESIDUALS]:
-        yield f"{clean(left.axis)}, {place_text(left)}", _of_residual(left, _half_angle_rad(diagnosis))
+    for residual in diagnosis.unexplained[:_MOST_RESIDUALS]:
+        yield f"{clean(residual.axis)}, {place_text(residual)}", _of_residual(residual, _half_angle_rad(diagnosis))
     if names := undetermined(diagnosis):
         yield f"not determined: {listed(names)}", why_undetermined(diagnosis, names)
     for note in diagnosis.notes:
@@ -84,41 +84,43 @@ def _is_of_sensor(name: str) -> bool:
 
 
 def _half_angle_rad(diagnosis: Diagnosis) -> float:
-    one = diagnosis.estimates_after.get("contact_half_angle_rad")
-    return 0.0 if one is None or not math.isfinite(one.value) else one.value
+    half_angle = diagnosis.estimates_after.get("contact_half_angle_rad")
+    return 0.0 if half_angle is None or not math.isfinite(half_angle.value) else half_angle.value
 
 
-def _of_residual(left: Unexplained, half_angle_rad: float) -> str:
+def _of_residual(residual: Unexplained, half_angle_rad: float) -> str:
     """Return what would tell more about a residual, by its own features."""
-    if left.changes:
+    if residual.changes:
         return "record one state at a time: load, slip angle, camber, pressure and temperature as steady as possible"
-    if left.lock == "samples":
+    if residual.lock == "samples":
         return "repair or replace sensor, hub or link"
-    if left.lock == "turns":
+    if residual.lock == "turns":
         return "look for what comes every second turn: a belt, a chain or a part that two turns bring back"
-    if left.lock == "time":
-        return _of_time_locked(left)
-    if left.angle_rad is None:
+    if residual.lock == "time":
+        return _of_time_locked(residual)
+    if residual.angle_rad is None:
         step = "turn the tire on its rim and record again: what turns with it is the tire's, the rest the wheel's"
-    elif abs(sum(left.angle_rad)) / 2.0 < half_angle_rad + _NEAR_RAD:
+    elif abs(sum(residual.angle_rad)) / 2.0 < half_angle_rad + _NEAR_RAD:
         step = "it is at the contact: record at another load; what moves with the edges is tread or road"
     else:
-        low, high = (math.degrees(angle) for angle in left.angle_rad)
+        low, high = (math.degrees(angle) for angle in residual.angle_rad)
         step = (
             f"look at the tire {span_text((low, high))} deg behind the sensor, which is in the contact then: a splice, "
             "a nail, a patch, a bent rim; turned on its rim, a tire takes its own along"
         )
-    return f"{step}; record at a second speed" if left.scaling.status in _UNSEEN else step
+    return f"{step}; record at a second speed" if residual.scaling.status in _UNSEEN else step
 
 
-def _of_time_locked(left: Unexplained) -> str:
-    if math.isfinite(left.centre_order):
+def _of_time_locked(residual: Unexplained) -> str:
+    if math.isfinite(residual.centre_order):
         return (
-            f"look for what turns {left.centre_order:.2f} times as fast as the wheel: a bearing, a gear, a drum, "
+            f"look for what turns {residual.centre_order:.2f} times as fast as the wheel: a bearing, a gear, a drum, "
             "another wheel"
         )
-    if left.narrow and math.isfinite(left.centre_hz):
-        return f"look for a source of {left.centre_hz:.1f} Hz: mains, a motor, a fan; switch it off and record again"
-    if left.speeds is None:
+    if residual.narrow and math.isfinite(residual.centre_hz):
+        return (
+            f"look for a source of {residual.centre_hz:.1f} Hz: mains, a motor, a fan; switch it off and record again"
+        )
+    if residual.speeds is None:
         return "record at a second speed: a resonance keeps its frequency, what turns does not"
     return "it keeps its frequency: look for a resonance of suspension, rim, sensor or electronics"

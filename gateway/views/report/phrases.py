@@ -100,7 +100,7 @@ def law_text(law: Law) -> str:
     explains = f"explains {law.share:.0%} of what is left beyond noise"
     if law.certain:
         return f"{clean(law.summary)} It {explains}, on recordings that it has not seen too"
-    return f"{clean(law.summary)} It {explains}, but {listed([reason_text(one) for one in law.reasons])}"
+    return f"{clean(law.summary)} It {explains}, but {listed([reason_text(reason) for reason in law.reasons])}"
 
 
 def sentence(phrase: str) -> str:
@@ -130,82 +130,84 @@ def scaling_text(scaling: Scaling) -> str:
     return f"not known: {SCALINGS[scaling.status]}"
 
 
-def place_text(left: Unexplained) -> str:
+def place_text(residual: Unexplained) -> str:
     """Return the place of a residual in one phrase: Hz where it is time-locked, else orders and angle."""
-    if left.lock == "time" and left.hz is not None:
-        return f"{span_text(left.hz)} Hz"
-    if left.lock == "samples":
+    if residual.lock == "time" and residual.hz is not None:
+        return f"{span_text(residual.hz)} Hz"
+    if residual.lock == "samples":
         return "repeated samples"
     parts = []
-    if left.orders is not None:
-        parts.append(("order " if left.orders[0] == left.orders[1] else "orders ") + orders_text(left.orders))
-    elif left.hz is not None:
-        parts.append(f"{span_text(left.hz)} Hz")
-    if left.angle_rad is not None:
-        parts.append(f"{span_text(left.angle_rad, 180.0 / math.pi)} deg")
+    if residual.orders is not None:
+        parts.append(
+            ("order " if residual.orders[0] == residual.orders[1] else "orders ") + orders_text(residual.orders)
+        )
+    elif residual.hz is not None:
+        parts.append(f"{span_text(residual.hz)} Hz")
+    if residual.angle_rad is not None:
+        parts.append(f"{span_text(residual.angle_rad, 180.0 / math.pi)} deg")
     return ", ".join(parts) or "all orders"
 
 
-def residual_remarks(left: Unexplained) -> list[str]:
+def residual_remarks(residual: Unexplained) -> list[str]:
     """Return the remarks on a residual beyond its figures; none for a stationary one locked to the wheel."""
-    if left.changes:
+    if residual.changes:
         return [f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"]
-    if left.lock in SINGLE_TURNS:
+    if residual.lock in SINGLE_TURNS:
         also = (
-            [f"also {', '.join(f'{value:.2g} m/s² {axis}' for axis, value in left.other_axes)}"]
-            if left.other_axes
+            [f"also {', '.join(f'{value:.2g} m/s² {axis}' for axis, value in residual.other_axes)}"]
+            if residual.other_axes
             else []
         )
-        return [SINGLE_TURNS[left.lock], *also, f"most in {left.largest_in}"]
-    if left.lock != "time":
+        return [SINGLE_TURNS[residual.lock], *also, f"most in {residual.largest_in}"]
+    if residual.lock != "time":
         return []
     parts = []
-    if not left.lock_known:
+    if not residual.lock_known:
         parts.append("at multiples of the wheel frequency: time-locked, or angle-locked but not the same every turn")
-    elif left.orders is not None:
+    elif residual.orders is not None:
         parts.append(
             "its frequency rises with the wheel's, but it does not repeat every turn: for example a bearing, a gear, a "
             "drum or another wheel"
         )
-    elif left.speeds is not None:
-        seen, there = left.speeds
+    elif residual.speeds is not None:
+        seen, there = residual.speeds
         parts.append(f"at the same frequency at {'every speed' if seen == there else f'{seen} of {there} speeds'}")
-    return [*parts, *_other_axes(left)]
+    return [*parts, *_other_axes(residual)]
 
 
-def _other_axes(left: Unexplained) -> list[str]:
-    also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in left.other_axes)
+def _other_axes(residual: Unexplained) -> list[str]:
+    also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in residual.other_axes)
     return [f"also {also}"] if also else []
 
 
-def residual_sentence(left: Unexplained) -> str:
+def residual_sentence(residual: Unexplained) -> str:
     """Return a residual as one sentence, as in JSON."""
-    size = f"{left.rms_mps2:.2g} m/s^2 rms"
-    if left.changes:
-        most = f", most in {left.largest_in}" if left.largest_in else ""
+    size = f"{residual.rms_mps2:.2g} m/s^2 rms"
+    if residual.changes:
+        most = f", most in {residual.largest_in}" if residual.largest_in else ""
         return (
-            f"{left.axis} axis, {place_text(left)}: {NON_STATIONARY}, by {size} about its mean{most}; load, slip "
-            "angle, camber or temperature may change: record one state at a time"
+            f"{residual.axis} axis, {place_text(residual)}: {NON_STATIONARY}, by {size} about its mean{most}; load, "
+            "slip angle, camber or temperature may change: record one state at a time"
         )
-    if left.lock in SINGLE_TURNS:
-        also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in left.other_axes)
+    if residual.lock in SINGLE_TURNS:
+        also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in residual.other_axes)
         return (
-            f"{left.axis} axis, {place_text(left)}: {size} over the turn{also}; {SINGLE_TURNS[left.lock]}; most in "
-            f"{left.largest_in}; scaling: {scaling_text(left.scaling)}"
+            f"{residual.axis} axis, {place_text(residual)}: {size} over the turn{also}; {SINGLE_TURNS[residual.lock]}; "
+            f"most in {residual.largest_in}; scaling: {scaling_text(residual.scaling)}"
         )
-    if left.lock != "time":
+    if residual.lock != "time":
         where = "spread over the revolution"
-        if left.angle_rad is not None:
-            low, high = (math.degrees(angle) for angle in left.angle_rad)
+        if residual.angle_rad is not None:
+            low, high = (math.degrees(angle) for angle in residual.angle_rad)
             where = f"between {low:.0f} and {high:.0f} deg of the contact's centre"
-        place = f"{left.axis} axis, {place_text(replace(left, angle_rad=None))}, {where}"
-        return f"{place}: {size}, repeats every revolution; scaling: {scaling_text(left.scaling)}"
-    where = f"{left.centre_hz:.1f} Hz" if math.isfinite(left.centre_hz) else place_text(left)
-    if math.isfinite(left.centre_order):
-        where = f"order {left.centre_order:.2f} of the wheel"
-    notes = "".join(f"; {text}" for text in residual_remarks(left))
-    kind = "line" if left.narrow else "band"
-    return f"{kind} at {where} on the {left.axis} axis, {size}{notes}; scaling: {scaling_text(left.scaling)}"
+        head = f"{residual.axis} axis, {place_text(replace(residual, angle_rad=None))}, {where}"
+        return f"{head}: {size}, repeats every revolution; scaling: {scaling_text(residual.scaling)}"
+    where = f"{residual.centre_hz:.1f} Hz" if math.isfinite(residual.centre_hz) else place_text(residual)
+    if math.isfinite(residual.centre_order):
+        where = f"order {residual.centre_order:.2f} of the wheel"
+    notes = "".join(f"; {text}" for text in residual_remarks(residual))
+    kind = "line" if residual.narrow else "band"
+    return f"{kind} at {where} on the {residual.axis} axis, {size}{notes}; scaling: {scaling_text(residual.scaling)}"
 
 
 def no_residual(diagnosis: Diagnosis, subject: str = "nothing") -> str:
@@ -245,10 +247,12 @@ def decisively_rejected(diagnosis: Diagnosis) -> list[Finding]:
     These are the effects that the exact ring does not confirm and, where something is missing, the first one with which
     the model would fit better, but with an implausible value.
     """
-    refused = [one for one in diagnosis.findings if one.verdict is Verdict.REFUSED and one.lock == "angle"]
-    unconfirmed = [one for one in refused if _code(one) is Code.NOT_ON_EXACT_RING]
+    refused = [
+        finding for finding in diagnosis.findings if finding.verdict is Verdict.REFUSED and finding.lock == "angle"
+    ]
+    unconfirmed = [finding for finding in refused if _code(finding) is Code.NOT_ON_EXACT_RING]
     if diagnosis.held_out.rms_after_mps2 > _MISSING * diagnosis.noise_floor_mps2:
-        return [*unconfirmed, *[one for one in refused if _code(one) in _IMPLAUSIBLE][:1]]
+        return [*unconfirmed, *[finding for finding in refused if _code(finding) in _IMPLAUSIBLE][:1]]
     return unconfirmed
 
 
@@ -258,7 +262,7 @@ def _code(finding: Finding) -> Code | None:
 
 def undetermined(diagnosis: Diagnosis) -> list[str]:
     """Return the estimates that the data do not determine."""
-    return [name for name, known in diagnosis.determined.items() if not known]
+    return [name for name, is_determined in diagnosis.determined.items() if not is_determined]
 
 
 _CONTRADICTED: Final = "the recordings contradict each other: see the notes"
@@ -280,14 +284,14 @@ def why_undetermined(diagnosis: Diagnosis, names: Sequence[str]) -> str:
     for code, why in _NOTHING_DETERMINED.items():
         if code in noted:
             return why
-    known = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
-    assumed = [quantity for quantity, stated in known if not stated]
+    conditions = (("load", diagnosis.load_known), ("pressure", diagnosis.pressure_known))
+    assumed = [quantity for quantity, stated in conditions if not stated]
     if assumed:
         return f"{listed(assumed)} assumed; state {'it' if len(assumed) == 1 else 'them'}"
-    estimates = {name: one for name, one in diagnosis.estimates_after.items() if name in names}
+    estimates = {name: estimate for name, estimate in diagnosis.estimates_after.items() if name in names}
     if any(isinstance(note, Reason) and _is_of_plane(note) for note in diagnosis.notes):
         return "too uncertain beside what is left unexplained: see the notes"
-    small = [name for name, one in estimates.items() if one.std < _LARGEST_RELATIVE_STD * abs(one.value)]
+    small = [name for name, estimate in estimates.items() if estimate.std < _LARGEST_RELATIVE_STD * abs(estimate.value)]
     if len(small) == len(estimates):
         return "too small to be measured; record at more loads"
     beside = f"; {', '.join(small)}: too small to be measured" if small else ""
@@ -339,8 +343,8 @@ def why_unsaved(diagnosis: Diagnosis) -> NoCorrection:
             "so nothing can be subtracted",
             "Check belt radius, load and pressure in the configuration, then the report's unexplained residuals.",
         )
-    kept = "; ".join(_not_subtracted(diagnosis))
-    return NoCorrection(f"no identified effect can be subtracted: {kept}", "live and estimate need no correction.")
+    reasons = "; ".join(_not_subtracted(diagnosis))
+    return NoCorrection(f"no identified effect can be subtracted: {reasons}", "live and estimate need no correction.")
 
 
 def saved_text(diagnosis: Diagnosis) -> str:

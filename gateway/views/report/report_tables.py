@@ -192,10 +192,10 @@ class StateRows(NamedTuple, Generic[Row]):
 
 def by_state(rows: Iterable[Row]) -> list[StateRows[Row]]:
     """Return rows grouped by their load and pressure, in their order."""
-    found: dict[str, StateRows[Row]] = {}
+    states: dict[str, StateRows[Row]] = {}
     for row in rows:
-        found.setdefault(row.state, StateRows(row.state, [])).rows.append(row)
-    return list(found.values())
+        states.setdefault(row.state, StateRows(row.state, [])).rows.append(row)
+    return list(states.values())
 
 
 def error_rows(diagnosis: Diagnosis) -> list[ErrorRow]:
@@ -234,7 +234,10 @@ def block_rows(diagnosis: Diagnosis) -> list[BlockRow]:
 
 def origin_rows(origin: Origin) -> list[OriginRow]:
     """Return the identity of every recording."""
-    return [OriginRow(clean(one.path), one.sha256, _utc(one.first_s), _utc(one.last_s)) for one in origin.recordings]
+    return [
+        OriginRow(clean(recording.path), recording.sha256, _utc(recording.first_s), _utc(recording.last_s))
+        for recording in origin.recordings
+    ]
 
 
 def _utc(time_s: float) -> str:
@@ -289,16 +292,16 @@ def unexplained_rows(diagnosis: Diagnosis) -> list[UnexplainedRow]:
     """Return the unexplained residuals, in the diagnosis's order."""
     return [
         UnexplainedRow(
-            clean(left.axis),
-            _LOCKS.get(left.lock, clean(left.lock)) if left.lock_known else "not known",
-            orders_text(left.orders),
-            span_text(left.hz),
-            span_text(left.angle_rad, _DEGREES),
-            _scaling(left.scaling),
-            plain(left.rms_mps2, left.std_mps2),
-            "; ".join(residual_remarks(left)),
+            clean(residual.axis),
+            _LOCKS.get(residual.lock, clean(residual.lock)) if residual.lock_known else "not known",
+            orders_text(residual.orders),
+            span_text(residual.hz),
+            span_text(residual.angle_rad, _DEGREES),
+            _scaling(residual.scaling),
+            plain(residual.rms_mps2, residual.std_mps2),
+            "; ".join(residual_remarks(residual)),
         )
-        for left in diagnosis.unexplained
+        for residual in diagnosis.unexplained
     ]
 
 
@@ -309,13 +312,13 @@ def law_rows(diagnosis: Diagnosis) -> list[LawRow]:
         shown = [show_fitted(name, fitted) for name, fitted in law.parameters.items()]
         unseen = [
             UnseenRow(
-                clean(diagnosis.recordings[one.recording]),
-                clean(one.axis),
-                significant(one.before_mps2),
-                significant(one.after_mps2),
-                significant(one.noise_mps2),
+                clean(diagnosis.recordings[check.recording]),
+                clean(check.axis),
+                significant(check.before_mps2),
+                significant(check.after_mps2),
+                significant(check.noise_mps2),
             )
-            for one in law.unseen
+            for check in law.unseen
         ]
         rows.append(
             LawRow(
@@ -324,7 +327,7 @@ def law_rows(diagnosis: Diagnosis) -> list[LawRow]:
                 law_text(law).removesuffix("."),
                 clean(law.equation),
                 clean(law.scaling),
-                ", ".join(f"{one.label} {one.joined()}" for one in shown),
+                ", ".join(f"{number.label} {number.joined()}" for number in shown),
                 f"{significant(law.rms_mps2)} m/s² rms over {', '.join(law.axes)}",
                 unseen,
             )
@@ -349,15 +352,15 @@ def omissions(diagnosis: Diagnosis) -> tuple[list[str], list[StepRow]]:
     rows = []
     for name in dict.fromkeys(name for finding in findings for name in finding.estimates):
         pairs = [finding.estimates.get(name, (None, None)) for finding in findings]
-        known = next(new for _, new in pairs if new is not None)
-        cells = (StepCell(show_fitted(name, known).text, ""), *(_step_cell(name, new, old) for old, new in pairs))
-        rows.append(StepRow(state_text(known.state), _labelled(name, known), cells))
+        fitted = next(new for _, new in pairs if new is not None)
+        cells = (StepCell(show_fitted(name, fitted).text, ""), *(_step_cell(name, new, old) for old, new in pairs))
+        rows.append(StepRow(state_text(fitted.state), _labelled(name, fitted), cells))
     return ["with all", *(f"without {effect_title(finding.name)}" for finding in findings)], rows
 
 
-def _labelled(name: str, known: Fitted | None) -> str:
+def _labelled(name: str, fitted: Fitted | None) -> str:
     """Return an estimate's label with its unit."""
-    shown = show_fitted(name, known, state=False)
+    shown = show_fitted(name, fitted, state=False)
     return f"{shown.label}, {shown.unit}" if shown.unit else shown.label
 
 
@@ -412,7 +415,7 @@ def _estimate(name: str, before: Fitted | None, after: Fitted | None, determined
     old, new = show_fitted(name, before), show_fitted(name, after)
     errors = ratio(new.value - old.value, old.std)
     return EstimateRow(
-        state=state_text(known.state) if (known := after or before) is not None else "",
+        state=state_text(fitted.state) if (fitted := after or before) is not None else "",
         label=_labelled(name, after or before),
         before=old.text,
         after=new.text,
@@ -431,20 +434,20 @@ def _percent(old: ShownNumber, new: ShownNumber) -> str:
 
 
 def _intervals(old: ShownNumber, new: ShownNumber) -> tuple[Interval, ...]:
-    known = [
-        (kind, one.value, _BAND_STDS * one.std if math.isfinite(one.std) else 0.0, y)
-        for kind, one, y in (("before", old, 4.5), ("after", new, 11.5))
-        if math.isfinite(one.value)
+    drawn = [
+        (kind, number.value, _BAND_STDS * number.std if math.isfinite(number.std) else 0.0, y)
+        for kind, number, y in (("before", old, 4.5), ("after", new, 11.5))
+        if math.isfinite(number.value)
     ]
-    low = min((value - half for _, value, half, _ in known), default=0.0)
-    high = max((value + half for _, value, half, _ in known), default=0.0)
+    low = min((value - half for _, value, half, _ in drawn), default=0.0)
+    high = max((value + half for _, value, half, _ in drawn), default=0.0)
     if not 0.0 < high - low < math.inf:
         return ()
 
     def at(value: float) -> float:
         return round(3.0 + 94.0 * (value - low) / (high - low), 2)
 
-    return tuple(Interval(kind, at(value - half), at(value), at(value + half), y) for kind, value, half, y in known)
+    return tuple(Interval(kind, at(value - half), at(value), at(value + half), y) for kind, value, half, y in drawn)
 
 
 def _share(value: float, largest: float) -> float:
@@ -454,19 +457,24 @@ def _share(value: float, largest: float) -> float:
 
 def added(diagnosis: Diagnosis) -> list[Finding]:
     """Return the effects of the model after, in the order in which they were added, as far as it can be inferred."""
-    left = [finding for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED and finding.estimates]
-    found: list[Finding] = []
-    at = diagnosis.estimates_before
-    while left:
+    remaining = [
+        finding for finding in diagnosis.findings if finding.verdict is not Verdict.REFUSED and finding.estimates
+    ]
+    ordered: list[Finding] = []
+    estimates = diagnosis.estimates_before
+    while remaining:
         # Its estimates before are those after the previous effect, except for the new weights of the noise.
-        here = min(left, key=lambda one: _distance(at, {name: old for name, (old, _) in one.estimates.items()}))
-        left.remove(here)
-        found.append(here)
-        at = {name: new for name, (_, new) in here.estimates.items()}
-    return found
+        following = min(
+            remaining,
+            key=lambda candidate: _distance(estimates, {name: old for name, (old, _) in candidate.estimates.items()}),
+        )
+        remaining.remove(following)
+        ordered.append(following)
+        estimates = {name: new for name, (_, new) in following.estimates.items()}
+    return ordered
 
 
-def _distance(one: Mapping[str, Fitted], other: Mapping[str, Fitted]) -> float:
+def _distance(first: Mapping[str, Fitted], second: Mapping[str, Fitted]) -> float:
     """Return the sum of the relative differences of estimates."""
-    pairs = [(one[name].value, other[name].value) for name in one if name in other]
+    pairs = [(first[name].value, second[name].value) for name in first if name in second]
     return sum(min(abs(a - b) / max(abs(a), 1e-300), 1e3) for a, b in pairs if math.isfinite(a) and math.isfinite(b))

@@ -125,7 +125,9 @@ class _Lines:
                 size += f" (and {more} more)"
             numbers = [show_fitted(name, fitted) for name, fitted in finding.parameters.items()]
             # One parameter needs no label.
-            cells = [one.joined() if len(numbers) == 1 else f"{one.label} {one.joined()}" for one in numbers]
+            cells = [
+                number.joined() if len(numbers) == 1 else f"{number.label} {number.joined()}" for number in numbers
+            ]
             cells = [cell.replace(" ± ", "±") for cell in cells]
             text = _first_of(f"{effect_title(finding.name)}: ", cells, self._room - width(size))
             yield self._row("identified" if index == 0 else "", text, size)
@@ -138,7 +140,10 @@ class _Lines:
 
     def _likely(self, uncertain: Sequence[Finding]) -> Iterator[str]:
         if uncertain:
-            names = [f"{effect_title(one.name)} (probability {probability_text(one.probability)})" for one in uncertain]
+            names = [
+                f"{effect_title(finding.name)} (probability {probability_text(finding.probability)})"
+                for finding in uncertain
+            ]
             yield from self._rows("not certain", f"{listed(names)}: in the error after, but not identified")
 
     def _rejected(self, findings: Sequence[Finding]) -> Iterator[str]:
@@ -149,22 +154,22 @@ class _Lines:
     def _unexplained(self, diagnosis: Diagnosis) -> Iterator[str]:
         if not diagnosis.unexplained:
             yield from self._rows("unexplained", no_residual(diagnosis))
-        for index, left in enumerate(diagnosis.unexplained[:_MOST_OTHERS]):
+        for index, residual in enumerate(diagnosis.unexplained[:_MOST_OTHERS]):
             more = len(diagnosis.unexplained) - _MOST_OTHERS
-            size = f"  {plain(left.rms_mps2, left.std_mps2)} m/s²".replace(" ± ", "±")
+            size = f"  {plain(residual.rms_mps2, residual.std_mps2)} m/s²".replace(" ± ", "±")
             if more > 0 and index == _MOST_OTHERS - 1:
                 size += f" (+{more})"
-            text = f"{clean(left.axis)}, {place_text(left)}"
+            text = f"{clean(residual.axis)}, {place_text(residual)}"
             yield self._row("unexplained" if index == 0 else "", text, size)
-            if left.lock in SINGLE_TURNS:
-                yield from self._rows("", SINGLE_TURNS[left.lock])
-            elif left.changes or not left.lock_known:
-                yield self._row("", NON_STATIONARY if left.changes else "time-locked or angle-locked: not known")
+            if residual.lock in SINGLE_TURNS:
+                yield from self._rows("", SINGLE_TURNS[residual.lock])
+            elif residual.changes or not residual.lock_known:
+                yield self._row("", NON_STATIONARY if residual.changes else "time-locked or angle-locked: not known")
 
     def _laws(self, laws: Sequence[Law]) -> Iterator[str]:
         for law in laws:
             numbers = [show_fitted(name, fitted) for name, fitted in law.parameters.items()]
-            cells = [f"{one.label} {one.joined()}".replace(" ± ", "±") for one in numbers]
+            cells = [f"{number.label} {number.joined()}".replace(" ± ", "±") for number in numbers]
             size = f"  {significant(law.rms_mps2)} m/s²"
             label = "law" if law.certain else "clue"
             yield self._row(label, _first_of(f"{clean(law.title)}: ", cells, self._room - width(size)), size)
@@ -203,8 +208,8 @@ class _Lines:
 def _first_of(start: str, cells: Sequence[str], room: int) -> str:
     """Return as many whole cells as fit, and the number of the others."""
     for shown in range(len(cells), 0, -1):
-        text, left = f"{start}{', '.join(cells[:shown])}", len(cells) - shown
-        for rest in (f" and {counted(left, 'more parameter')}", f" and {left} more") if left else ("",):
+        text, omitted = f"{start}{', '.join(cells[:shown])}", len(cells) - shown
+        for rest in (f" and {counted(omitted, 'more parameter')}", f" and {omitted} more") if omitted else ("",):
             if width(text + rest) <= room:
                 return text + rest
     return f"{start}{counted(len(cells), 'parameter')}" if cells else start.removesuffix(": ")
