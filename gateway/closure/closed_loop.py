@@ -129,10 +129,10 @@ def _diagnose(
     held_out, noise = errors.summary, errors.noise_mps2
     over = held_out.rms_after_mps2 / noise if noise > 0.0 else math.nan
     exact = on_exact_ring(best.fit)
-    found = findings_of(posterior, effects, errors.rms_of)
+    first_findings = findings_of(posterior, effects, errors.rms_of)
     if exact is not None:
-        found = confirmed(apart_from(found, exact.parameters), exact.absent)
-    findings = doubted(beside_more(found, best.fit, data), tuple(effects.values()), campaign, over)
+        first_findings = confirmed(apart_from(first_findings, exact.parameters), exact.absent)
+    findings = doubted(beside_more(first_findings, best.fit, data), tuple(effects.values()), campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     time_locked = time_locked_result()
@@ -146,12 +146,14 @@ def _diagnose(
     # Only where much is left: it costs a fit of each recording.
     differing = recordings_apart(campaign, core) if max(posterior.temperatures) >= criteria.TEMPERED else []
     doubted_states = {group.state for group in campaign.groups if group.sensor_doubted}
-    doubted_states |= {campaign.groups[first].state for first, _ in unlike} | {one.state for one in differing}
+    doubted_states |= {campaign.groups[first].state for first, _ in unlike} | {
+        difference.state for difference in differing
+    }
     if _is_cut_short(search, posterior):
         doubted_states = {group.state for group in campaign.groups}
     contradicted = frozenset(doubted_states)
-    strange, strange_before = (_not_a_ring(one.fit, data) for one in (best, posterior.baseline))
-    considered = [(one.fit, weight) for one, weight in posterior.considered]
+    strange, strange_before = (_not_a_ring(evaluated.fit, data) for evaluated in (best, posterior.baseline))
+    considered = [(evaluated.fit, weight) for evaluated, weight in posterior.considered]
     after, determined = estimates_of(
         considered, better, contradicted | _states_of(campaign, strange), posterior.temperatures.plane
     )
@@ -171,12 +173,12 @@ def _diagnose(
     if apart is not None:
         unlike_others = unlike_loads(campaign, after)
         before, after = widened(before, *apart), widened(after, *apart)
-        known = still_determined(after, determined)
+        surviving = still_determined(after, determined)
         # Where numbers survive the contradiction, more recordings are worth more than its small share.
-        outvoted |= unlike_others if known != determined else {}
-        determined = known
+        outvoted |= unlike_others if surviving != determined else {}
+        determined = surviving
         determined_before = still_determined(before, determined_before)
-    left: tuple[Unexplained, ...] = (
+    residuals: tuple[Unexplained, ...] = (
         *changes,
         *unexplained(best.fit, data),
         *beside_changes(time_locked.unexplained, changes),
@@ -199,7 +201,7 @@ def _diagnose(
                 key=lambda finding: _RANK[finding.verdict],
             )
         ),
-        unexplained=tuple(sorted(left, key=lambda entry: -entry.rms_mps2)),
+        unexplained=tuple(sorted(residuals, key=lambda entry: -entry.rms_mps2)),
         estimates_before=before,
         estimates_after=after,
         determined=determined,
@@ -334,7 +336,7 @@ def _in_doubt(campaign: Campaign) -> tuple[Reason, ...]:
     places = sorted({group.recording for group in campaign.groups if group.sensor_doubted})
     if not places:
         return ()
-    return (Reason(Code.SENSOR_IN_DOUBT, recordings=tuple(campaign.recordings[place] for place in places)),)
+    return (Reason(Code.SENSOR_IN_DOUBT, recordings=tuple(campaign.recordings[recording] for recording in places)),)
 
 
 def _not_a_ring(fit: Fit, data: Whitened) -> dict[int, float]:
@@ -351,7 +353,7 @@ def _no_ring(campaign: Campaign, strange: Mapping[int, float]) -> tuple[Reason, 
     if not strange:
         return ()
     places = sorted({campaign.groups[index].recording for index in strange})
-    names = tuple(campaign.recordings[place] for place in places)
+    names = tuple(campaign.recordings[recording] for recording in places)
     return (Reason(Code.NOT_A_RING, recordings=names, share=max(strange.values())),)
 
 
@@ -359,7 +361,7 @@ def _contradictions(campaign: Campaign, pairs: Sequence[tuple[int, int]]) -> tup
     """Return a note on every state whose contacts differ."""
     notes = []
     for pair in pairs:
-        short, long = (campaign.groups[place] for place in pair)
+        short, long = (campaign.groups[index] for index in pair)
         same = short.recording == long.recording
         first, second = (group.label if same else campaign.recordings[group.recording] for group in (short, long))
         notes.append(
@@ -407,32 +409,38 @@ def _differing(campaign: Campaign, pairs: Sequence[Apart]) -> Iterator[Reason]:
 
 def _open(considered: Sequence[tuple[Fit, float]], after: Mapping[str, Fitted]) -> Iterator[Reason]:
     """Yield a note on each effect whose presence is open and makes up most of the error of numbers."""
-    for one in open_effects(considered, after):
-        code = Code.ERROR_BY_MISSING_EFFECT if one.probability > 0.5 else Code.ERROR_BY_POSSIBLE_EFFECT
-        yield Reason(code, effect=one.name, probability=one.probability, numbers=one.numbers, ratio=one.ratio)
+    for open_effect in open_effects(considered, after):
+        code = Code.ERROR_BY_MISSING_EFFECT if open_effect.probability > 0.5 else Code.ERROR_BY_POSSIBLE_EFFECT
+        yield Reason(
+            code,
+            effect=open_effect.name,
+            probability=open_effect.probability,
+            numbers=open_effect.numbers,
+            ratio=open_effect.ratio,
+        )
 
 
 def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
     """Yield a note on each other optimum that makes up most of the error of a parameter, the first one of these."""
-    weights = {id(one): weight for one, weight in posterior.considered}
+    weights = {id(evaluated): weight for evaluated, weight in posterior.considered}
     best = posterior.best.fit
     for name, others in posterior.optima.items():
         effect = next(effect for effect in best.model.effects if effect.name == name)
         where = best.model.layout.effect(name)
-        for one in others:
-            apart = np.abs(one.fit.vector - best.vector)[where] / np.sqrt(np.diagonal(best.covariance)[where])
-            weight = weights.get(id(one), 0.0)
+        for evaluated in others:
+            apart = np.abs(evaluated.fit.vector - best.vector)[where] / np.sqrt(np.diagonal(best.covariance)[where])
+            weight = weights.get(id(evaluated), 0.0)
             widened_to = np.hypot(1.0, math.sqrt(weight) * apart)
             if widened_to.max() < criteria.OPEN_RATIO:
                 continue
-            place = int(np.argmax(widened_to >= criteria.OPEN_RATIO))
-            parameter = effect.parameters[place]
+            index = int(np.argmax(widened_to >= criteria.OPEN_RATIO))
+            parameter = effect.parameters[index]
             yield Reason(
                 Code.OTHER_OPTIMUM,
                 effect=name,
                 parameter=parameter.name,
-                value=float(one.fit.vector[where][place]) * parameter.factor,
-                best=float(best.vector[where][place]) * parameter.factor,
+                value=float(evaluated.fit.vector[where][index]) * parameter.factor,
+                best=float(best.vector[where][index]) * parameter.factor,
                 unit=parameter.display_unit or parameter.unit,
                 probability=weight,
             )
@@ -463,8 +471,8 @@ def _opposite(campaign: Campaign) -> tuple[Reason, ...]:
     pair = opposite_pair(campaign)
     if pair is None:
         return ()
-    one, other = (campaign.recordings[number] for number in pair)
-    return (Reason(Code.LATERAL_OPPOSITE, recording=one, other=other),)
+    first, second = (campaign.recordings[number] for number in pair)
+    return (Reason(Code.LATERAL_OPPOSITE, recording=first, other=second),)
 
 
 def _notes(campaign: Campaign, *, with_mean: bool) -> tuple[Reason, ...]:

@@ -36,24 +36,24 @@ def known_effects(
     """
     catalogue: dict[str, AngleEffect] = {**angle_effects(candidates(model)), **library()}
     effects: list[tuple[AngleEffect, FloatArray]] = []
-    for one in table.effects:
-        effect = catalogue.get(one.name)
+    for corrected in table.effects:
+        effect = catalogue.get(corrected.name)
         if effect is None:
             raise TreadlinkError(
-                f"{origin}: the catalogue has no effect '{one.name}' for this baseline model",
+                f"{origin}: the catalogue has no effect '{corrected.name}' for this baseline model",
                 "Create the file again with `treadlink diagnose --save-effects`, or install the plug-in it came from.",
             )
         if any(effect is other for other, _ in effects):
-            raise TreadlinkError(f"{origin}: effect '{one.name}' stands twice", _AGAIN)
-        given = {parameter.name: parameter for parameter in one.parameters}
+            raise TreadlinkError(f"{origin}: effect '{corrected.name}' stands twice", _AGAIN)
+        given = {parameter.name: parameter for parameter in corrected.parameters}
         names = [parameter.name for parameter in effect.parameters]
         for name in names:
             if name not in given:
-                raise TreadlinkError(f"{origin}: effect '{one.name}' lacks the parameter '{name}'", _AGAIN)
+                raise TreadlinkError(f"{origin}: effect '{corrected.name}' lacks the parameter '{name}'", _AGAIN)
         for name in given:
-            if name not in names or sum(parameter.name == name for parameter in one.parameters) > 1:
+            if name not in names or sum(parameter.name == name for parameter in corrected.parameters) > 1:
                 raise TreadlinkError(
-                    f"{origin}: effect '{one.name}' has no parameter '{name}', or has it twice", _AGAIN
+                    f"{origin}: effect '{corrected.name}' has no parameter '{name}', or has it twice", _AGAIN
                 )
         for parameter in effect.parameters:
             _check_range(effect, parameter, given[parameter.name], origin)
@@ -69,8 +69,8 @@ def _check_range(effect: AngleEffect, parameter: Parameter, given: EffectParamet
     """
     label = f"{origin}: effect '{effect.name}': parameter '{parameter.name}'"
     if given.unit != parameter.unit:
-        wanted, found = parameter.unit or "no unit", given.unit or "no unit"
-        raise TreadlinkError(f"{label} is in {found}, not in {wanted}", _AGAIN)
+        wanted, given_unit = parameter.unit or "no unit", given.unit or "no unit"
+        raise TreadlinkError(f"{label} is in {given_unit}, not in {wanted}", _AGAIN)
     slack = criteria.BEYOND_BOUND * given.std if math.isfinite(given.std) else 0.0
     # A wide error does not make an impossible value possible.
     slack = min(slack, parameter.high - parameter.low)

@@ -93,15 +93,15 @@ def transfer(
     try:
         start = baseline_fit(campaign, core, data)
         baseline = evaluate(start, data, discrepancy, None)
-        kept = evaluate(_kept(campaign, core, data, effects, start), data, discrepancy, None)
+        transferred = evaluate(_kept(campaign, core, data, effects, start), data, discrepancy, None)
     except FitFailedError as error:
         raise TreadlinkError(
             f"the model cannot be fitted to these recordings: {error}",
             "Check that the effects belong to this tire and sensor.",
         ) from error
-    pair = {kept.names: kept, baseline.names: baseline}
-    masses = {kept.names: 1.0, baseline.names: 0.0}
-    certain = Posterior(pair, masses, masses, (kept,), (1.0,))
+    pair = {transferred.names: transferred, baseline.names: baseline}
+    masses = {transferred.names: 1.0, baseline.names: 0.0}
+    certain = Posterior(pair, masses, masses, (transferred,), (1.0,))
     errors = hold_out(certain, data)
     notes = (
         *_enlarged(errors.summary),
@@ -110,10 +110,10 @@ def transfer(
         *campaign.notes,
     )
     revolutions = sum(block.count for group in campaign.groups for block in group.blocks)
-    shown = errors.fit_of[baseline.names], errors.fit_of[kept.names]
+    shown = errors.fit_of[baseline.names], errors.fit_of[transferred.names]
     (before, determined_before), (after, determined) = (
-        estimates_of([(one.fit, 1.0)], left_ratio=math.sqrt(residual_ratio(one.fit, data, PLANE)))
-        for one in (baseline, kept)
+        estimates_of([(evaluated.fit, 1.0)], left_ratio=math.sqrt(residual_ratio(evaluated.fit, data, PLANE)))
+        for evaluated in (baseline, transferred)
     )
     report = Diagnosis(
         model=str(model),
@@ -125,9 +125,10 @@ def transfer(
         noise_floor_mps2=errors.noise_mps2,
         held_out=errors.summary,
         findings=tuple(
-            _as_found(kept.fit, effect, one) for (effect, _), one in zip(effects, table.effects, strict=True)
+            _as_finding(transferred.fit, effect, corrected)
+            for (effect, _), corrected in zip(effects, table.effects, strict=True)
         ),
-        unexplained=unexplained(kept.fit, data),
+        unexplained=unexplained(transferred.fit, data),
         estimates_before=before,
         estimates_after=after,
         determined=determined,
@@ -145,7 +146,7 @@ def transfer(
         wheel=campaign.wheel,
         recordings=campaign.recordings,
         revolutions=revolutions,
-        effects={one.name: {p.name: p.value for p in one.parameters} for one in table.effects},
+        effects={corrected.name: {p.name: p.value for p in corrected.parameters} for corrected in table.effects},
         refitted=(*core.names, "contact centre"),
         held_out=errors.summary,
         noise_floor_mps2=errors.noise_mps2,
@@ -154,9 +155,9 @@ def transfer(
     )
 
 
-def _as_found(fit: Fit, effect: AngleEffect, one: CorrectedEffect) -> Finding:
+def _as_finding(fit: Fit, effect: AngleEffect, corrected: CorrectedEffect) -> Finding:
     """Return an effect of a file as a finding: parameters and errors are those of the file."""
-    given = {parameter.name: parameter for parameter in one.parameters}
+    given = {parameter.name: parameter for parameter in corrected.parameters}
     return Finding(
         name=effect.name,
         verdict=Verdict.NAMED,

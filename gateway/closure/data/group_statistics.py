@@ -86,14 +86,14 @@ def make_groups(
     drift = table["omega_dot_radps2"] * table["period_s"] / table["omega_radps"]
     drift = median_filter(drift, _DRIFT_OVER, mode="nearest")
     for places in alike(table["omega_radps"], load, pressure, table["temperature_degc"], drift):
-        kept = _cut_off_or_not(table, places, reject)
-        if len(kept) < 2:
-            reject(FEW, len(kept))
+        chosen = _cut_off_or_not(table, places, reject)
+        if len(chosen) < 2:
+            reject(FEW, len(chosen))
             continue
-        if len(kept) > MOST_ALIKE:
-            reject(ENOUGH, len(kept) - MOST_ALIKE)
-            kept = kept[:MOST_ALIKE]
-        made.append(_group(table, kept, declared, folds, reject))
+        if len(chosen) > MOST_ALIKE:
+            reject(ENOUGH, len(chosen) - MOST_ALIKE)
+            chosen = chosen[:MOST_ALIKE]
+        made.append(_group(table, chosen, declared, folds, reject))
     return made
 
 
@@ -157,7 +157,7 @@ def _group(
         plain = None if as_recorded is None else as_recorded[usual[part]].mean(axis=0)
         blocks.append(Block(len(used[part]), _conditions(table, used[part], declared), mean, plain))
     conditions = _conditions(table, used, declared)
-    left, left_hz = _deviations(table, used, settled.shift_rad[usual], early[usual], half_angle_rad, rate_hz)
+    deviation, deviation_hz = _deviations(table, used, settled.shift_rad[usual], early[usual], half_angle_rad, rate_hz)
     return Group(
         label=label(declared.name, conditions),
         recording=declared.recording,
@@ -173,11 +173,11 @@ def _group(
         declared_roll_rad=declared.roll_rad,
         # Along the rolling direction, the pitch of a sensor that moves backwards has the opposite sign.
         declared_pitch_rad=-declared.pitch_rad if declared.reverse else declared.pitch_rad,
-        deviations_mps2=left.runs,
-        deviation_rate_hz=left_hz,
+        deviations_mps2=deviation.runs,
+        deviation_rate_hz=deviation_hz,
         edges=edges.timing,
         edge_errors_mps2=edge_errors,
-        by_angle=left.by_angle,
+        by_angle=deviation.by_angle,
     )
 
 
@@ -196,8 +196,8 @@ def label(name: str, conditions: GroupConditions) -> str:
 def _conditions(table: RevolutionTable, places: IntArray, declared: Declared) -> GroupConditions:
     def mean(name: str, otherwise: float = math.nan) -> float:
         values = table[name][places]
-        known = values[np.isfinite(values)]
-        return float(known.mean()) if len(known) else otherwise
+        finite = values[np.isfinite(values)]
+        return float(finite.mean()) if len(finite) else otherwise
 
     return GroupConditions(
         omega_radps=math.sqrt(float(np.square(table["omega_radps"][places]).mean())),
@@ -224,25 +224,25 @@ def _deviations(
     half_angle_rad: float,
     rate_hz: float,
 ) -> tuple[Deviations, float]:
-    kept, duration_s = [], 0.0
-    for at, place in enumerate(places.tolist()):
-        if place in table.waveforms_mps2 and duration_s < _DEVIATIONS_S:
-            kept.append(at)
-            duration_s += float(table["period_s"][place])
-    if len(kept) < 2:
+    chosen, duration_s = [], 0.0
+    for row, index in enumerate(places.tolist()):
+        if index in table.waveforms_mps2 and duration_s < _DEVIATIONS_S:
+            chosen.append(row)
+            duration_s += float(table["period_s"][index])
+    if len(chosen) < 2:
         return Deviations(), 0.0
-    rows = places[kept]
+    rows = places[chosen]
     period_s = table["period_s"][rows]
-    left_hz = deviation_rate_hz(rate_hz, GRID_SIZE / float(period_s.max()))
-    waveforms = np.stack([table.waveforms_mps2[place] for place in rows.tolist()]).astype(np.float64)
-    left = deviations(
-        bent_back(waveforms, angle_grid(waveforms.shape[-1]), early_rad[kept], half_angle_rad).astype(np.float32),
+    deviation_hz = deviation_rate_hz(rate_hz, GRID_SIZE / float(period_s.max()))
+    waveforms = np.stack([table.waveforms_mps2[index] for index in rows.tolist()]).astype(np.float64)
+    deviation = deviations(
+        bent_back(waveforms, angle_grid(waveforms.shape[-1]), early_rad[chosen], half_angle_rad).astype(np.float32),
         index=table["index"][rows].astype(np.intp),
-        shift_rad=shift_rad[kept],
+        shift_rad=shift_rad[chosen],
         period_s=period_s,
         omega_radps=table["omega_radps"][rows],
         omega_dot_radps2=table["omega_dot_radps2"][rows],
-        rate_hz=left_hz,
+        rate_hz=deviation_hz,
         clipped=bool((table["cut_off"][rows] > 0.0).any()),
     )
-    return left, left_hz if left.runs else 0.0
+    return deviation, deviation_hz if deviation.runs else 0.0

@@ -84,12 +84,12 @@ def edge_findings(groups: Sequence[Group]) -> tuple[Finding, ...]:
 def _without_largest(group: Group) -> Group:
     """Return a group without the fold of the largest scatter: a few turns in which the speed changed are no jitter."""
     edges = group.edges
-    known = [fold for fold, freedom in enumerate(edges.freedom) if freedom > 0.0]
-    if len(known) < _FOLDS:
+    measured_folds = [fold for fold, freedom in enumerate(edges.freedom) if freedom > 0.0]
+    if len(measured_folds) < _FOLDS:
         return group
-    largest = max(known, key=lambda fold: edges.power_rad2[fold])
-    kept = [fold for fold in known if fold != largest]
-    freedom, power = ([values[fold] for fold in kept] for values in (edges.freedom, edges.power_rad2))
+    largest = max(measured_folds, key=lambda fold: edges.power_rad2[fold])
+    remaining = [fold for fold in measured_folds if fold != largest]
+    freedom, power = ([values[fold] for fold in remaining] for values in (edges.freedom, edges.power_rad2))
     return replace(group, edges=replace(edges, freedom=tuple(freedom), power_rad2=tuple(power)))
 
 
@@ -114,7 +114,7 @@ def _log_evidences(groups: Sequence[Group]) -> tuple[float, float, float]:
             spread[row] += np.logaddexp.reduce(
                 _log_likelihood(group, every.ravel()).reshape(every.shape) + log_weight, 1
             )
-    alike, free = (float(np.logaddexp.reduce(one)) - math.log(_SIZES) for one in spread)
+    alike, free = (float(np.logaddexp.reduce(by_size)) - math.log(_SIZES) for by_size in spread)
     return none, alike, free
 
 
@@ -142,9 +142,9 @@ def _square_std(group: Group) -> float:
 def _objection(groups: Sequence[Group], mean: float) -> Reason | None:
     """Return why the scatter at the edges is not that of moving edges; None if it may be."""
     explained = sum(group.edges.explained_m2ps4 for group in groups)
-    left = sum(group.edges.left_m2ps4 for group in groups)
-    if left > criteria.EDGE_SHAPE * explained > 0.0:
-        return Reason(Code.LEAVES_RESIDUAL_AT_EDGES, residual_share=left / (left + explained))
+    remaining = sum(group.edges.left_m2ps4 for group in groups)
+    if remaining > criteria.EDGE_SHAPE * explained > 0.0:
+        return Reason(Code.LEAVES_RESIDUAL_AT_EDGES, residual_share=remaining / (remaining + explained))
     for parameter, value in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), strict=True):
         if value > parameter.high:
             return outside_range(parameter, value)
@@ -165,11 +165,11 @@ def _sizes(groups: Sequence[Group], mean: float) -> tuple[float, float]:
 
 def _parameters(groups: Sequence[Group], mean: float, mean_std: float) -> dict[str, Fitted]:
     share, share_std = _leading_share(groups)
-    found = {}
+    fitted = {}
     shares = (share, 1.0 - share)
     for parameter, value, part in zip(CONTACT_EDGE_JITTER.parameters, _sizes(groups, mean), shares, strict=True):
         # Standard error of the square, share times mean.
         error = math.hypot(part * mean_std, mean * share_std)
         std = error / (2.0 * max(value, math.sqrt(error)))
-        found[parameter.name] = fitted_parameter(parameter, value, std)
-    return found
+        fitted[parameter.name] = fitted_parameter(parameter, value, std)
+    return fitted

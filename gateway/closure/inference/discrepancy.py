@@ -61,7 +61,7 @@ class Discrepancy:
             angle = float(np.mean([campaign.groups[index].half_angle_rad for index in groups]))
             kernels = smooth_kernels(round(angle, 3), tuple(lengths_rad))
             if concentrations:
-                kernels = np.concatenate([kernels, [kernel(one) for one in concentrations]])
+                kernels = np.concatenate([kernels, [kernel(concentration) for concentration in concentrations]])
             omega = np.array([campaign.groups[index].conditions.omega_radps for index in groups])
             scales = [np.square(omega) / float(np.square(omega).mean())]
             if omega.max() > criteria.SPEEDS_APART * omega.min():
@@ -82,14 +82,14 @@ class Discrepancy:
         """
         amplitudes = np.empty(self.shape)
         least = (criteria.START_SHARE * self.reference_mps2) ** 2
-        for at, (_, axis, place) in self.enumerate():
+        for number, (_, axis, place) in self.enumerate():
             powers = [0.0]
             for index, scatter in zip(place.groups, place.scatters, strict=True):
-                own = scatter.factor @ residual[index][axis]
+                whitened = scatter.factor @ residual[index][axis]
                 # Whitened power beyond its expectation, in units of the smallest errors.
-                excess = max(0.0, float(own @ own) - len(own))
+                excess = max(0.0, float(whitened @ whitened) - len(whitened))
                 powers.append(excess / max(float(np.square(scatter.factor).sum()), 1e-300))
-            amplitudes[at] = max(max(powers), least)
+            amplitudes[number] = max(max(powers), least)
         return amplitudes
 
     def applied(self, amplitudes: FloatArray) -> Applied:
@@ -149,7 +149,7 @@ class Applied:
     @cached_property
     def inverses(self) -> tuple[Inverse, ...]:
         """Of each place's covariance, up to ten megabytes each."""
-        return tuple(inverse_of(place, self.amplitudes[at]) for at, (*_, place) in self.discrepancy.enumerate())
+        return tuple(inverse_of(place, self.amplitudes[number]) for number, (*_, place) in self.discrepancy.enumerate())
 
     def release(self) -> None:
         """Release the memory of the inverses; they are worked out again where they are needed."""
@@ -175,22 +175,22 @@ class Applied:
             rows: real coefficients, (k, 3, REAL) of each group; None stands for zeros.
         """
         size = next(len(row) for row in rows if row is not None)
-        found = [np.zeros((size, _AXES, REAL)) for _ in rows]
+        results = [np.zeros((size, _AXES, REAL)) for _ in rows]
         for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
-            own = _of_place(rows, place, axis)
-            if own is not None:
-                for index, weighted in zip(place.groups, inverse.weighted(own), strict=True):
-                    found[index][:, axis] = weighted
-        return found
+            place_rows = _of_place(rows, place, axis)
+            if place_rows is not None:
+                for index, weighted in zip(place.groups, inverse.weighted(place_rows), strict=True):
+                    results[index][:, axis] = weighted
+        return results
 
     def products(self, rows: Rows, batches: int = 1) -> FloatArray:
         """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
         size = next(len(row) for row in rows if row is not None) // batches
         total = np.zeros((batches, size, size))
         for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
-            own = _of_place(rows, place, axis)
-            if own is not None:
-                total += inverse.products(own, batches)
+            place_rows = _of_place(rows, place, axis)
+            if place_rows is not None:
+                total += inverse.products(place_rows, batches)
         return total
 
     def mean(self, weighted: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray]]:
@@ -202,12 +202,12 @@ class Applied:
         Returns:
             for every place its state, its axis and the coefficients (parts, REAL).
         """
-        found = []
+        means = []
         for (_, (state, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
             seen = place.seen([weighted[index][axis][None] for index in place.groups])
             coefficients = [prior @ part[0] for prior, part in zip(inverse.priors, seen, strict=True)]
-            found.append((state, axis, np.stack(coefficients)))
-        return found
+            means.append((state, axis, np.stack(coefficients)))
+        return means
 
     def improved(self, weighted: Sequence[FloatArray], precision: FloatArray) -> Applied:
         """Return the discrepancy with better amplitudes: one step of restricted maximum likelihood.
@@ -222,13 +222,13 @@ class Applied:
         amplitudes = self.amplitudes.copy()
         least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
         answers = self.answers(weighted, precision)
-        for (at, (_, _, place)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
+        for (number, (_, _, place)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
             kernels = place.kernels.reshape(len(place.kernels), -1)
             for part, (answer, information) in enumerate(parts):
                 data = kernels @ np.outer(answer, answer).ravel()
                 trace = kernels @ information.ravel()
                 better = np.clip(data / np.where(trace > 0.0, trace, 1.0), 1e-6, 1e6)
-                amplitudes[at, part] *= np.where(trace > 0.0, better, 1.0)
+                amplitudes[number, part] *= np.where(trace > 0.0, better, 1.0)
         return self.discrepancy.applied(np.maximum(amplitudes, least))
 
     def answers(
@@ -244,14 +244,14 @@ class Applied:
             for every place and part, (REAL,) and (REAL, REAL).
         """
         spread = np.linalg.inv(precision)
-        found = []
-        for at, (_, axis, place) in self.discrepancy.enumerate():
+        by_place = []
+        for number, (_, axis, place) in self.discrepancy.enumerate():
             parts = []
             for part, through in enumerate(place.seen([weighted[index][:, axis] for index in place.groups])):
                 rows, answer = through[:-1], through[-1]
-                parts.append((answer, self.inverses[at].inside(part) - rows.T @ (spread @ rows)))
-            found.append(parts)
-        return found
+                parts.append((answer, self.inverses[number].inside(part) - rows.T @ (spread @ rows)))
+            by_place.append(parts)
+        return by_place
 
 
 def _of_place(rows: Rows, place: Place, axis: int) -> list[FloatArray | None] | None:

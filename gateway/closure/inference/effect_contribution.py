@@ -33,7 +33,9 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
     state's load and pressure: with another contact the same effects add something else; and for the way that a wheel
     rolls on the car, forward, unless all was recorded in reverse.
     """
-    named: dict[str, Finding | Law] = {one.name: one for one in findings if one.verdict is Verdict.NAMED}
+    named: dict[str, Finding | Law] = {
+        finding.name: finding for finding in findings if finding.verdict is Verdict.NAMED
+    }
     named |= {law.name: law for law in laws if law.certain}
     effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - MEASURED)
     if not effects:
@@ -51,8 +53,8 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
     with_all = ClosureModel(alone, fit.model.core, fit.model.effects)
     vector = np.zeros(with_all.layout.size)
     vector[with_all.layout.state(0)] = fit.model.tire(fit.vector, index)
-    for place in range(len(imagined)):
-        vector[with_all.layout.centre(place)] = fit.vector[fit.model.layout.centre(index)]
+    for number in range(len(imagined)):
+        vector[with_all.layout.centre(number)] = fit.vector[fit.model.layout.centre(index)]
     for effect in fit.model.effects:
         vector[with_all.layout.effect(effect.name)] = fit.vector[fit.model.layout.effect(effect.name)]
     without = vector.copy()

@@ -39,7 +39,7 @@ def findings_of(
         effects: candidates by name.
         rms_of: held-out rms of sets of effects.
     """
-    found = [_finding(posterior, name, Verdict.NAMED, rms_of) for name in posterior.identified()]
+    findings = [_finding(posterior, name, Verdict.NAMED, rms_of) for name in posterior.identified()]
     seen = set(posterior.identified())
     for group in posterior.alternatives():
         for name in group:
@@ -47,16 +47,16 @@ def findings_of(
             finding = _finding(
                 posterior, name, Verdict.INDISTINGUISHABLE, rms_of, rivals, _decide(posterior, name, rivals, effects)
             )
-            found.append(finding)
+            findings.append(finding)
         seen |= set(group)
     for name in posterior.names:
         probability = posterior.probability([name])
         if name not in seen and probability >= criteria.LISTED:
             reason = Reason(Code.PROBABILITY_TOO_LOW, probability=probability, needed=criteria.NAMED)
-            found.append(_finding(posterior, name, Verdict.REFUSED, rms_of, reason=reason))
+            findings.append(_finding(posterior, name, Verdict.REFUSED, rms_of, reason=reason))
             seen.add(name)
-    found += _impossible(posterior, seen)
-    return found
+    findings += _impossible(posterior, seen)
+    return findings
 
 
 def apart_from(findings: Sequence[Finding], other: Mapping[str, FloatArray]) -> list[Finding]:
@@ -67,8 +67,10 @@ def apart_from(findings: Sequence[Finding], other: Mapping[str, FloatArray]) -> 
         other: parameters of each effect by name, (K,); findings of others stay.
     """
     return [
-        replace(one, parameters=_apart(one.parameters, other[one.name])) if one.name in other else one
-        for one in findings
+        replace(finding, parameters=_apart(finding.parameters, other[finding.name]))
+        if finding.name in other
+        else finding
+        for finding in findings
     ]
 
 
@@ -79,15 +81,15 @@ def confirmed(findings: Sequence[Finding], absent: Mapping[str, float]) -> list[
         findings: of effects.
         absent: chi-square against nothing of the sizes of such effects, by name.
     """
-    found = []
-    for one in findings:
-        against = [(name, absent[name]) for name in (one.name, *one.rivals) if name in absent]
-        if against and one.verdict is not Verdict.REFUSED:
+    judged = []
+    for finding in findings:
+        against = [(name, absent[name]) for name in (finding.name, *finding.rivals) if name in absent]
+        if against and finding.verdict is not Verdict.REFUSED:
             name, chi2 = against[0]
             reason = Reason(Code.NOT_ON_EXACT_RING, effect=name, errors=math.sqrt(chi2))
-            one = replace(one, verdict=Verdict.REFUSED, rivals=(), decide_with=None, reason=reason)
-        found.append(one)
-    return found
+            finding = replace(finding, verdict=Verdict.REFUSED, rivals=(), decide_with=None, reason=reason)
+        judged.append(finding)
+    return judged
 
 
 def beside_more(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[Finding]:
@@ -102,45 +104,47 @@ def beside_more(findings: Sequence[Finding], fit: Fit, data: Whitened) -> list[F
         data: whitened.
     """
     residuals = group_residuals(fit, data)
-    left = np.sqrt(np.mean([np.square(one.rms_mps2()) for one in residuals], axis=0))
-    noise = np.sqrt(np.mean([np.square(one.noise_rms_mps2()) for one in residuals], axis=0))
-    if not (np.hypot(left, noise) > criteria.TEMPERED * noise).any():
+    remaining_mps2 = np.sqrt(np.mean([np.square(residual.rms_mps2()) for residual in residuals], axis=0))
+    noise = np.sqrt(np.mean([np.square(residual.noise_rms_mps2()) for residual in residuals], axis=0))
+    if not (np.hypot(remaining_mps2, noise) > criteria.TEMPERED * noise).any():
         return list(findings)
-    found = []
-    for one in findings:
-        effect = next((effect for effect in fit.model.effects if effect.name == one.name), None)
-        if effect is not None and one.verdict is Verdict.NAMED:
+    judged = []
+    for finding in findings:
+        effect = next((effect for effect in fit.model.effects if effect.name == finding.name), None)
+        if effect is not None and finding.verdict is Verdict.NAMED:
             sizes = sizes_of(fit, effect)
-            if bool((sizes <= left)[sizes > 0.0].all()):
+            if bool((sizes <= remaining_mps2)[sizes > 0.0].all()):
                 axis = int(np.argmax(sizes))
-                reason = Reason(Code.SMALLER_THAN_LEFT, size_mps2=float(sizes[axis]), left_mps2=float(left[axis]))
-                one = replace(one, verdict=Verdict.REFUSED, reason=reason)
-        found.append(one)
-    return found
+                reason = Reason(
+                    Code.SMALLER_THAN_LEFT, size_mps2=float(sizes[axis]), left_mps2=float(remaining_mps2[axis])
+                )
+                finding = replace(finding, verdict=Verdict.REFUSED, reason=reason)
+        judged.append(finding)
+    return judged
 
 
 def _apart(parameters: Mapping[str, Fitted], other: FloatArray) -> dict[str, Fitted]:
     return {
-        name: replace(one, std=math.hypot(one.std, one.value - there))
-        for (name, one), there in zip(parameters.items(), other.tolist(), strict=True)
+        name: replace(fitted, std=math.hypot(fitted.std, fitted.value - there))
+        for (name, fitted), there in zip(parameters.items(), other.tolist(), strict=True)
     }
 
 
 def _impossible(posterior: Posterior, seen: set[str]) -> list[Finding]:
     """Return the effects that would be in the best set if their values were possible."""
-    found: list[Finding] = []
+    findings: list[Finding] = []
     better = sorted(
-        (one for one in posterior.every.values() if one.objections),
-        key=lambda one: (-one.log_evidence, sorted(one.names)),
+        (evaluated for evaluated in posterior.every.values() if evaluated.objections),
+        key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)),
     )
-    for one in better:
-        if one.log_evidence < posterior.best.log_evidence or len(found) >= _MOST_LISTED:
+    for evaluated in better:
+        if evaluated.log_evidence < posterior.best.log_evidence or len(findings) >= _MOST_LISTED:
             break
-        for name, reason in one.objections:
+        for name, reason in evaluated.objections:
             if name not in seen:
                 seen.add(name)
-                found.append(_of_set(one, name, Verdict.REFUSED, reason=reason, probability=0.0))
-    return found
+                findings.append(_of_set(evaluated, name, Verdict.REFUSED, reason=reason, probability=0.0))
+    return findings
 
 
 def _finding(
@@ -174,7 +178,7 @@ def _finding(
 
 
 def _of_set(
-    one: Evaluated,
+    evaluated: Evaluated,
     name: str,
     verdict: Verdict,
     *,
@@ -189,13 +193,13 @@ def _of_set(
     probability: float = math.nan,
     log_odds: float = math.nan,
 ) -> Finding:
-    effect = next(effect for effect in one.fit.model.effects if effect.name == name)
+    effect = next(effect for effect in evaluated.fit.model.effects if effect.name == name)
     return Finding(
         name=name,
         verdict=verdict,
-        parameters=_parameters(one, effect, others),
+        parameters=_parameters(evaluated, effect, others),
         chi2=chi2,
-        rms_mps2=float(np.max(sizes_of(one.fit, effect))),
+        rms_mps2=float(np.max(sizes_of(evaluated.fit, effect))),
         rms_before_mps2=rms_before,
         rms_after_mps2=rms_after,
         estimates=estimates or {},
@@ -223,24 +227,26 @@ def _decide(
     return Reason(Code.DECIDES_AGAINST, effect=rival, recording=recording) if len(rivals) > 1 else recording
 
 
-def _parameters(one: Evaluated, effect: AngleEffect, others: Sequence[tuple[Evaluated, float]]) -> dict[str, Fitted]:
+def _parameters(
+    evaluated: Evaluated, effect: AngleEffect, others: Sequence[tuple[Evaluated, float]]
+) -> dict[str, Fitted]:
     """Return the parameters of an effect in one set, their errors over all sets that matter."""
-    here = _of_effect(one, effect.name)
-    variances = over_sets(here, [(_of_effect(other, effect.name), weight) for other, weight in others])
-    gain_std = max(group.conditions.gain_std for group in one.fit.model.campaign.groups)
+    values_and_variances = _of_effect(evaluated, effect.name)
+    variances = over_sets(values_and_variances, [(_of_effect(other, effect.name), weight) for other, weight in others])
+    gain_std = max(group.conditions.gain_std for group in evaluated.fit.model.campaign.groups)
     return {
         parameter.name: fitted_parameter(parameter, float(value), math.sqrt(max(float(variance), 0.0)), gain_std)
-        for parameter, value, variance in zip(effect.parameters, here[0], variances, strict=True)
+        for parameter, value, variance in zip(effect.parameters, values_and_variances[0], variances, strict=True)
     }
 
 
-def _of_effect(one: Evaluated, name: str) -> tuple[FloatArray, FloatArray]:
-    where = one.fit.model.layout.effect(name)
-    return one.fit.vector[where], np.diagonal(one.fit.covariance)[where]
+def _of_effect(evaluated: Evaluated, name: str) -> tuple[FloatArray, FloatArray]:
+    where = evaluated.fit.model.layout.effect(name)
+    return evaluated.fit.vector[where], np.diagonal(evaluated.fit.covariance)[where]
 
 
 def over_sets(
-    here: tuple[FloatArray, FloatArray], sets: Sequence[tuple[tuple[FloatArray, FloatArray], float]]
+    shown: tuple[FloatArray, FloatArray], sets: Sequence[tuple[tuple[FloatArray, FloatArray], float]]
 ) -> FloatArray:
     """Return the mean square distance of an effect's parameters to those of one set, (P,).
 
@@ -248,13 +254,13 @@ def over_sets(
     of the set leaves open is part of its error.
 
     Args:
-        here: the parameters of that set and their variances, (P,) each.
+        shown: the parameters of that set and their variances, (P,) each.
         sets: the same of every set with the effect that matters, and its weight; none if the effect is in none.
     """
-    values, own = here
+    values, variances = shown
     total = sum(weight for _, weight in sets)
     if not total > 0.0:
-        return own
+        return variances
     far = [weight / total * (variance + np.square(there - values)) for (there, variance), weight in sets]
     result: FloatArray = np.sum(far, axis=0)
     return result

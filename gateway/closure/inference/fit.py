@@ -89,16 +89,16 @@ class Fit:
     def of(cls, seen: Linearisation, model: ClosureModel, data: Whitened, applied: Applied | None) -> Self:
         """Return a fit for trials, without the derivatives themselves."""
         mean, precision = seen.prior_mean, seen.prior_precision
-        found = cls(model, data, seen.vector, seen.predicted, (), (), mean, precision, seen.scale, applied)
-        found.__dict__["weighted"] = list(seen.weighted)
-        found.__dict__["_gram"] = seen.gram
-        return found
+        fit = cls(model, data, seen.vector, seen.predicted, (), (), mean, precision, seen.scale, applied)
+        fit.__dict__["weighted"] = list(seen.weighted)
+        fit.__dict__["_gram"] = seen.gram
+        return fit
 
     def linearisation(self, groups: Collection[int]) -> Linearisation:
         """Return what trials in these groups need."""
         return Linearisation(
             self.vector,
-            tuple(one if index in groups else one[:0] for index, one in enumerate(self.predicted)),
+            tuple(prediction if index in groups else prediction[:0] for index, prediction in enumerate(self.predicted)),
             tuple(rows if index in groups else rows[:0] for index, rows in enumerate(self.weighted)),
             self._gram,
             self.prior_mean,
@@ -108,7 +108,7 @@ class Fit:
 
     @property
     def _stacked(self) -> list[FloatArray]:
-        return [np.concatenate([row, left[None]]) for row, left in zip(self.rows, self.residual, strict=True)]
+        return [np.concatenate([row, residual[None]]) for row, residual in zip(self.rows, self.residual, strict=True)]
 
     @cached_property
     def weighted(self) -> list[FloatArray]:
@@ -191,7 +191,8 @@ class Fit:
     def moved(self, change: FloatArray) -> Fit:
         """Return the linearised model moved by a change of its parameters (P,)."""
         residual = tuple(
-            left - np.tensordot(change, row, axes=1) for row, left in zip(self.rows, self.residual, strict=True)
+            group_residual - np.tensordot(change, row, axes=1)
+            for row, group_residual in zip(self.rows, self.residual, strict=True)
         )
         there = replace(self, vector=self.vector + change, residual=residual)
         # Products of the residual follow from those of the derivatives.
@@ -223,7 +224,7 @@ def products(data: Whitened, rows: Rows, applied: Applied | None, batches: int =
 
 def chi_square(data: Whitened, residual: Sequence[FloatArray], applied: Applied | None) -> float:
     """Return the chi-square of a residual (3, REAL) of each group."""
-    return float(products(data, [left[None] for left in residual], applied)[0, 0, 0])
+    return float(products(data, [group_residual[None] for group_residual in residual], applied)[0, 0, 0])
 
 
 def fit_model(
@@ -252,23 +253,23 @@ def fit_model(
     """
     prior_mean, _ = model.priors()
     vector = prior_mean.copy() if start is None else start.copy()
-    left = _Steps(most_steps)
+    steps = _Steps(most_steps)
     try:
         if from_afar:
             for share in _ANNEAL:
-                vector = _descend(model, data.loosened(share), vector, 1.0, None, left, 0.0).vector
+                vector = _descend(model, data.loosened(share), vector, 1.0, None, steps, 0.0).vector
         model.refine(vector)
         if applied is not None:
-            return _descend(model, data, vector, 1.0, applied, left, 0.0)
+            return _descend(model, data, vector, 1.0, applied, steps, 0.0)
         scale = _overdispersion(_misfit(model, data, vector, None), data, model)
         for _ in range(_RESCALINGS):
-            fit = _descend(model, data, vector, scale, None, left, rough)
+            fit = _descend(model, data, vector, scale, None, steps, rough)
             vector, was = fit.vector, scale
             scale = _overdispersion(fit.misfit, data, model)
             model.refine(vector)
-            if scale > _SETTLED * was or left.none:
+            if scale > _SETTLED * was or steps.none:
                 break
-        return _descend(model, data, vector, scale, None, left, rough)
+        return _descend(model, data, vector, scale, None, steps, rough)
     except (NoShapeError, np.linalg.LinAlgError) as error:
         raise FitFailedError(str(error)) from error
 
@@ -329,12 +330,12 @@ def _descend(
     vector: FloatArray,
     scale: float,
     applied: Applied | None,
-    left: _Steps,
+    steps: _Steps,
     rough: float,
 ) -> Fit:
     fit = linearised(model, data, vector, scale=scale, applied=applied)
-    while not left.none:
-        left.take()
+    while not steps.none:
+        steps.take()
         done = max(_DONE, rough * (fit.misfit - data.size) / scale)
         change = fit.step
         if float(change @ fit.precision @ change) < done:

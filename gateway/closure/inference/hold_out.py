@@ -114,13 +114,13 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
         data: whitened.
         also: further sets whose error is wanted.
     """
-    sets = {one.names: one for one in (*posterior.sets[:_MOST_SETS], posterior.baseline, *also)}
-    least = {names: _least_squares(one.fit, data) for names, one in sets.items()}
-    folds = {names: _at_its_best(_folds(one, data, least[names]), data) for names, one in sets.items()}
+    sets = {evaluated.names: evaluated for evaluated in (*posterior.sets[:_MOST_SETS], posterior.baseline, *also)}
+    least = {names: _least_squares(evaluated.fit, data) for names, evaluated in sets.items()}
+    folds = {names: _at_its_best(_folds(evaluated, data, least[names]), data) for names, evaluated in sets.items()}
     errors = {names: _Sums.empty() for names in sets}
     after, corrected = _Sums.empty(), _Sums.empty()
     chosen = []
-    possible = [one.names for one in posterior.sets[:_MOST_SETS]]
+    possible = [evaluated.names for evaluated in posterior.sets[:_MOST_SETS]]
     for fold in range(data.folds):
         best = max(possible, key=lambda names: (folds[names][fold].log_evidence, sorted(names)))
         chosen.append(best)
@@ -140,7 +140,7 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
     curves = _curves(
         posterior.best.fit.model.campaign,
         data,
-        [one.predicted for one in folds[frozenset()]],
+        [each.predicted for each in folds[frozenset()]],
         [folds[names][fold].predicted for fold, names in enumerate(chosen)],
     )
     summary = HeldOut(
@@ -149,8 +149,8 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
         int(sum(count.sum() for count in data.counts)),
         data.folds,
         _by_axis(before, after, corrected),
-        *jackknife([one.sums for one in curves], [one.axes for one in curves]),
-        blocks=tuple(one.block for one in curves),
+        *jackknife([curve.sums for curve in curves], [curve.axes for curve in curves]),
+        blocks=tuple(curve.block for curve in curves),
         as_recorded=_as_recorded(curves),
     )
     return HeldOutErrors(
@@ -159,7 +159,7 @@ def hold_out(posterior: Posterior, data: Whitened, also: Sequence[Evaluated] = (
         corrected.rms_mps2(),
         tuple(chosen),
         {names: sums.rms_mps2() for names, sums in errors.items()},
-        {names: (folds[names][0].at_best and least[names]) or one.fit for names, one in sets.items()},
+        {names: (folds[names][0].at_best and least[names]) or evaluated.fit for names, evaluated in sets.items()},
     )
 
 
@@ -187,7 +187,7 @@ def _curves(
     after: Sequence[Sequence[ComplexArray | None]],
 ) -> list[_Curve]:
     """Return the errors of every block; predictions are by fold and group."""
-    found = []
+    curves = []
     for index, group in enumerate(campaign.groups):
         for fold, block in enumerate(group.blocks):
             predicted = before[fold][index], after[fold][index]
@@ -198,14 +198,14 @@ def _curves(
             if block.as_recorded_mps2 is not None:
                 ways.append(ways[0] + np.nan_to_num(block.as_recorded_mps2 - block.orders_mps2))
             sums = [_Sums.empty() for _ in range(2 * len(ways))]
-            for at, (orders, one) in enumerate(product(ways, predicted)):
-                sums[at].add(orders - one, weight)
-            squares = np.array([one.error.sum() for one in sums])
+            for number, (orders, prediction) in enumerate(product(ways, predicted)):
+                sums[number].add(orders - prediction, weight)
+            squares = np.array([total.error.sum() for total in sums])
             axes = float(sums[0].curves.sum())
             rms = np.sqrt(squares / max(axes, 1.0)).tolist()
             shown = BlockError(group.label, block.count, block.conditions.time_s, rms[0], rms[1])
-            found.append(_Curve(shown, axes, squares[:2], squares[2:] if len(ways) > 1 else None))
-    return found
+            curves.append(_Curve(shown, axes, squares[:2], squares[2:] if len(ways) > 1 else None))
+    return curves
 
 
 def jackknife(sums: Sequence[FloatArray], counts: Sequence[float]) -> tuple[float, float, float]:
@@ -231,11 +231,11 @@ def jackknife(sums: Sequence[FloatArray], counts: Sequence[float]) -> tuple[floa
 
 def _as_recorded(curves: Sequence[_Curve]) -> AsRecorded | None:
     """Return the errors without alignment of the contact edges; None where nothing is aligned."""
-    aligned = sum(one.block.revolutions for one in curves if one.as_recorded is not None)
+    aligned = sum(curve.block.revolutions for curve in curves if curve.as_recorded is not None)
     if not aligned:
         return None
-    squares = sum(one.sums if one.as_recorded is None else one.as_recorded for one in curves)
-    before, after = np.sqrt(squares / sum(one.axes for one in curves)).tolist()
+    squares = sum(curve.sums if curve.as_recorded is None else curve.as_recorded for curve in curves)
+    before, after = np.sqrt(squares / sum(curve.axes for curve in curves)).tolist()
     return AsRecorded(before, after, aligned, TERMS * aligned)
 
 
@@ -269,33 +269,33 @@ def _least_squares(fit: Fit, data: Whitened) -> Fit | None:
 
 def _at_its_best(folds: list[_Fold], data: Whitened) -> list[_Fold]:
     """Return the folds with the predictions of the smaller error: by the evidence, or by least squares."""
-    if any(one.at_best is None for one in folds):
-        return [replace(one, at_best=None) for one in folds]
+    if any(prediction.at_best is None for prediction in folds):
+        return [replace(prediction, at_best=None) for prediction in folds]
     usual, other = _Sums.empty(), _Sums.empty()
-    for fold, one in enumerate(folds):
+    for fold, prediction in enumerate(folds):
         for index, orders in enumerate(data.orders):
-            for sums, every in ((usual, one.predicted), (other, one.at_best or [])):
+            for sums, every in ((usual, prediction.predicted), (other, prediction.at_best or [])):
                 if (predicted := every[index]) is not None:
                     sums.add(orders[fold] - predicted, data.weights[index][fold])
     if usual.rms_mps2() <= other.rms_mps2():
-        return [replace(one, at_best=None) for one in folds]
-    return [replace(one, predicted=one.at_best or one.predicted) for one in folds]
+        return [replace(prediction, at_best=None) for prediction in folds]
+    return [replace(prediction, predicted=prediction.at_best or prediction.predicted) for prediction in folds]
 
 
 def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, ...]:
-    found = []
+    errors = []
     for axis, name in enumerate(AXIS_NAMES):
         curves = float(before.curves[axis])
         if curves <= 0.0:
             continue
 
-        def rms(square: FloatArray, at: int = axis, number: float = curves) -> float:
-            return math.sqrt(float(square[at]) / number)
+        def rms(square: FloatArray, index: int = axis, number: float = curves) -> float:
+            return math.sqrt(float(square[index]) / number)
 
-        def weighted(sums: _Sums, at: int = axis) -> float:
-            return math.sqrt(float(sums.weighted[at]) / max(float(sums.coefficients[at]), 1.0))
+        def weighted(sums: _Sums, index: int = axis) -> float:
+            return math.sqrt(float(sums.weighted[index]) / max(float(sums.coefficients[index]), 1.0))
 
-        found.append(
+        errors.append(
             AxisError(
                 axis=name,
                 before_mps2=rms(before.error),
@@ -306,12 +306,12 @@ def _by_axis(before: _Sums, after: _Sums, corrected: _Sums) -> tuple[AxisError, 
                 after_weighted=weighted(after),
             )
         )
-    return tuple(found)
+    return tuple(errors)
 
 
-def _folds(one: Evaluated, data: Whitened, least: Fit | None) -> list[_Fold]:
+def _folds(evaluated: Evaluated, data: Whitened, least: Fit | None) -> list[_Fold]:
     """Return the prediction of every fold by one set."""
-    fit = one.fit
+    fit = evaluated.fit
     if fit.applied is None:
         raise ValueError("a set is held out with its discrepancy")
     deviations = [_of_blocks(fit, data, index) for index in range(len(data.orders))]
@@ -347,18 +347,18 @@ def _without(
     thin = replace(thin, applied=applied[share])
     there = thin.moved(thin.step)
     base = _predicted(fit, there, data, deviations, fold, share)
-    left = applied[share].mean([rows[-1] for rows in there.weighted])
+    discrepancy_means = applied[share].mean([rows[-1] for rows in there.weighted])
     whole: list[ComplexArray | None] = []
     for index, predicted in enumerate(base):
         if predicted is None:
             whole.append(None)
             continue
-        own = predicted.copy()
-        for state, axis, coefficients in left:
+        corrected = predicted.copy()
+        for state, axis, coefficients in discrepancy_means:
             if state == fit.model.campaign.groups[index].state:
                 scales = fit.applied.discrepancy.scales(state, axis, index)
-                own[axis] += as_complex(scales @ coefficients)
-        whole.append(own)
+                corrected[axis] += as_complex(scales @ coefficients)
+        whole.append(corrected)
     if least is None:
         return _Fold(log_evidence(there), base, whole)
     # Its effects are those that the other folds determine, the tire's own parameters those of the least error beside.
@@ -386,7 +386,7 @@ def _thinned(fit: Fit, data: Whitened, deviations: Sequence[ComplexArray], fold:
         mean = np.tensordot(others / others.sum(), blocks, axes=1)
         residuals.append(fit.residual[index] + as_real(mean - data.mean(index, blocks)))
     share = round(used / total, 2)
-    weights = [math.sqrt(one / share) for one in shares]
+    weights = [math.sqrt(group_share / share) for group_share in shares]
     thin = replace(
         fit,
         rows=tuple(weight * rows for weight, rows in zip(weights, fit.rows, strict=True)),
@@ -414,7 +414,7 @@ def _predicted(
         if fold >= len(counts) or len(counts) < 2:
             predicted.append(None)
             continue
-        left = fit.residual[index] - np.tensordot(step, fit.rows[index], axes=1)
-        base = data.mean(index, data.orders[index]) - as_complex(left)
+        residual = fit.residual[index] - np.tensordot(step, fit.rows[index], axes=1)
+        base = data.mean(index, data.orders[index]) - as_complex(residual)
         predicted.append(base + deviations[index][fold] + data.by_edges(index, there.weighted[index][-1], share))
     return predicted

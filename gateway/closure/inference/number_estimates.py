@@ -61,22 +61,24 @@ def open_effects(sets: Sequence[tuple[Fit, float]], estimates: Mapping[str, Fitt
     every = [(weight, *_values_and_errors(fit, index)) for fit, weight in sets]
     names = [frozenset(effect.name for effect in fit.model.effects) for fit, _ in sets]
     _, errors = _mean_of(every)
-    found = []
+    effects = []
     for name in sorted(frozenset().union(*names)):
         probability = sum(weight for (weight, *_), of in zip(every, names, strict=True) if name in of)
         if probability >= criteria.NAMED:
             continue
         likely = probability > 0.5
-        _, known = _mean_of([one for one, of in zip(every, names, strict=True) if (name in of) == likely])
+        _, conditional_errors = _mean_of(
+            [entry for entry, of in zip(every, names, strict=True) if (name in of) == likely]
+        )
         ratios = {}
         for number in RING_NUMBERS:
             std = estimates[number].std
-            without = math.sqrt(max(std**2 - errors[number] ** 2 + known[number] ** 2, 0.0))
+            without = math.sqrt(max(std**2 - errors[number] ** 2 + conditional_errors[number] ** 2, 0.0))
             if std > criteria.OPEN_RATIO * without > 0.0:
                 ratios[number] = std / without
         if ratios:
-            found.append(OpenEffect(name, probability, tuple(ratios), max(ratios.values())))
-    return tuple(sorted(found, key=lambda one: (-one.probability, one.name)))
+            effects.append(OpenEffect(name, probability, tuple(ratios), max(ratios.values())))
+    return tuple(sorted(effects, key=lambda effect: (-effect.probability, effect.name)))
 
 
 def estimates_of(
@@ -97,7 +99,7 @@ def estimates_of(
         left_ratio: rms of what the sets leave of the wheel's plane over that of the noise. Evidence counts less by it
             from `criteria.TEMPERED` on, and an error is then judged as if it were larger by its root.
     """
-    found: dict[str, Fitted] = {}
+    estimates: dict[str, Fitted] = {}
     determined: dict[str, bool] = {}
     campaign = sets[0][0].model.campaign
     groups = campaign.groups
@@ -109,14 +111,18 @@ def estimates_of(
         conditions = groups[index].conditions
         tire_state = None if state == reference else TireState(conditions.load_n, conditions.pressure_pa)
         suffix = "" if tire_state is None else f" ({state_name(conditions)})"
-        known = groups[index].load_known and groups[index].pressure_known
+        conditions_known = groups[index].load_known and groups[index].pressure_known
         values, errors = _mixture(sets, index)
         for name, value in values.items():
             distances = [abs(value - other[name + suffix].value) for other in better if name + suffix in other]
             errors[name] = math.hypot(errors[name], max(distances, default=0.0))
-            found[name + suffix] = Fitted(value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state)
-            determined[name + suffix] = state not in contradicted and _is_determined(name, values, errors, doubt, known)
-    return found, determined
+            estimates[name + suffix] = Fitted(
+                value, errors[name], _UNITS.get(name, ""), quantity=name, state=tire_state
+            )
+            determined[name + suffix] = state not in contradicted and _is_determined(
+                name, values, errors, doubt, conditions_known
+            )
+    return estimates, determined
 
 
 def belt_widths_apart(estimates: Mapping[str, Fitted]) -> tuple[Fitted, Fitted] | None:
@@ -125,16 +131,18 @@ def belt_widths_apart(estimates: Mapping[str, Fitted]) -> tuple[Fitted, Fitted] 
     Cw is the belt's width over its radius, the same at every load and pressure. All numbers of a state are proportional
     to its load over its pressure: where that is stated wrongly, Cw is off by the same share.
     """
-    widths = sorted((one for one in estimates.values() if one.quantity == "Cw"), key=lambda one: one.value)
+    widths = sorted(
+        (estimate for estimate in estimates.values() if estimate.quantity == "Cw"), key=lambda estimate: estimate.value
+    )
     if len(widths) < 2 or not widths[0].value > 0.0:
         return None
     low, high = widths[0], widths[-1]
     return (low, high) if contradict(low, high) else None
 
 
-def contradict(one: Fitted, other: Fitted) -> bool:
+def contradict(first: Fitted, second: Fitted) -> bool:
     """Return whether two estimates of the same number differ by three standard errors and more."""
-    return abs(one.value - other.value) > _CONTRADICTED * math.hypot(one.std, other.std)
+    return abs(first.value - second.value) > _CONTRADICTED * math.hypot(first.std, second.std)
 
 
 def widened(estimates: Mapping[str, Fitted], low: Fitted, high: Fitted) -> dict[str, Fitted]:
@@ -147,8 +155,10 @@ def widened(estimates: Mapping[str, Fitted], low: Fitted, high: Fitted) -> dict[
     """
     share = math.log(high.value / low.value)
     return {
-        name: replace(one, std=math.hypot(one.std, share * one.value)) if one.quantity in _OF_LOAD else one
-        for name, one in estimates.items()
+        name: replace(estimate, std=math.hypot(estimate.std, share * estimate.value))
+        if estimate.quantity in _OF_LOAD
+        else estimate
+        for name, estimate in estimates.items()
     }
 
 
@@ -208,19 +218,19 @@ def state_name(conditions: GroupConditions) -> str:
 
 
 def _is_determined(
-    name: str, values: Mapping[str, float], errors: Mapping[str, float], doubt: float, known: bool
+    name: str, values: Mapping[str, float], errors: Mapping[str, float], doubt: float, conditions_known: bool
 ) -> bool:
     enough = doubt * errors[name] < _WORST_SHARE * abs(values[name])
     if name == _HALF_ANGLE:
         return enough
     number, _, ratio = name.partition("/")
-    if ratio and not known:
+    if ratio and not conditions_known:
         return enough
     if ratio:
-        return _is_determined(number, values, errors, doubt, known)
+        return _is_determined(number, values, errors, doubt, conditions_known)
     if name == "Bs":
         enough = enough and values[name] > _LEAST_BENDING * values["Cw"]
-    return enough and known
+    return enough and conditions_known
 
 
 def _values(fit: Fit, vector: FloatArray, index: int) -> dict[str, float]:
@@ -257,16 +267,18 @@ def _errors(fit: Fit, covariance: FloatArray, index: int, values: Mapping[str, f
         if effect.name == ROLLING_RADIUS.name:
             steps[layout.effect(effect.name).start] = effect.parameters[0].step
     gradients = {name: np.zeros(layout.size) for name in values}
-    for place, step in steps.items():
+    for parameter_index, step in steps.items():
         moved = fit.vector.copy()
-        moved[place] += step
+        moved[parameter_index] += step
         for name, value in _values(fit, moved, index).items():
-            gradients[name][place] = (value - values[name]) / step
-    found = {name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)) for name, gradient in gradients.items()}
+            gradients[name][parameter_index] = (value - values[name]) / step
+    errors = {
+        name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)) for name, gradient in gradients.items()
+    }
     for name, value in values.items():
         shares = (_GRID_SHARES.get(part, 0.0) for part in name.split("/"))
-        found[name] = math.hypot(found[name], *(share * value for share in shares))
-    return found
+        errors[name] = math.hypot(errors[name], *(share * value for share in shares))
+    return errors
 
 
 def before_and_after(before: Mapping[str, Fitted], after: Mapping[str, Fitted]) -> dict[str, tuple[Fitted, Fitted]]:

@@ -91,15 +91,15 @@ class PosteriorOver(Generic[SetT]):
 
     def log_odds(self, name: str) -> float:
         """Return the logarithm of the odds that an effect is present, from the best sets with and without it."""
-        with_it = [one.log_evidence for one in self.every.values() if name in counted(one)]
-        without = [one.log_evidence for one in self.every.values() if name not in counted(one)]
+        with_it = [effect_set.log_evidence for effect_set in self.every.values() if name in counted(effect_set)]
+        without = [effect_set.log_evidence for effect_set in self.every.values() if name not in counted(effect_set)]
         return max(with_it) - max(without) if with_it and without else math.nan
 
     @property
     def names(self) -> tuple[str, ...]:
         """Effects of any possible set, most probable first."""
-        found = {name for one in self.every.values() for name in counted(one)}
-        return tuple(sorted(found, key=lambda name: (-self.probability([name]), name)))
+        names = {name for effect_set in self.every.values() for name in counted(effect_set)}
+        return tuple(sorted(names, key=lambda name: (-self.probability([name]), name)))
 
     @property
     def considered(self) -> tuple[tuple[SetT, float], ...]:
@@ -107,16 +107,18 @@ class PosteriorOver(Generic[SetT]):
 
         The odds of an effect's optima are those in the best set.
         """
-        kept = list(zip(self.sets, self.weights, strict=True))
+        weighted = list(zip(self.sets, self.weights, strict=True))
         for name, others in self.optima.items():
-            odds = [math.exp(one.log_evidence - self.best.log_evidence) for one in others]
-            total = sum(weight for one, weight in kept if name in one.names)
+            odds = [math.exp(effect_set.log_evidence - self.best.log_evidence) for effect_set in others]
+            total = sum(weight for effect_set, weight in weighted if name in effect_set.names)
             share = 1.0 / (1.0 + sum(odds))
-            kept = [(one, weight * share if name in one.names else weight) for one, weight in kept]
-            kept += [(one, total * share * each) for one, each in zip(others, odds, strict=True)]
-        kept = [(one, weight) for one, weight in kept if weight > _NEGLIGIBLE]
-        total = sum(weight for _, weight in kept)
-        return tuple((one, weight / total) for one, weight in kept)
+            weighted = [
+                (effect_set, weight * share if name in effect_set.names else weight) for effect_set, weight in weighted
+            ]
+            weighted += [(effect_set, total * share * each) for effect_set, each in zip(others, odds, strict=True)]
+        weighted = [(effect_set, weight) for effect_set, weight in weighted if weight > _NEGLIGIBLE]
+        total = sum(weight for _, weight in weighted)
+        return tuple((effect_set, weight / total) for effect_set, weight in weighted)
 
     def identified(self) -> tuple[str, ...]:
         """Return the effects whose probability reaches `criteria.NAMED`, most probable first."""
@@ -131,49 +133,55 @@ class PosteriorOver(Generic[SetT]):
         named = frozenset(self.identified())
         # An effect that lacks little has rivals that are rare.
         least = 1.0 - criteria.NAMED
-        left = [
+        remaining = [
             name
             for name in self.names
             if name not in named and (causes is None or name in causes) and self.probability([name]) >= least
         ]
         groups: list[tuple[str, ...]] = []
-        while left and self.probability([left[0]]) >= criteria.LISTED:
-            group = [left.pop(0)]
-            while self.probability(group) < criteria.NAMED and left:
-                most = max(left, key=lambda name: (self.probability([*group, name]), name))
+        while remaining and self.probability([remaining[0]]) >= criteria.LISTED:
+            group = [remaining.pop(0)]
+            while self.probability(group) < criteria.NAMED and remaining:
+                most = max(remaining, key=lambda name: (self.probability([*group, name]), name))
                 if self.probability([*group, most]) - self.probability(group) < least / 2.0:
                     break
                 group.append(most)
-                left.remove(most)
+                remaining.remove(most)
             if len(group) > 1 and self.probability(group) >= criteria.NAMED:
                 groups.append(tuple(group))
         return tuple(groups)
 
     def with_effect(self, name: str) -> SetT:
         """Return the best set with an effect, a possible one if there is any."""
-        inside = [one for one in self.every.values() if name in one.names]
-        return max(inside, key=lambda one: (name in counted(one), not one.objections, one.log_evidence))
+        inside = [effect_set for effect_set in self.every.values() if name in effect_set.names]
+        return max(
+            inside,
+            key=lambda effect_set: (name in counted(effect_set), not effect_set.objections, effect_set.log_evidence),
+        )
 
     def without(self, name: str) -> SetT:
         """Return the best set without an effect."""
-        return max((one for one in self.every.values() if name not in one.names), key=lambda one: one.log_evidence)
+        return max(
+            (effect_set for effect_set in self.every.values() if name not in effect_set.names),
+            key=lambda effect_set: effect_set.log_evidence,
+        )
 
 
 Posterior: TypeAlias = PosteriorOver[Evaluated]
 """Posterior over sets of effects that are locked to the wheel angle."""
 
 
-def counted(one: Weighed) -> Names:
+def counted(effect_set: Weighed) -> Names:
     """Return the effects of a set but the impossible ones."""
-    return one.names - {name for name, _ in one.objections}
+    return effect_set.names - {name for name, _ in effect_set.objections}
 
 
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
-    found, temperatures = doubted_sets(search.found, search.data)
-    posterior = over({names: one.tempered(*temperatures) for names, one in found.items()})
+    sets, temperatures = doubted_sets(search.found, search.data)
+    posterior = over({names: evaluated.tempered(*temperatures) for names, evaluated in sets.items()})
     possible = {
-        name: tuple(one.tempered(*temperatures) for one in each if not one.objections)
+        name: tuple(evaluated.tempered(*temperatures) for evaluated in each if not evaluated.objections)
         for name, each in (search.optima.items() if posterior.best.names == search.best.names else ())
     }
     return replace(posterior, temperatures=temperatures, optima=possible)
@@ -181,17 +189,26 @@ def posterior_of(search: SetSearch) -> Posterior:
 
 def over(every: Mapping[Names, SetT]) -> PosteriorOver[SetT]:
     """Return the posterior over sets of effects, the set without any among them."""
-    ordered = sorted(every.values(), key=lambda one: (-one.log_evidence, sorted(one.names)))
+    ordered = sorted(every.values(), key=lambda effect_set: (-effect_set.log_evidence, sorted(effect_set.names)))
     stand_in = math.log(criteria.STAND_IN_ODDS)
-    mass_of = _shares({one.names: one.log_evidence + (stand_in if one.objections else 0.0) for one in ordered})
-    possible = _shares({one.names: one.log_evidence for one in ordered if not one.objections})
+    mass_of = _shares(
+        {
+            effect_set.names: effect_set.log_evidence + (stand_in if effect_set.objections else 0.0)
+            for effect_set in ordered
+        }
+    )
+    possible = _shares(
+        {effect_set.names: effect_set.log_evidence for effect_set in ordered if not effect_set.objections}
+    )
     supported = [
-        one
-        for one in ordered
-        if not one.objections
-        and all(_probability(every, mass_of, possible, frozenset([name])) >= criteria.SUPPORTED for name in one.names)
+        effect_set
+        for effect_set in ordered
+        if not effect_set.objections
+        and all(
+            _probability(every, mass_of, possible, frozenset([name])) >= criteria.SUPPORTED for name in effect_set.names
+        )
     ]
-    weights = _shares({one.names: one.log_evidence for one in supported})
+    weights = _shares({effect_set.names: effect_set.log_evidence for effect_set in supported})
     return PosteriorOver(dict(every), mass_of, possible, tuple(supported), tuple(weights.values()))
 
 

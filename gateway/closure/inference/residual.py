@@ -80,10 +80,10 @@ def group_residuals(fit: Fit, data: Whitened) -> tuple[GroupResidual, ...]:
     residuals = []
     for index, predicted in enumerate(fit.predicted):
         total = np.square(data.weights[index]).sum(axis=0)
-        known = total > 0.0
-        scale = np.where(known, 1.0 / np.where(known, total, 1.0), 0.0)
+        present = total > 0.0
+        scale = np.where(present, 1.0 / np.where(present, total, 1.0), 0.0)
         by_edges = data.by_edges(index, fit.weighted[index][-1])
-        mean = np.where(known, data.mean(index, data.orders[index]) - predicted - by_edges, 0.0)
+        mean = np.where(present, data.mean(index, data.orders[index]) - predicted - by_edges, 0.0)
         residuals.append(GroupResidual(mean, scale))
     return tuple(residuals)
 
@@ -112,8 +112,8 @@ def left_shares(fit: Fit, data: Whitened) -> tuple[float, ...]:
     for index, residual in enumerate(group_residuals(fit, data)):
         mean = np.nan_to_num(data.mean(index, data.orders[index]))
         signal = (POWER_SHARE * np.abs(mean) ** 2)[PLANE, 1:].sum()
-        left = np.square(residual.rms_mps2(1))[PLANE].sum()
-        shares.append(math.sqrt(float(left / signal)) if signal > 0.0 else 0.0)
+        remaining = np.square(residual.rms_mps2(1))[PLANE].sum()
+        shares.append(math.sqrt(float(remaining / signal)) if signal > 0.0 else 0.0)
     return tuple(shares)
 
 
@@ -128,24 +128,24 @@ def unexplained(fit: Fit, data: Whitened) -> tuple[Unexplained, ...]:
     """Return the parts of the angle-locked residual above the noise, largest first."""
     campaign = fit.model.campaign
     residuals = group_residuals(fit, data)
-    found = []
+    entries = []
     for axis in range(3):
         bands = [band for band in itertools.pairwise(BANDS) if _stands_out(residuals, axis, *band)]
         for first, last in joined(bands):
-            found.append(_described(campaign, residuals, axis, first, last))
-    found.sort(key=lambda entry: -entry.rms_mps2)
-    largest = found[0].rms_mps2 if found else 0.0
-    return tuple(e for e in found if e.rms_mps2 > max(_NEGLIGIBLE * largest, _SIGMAS * e.std_mps2))
+            entries.append(_described(campaign, residuals, axis, first, last))
+    entries.sort(key=lambda entry: -entry.rms_mps2)
+    largest = entries[0].rms_mps2 if entries else 0.0
+    return tuple(e for e in entries if e.rms_mps2 > max(_NEGLIGIBLE * largest, _SIGMAS * e.std_mps2))
 
 
 def _stands_out(residuals: Sequence[GroupResidual], axis: int, first: int, last: int) -> bool:
     statistic, freedom = 0.0, 0
     for residual in residuals:
         variance = residual.variance[axis, first:last]
-        known = variance > 0.0
-        power = np.abs(residual.orders_mps2[axis, first:last][known]) ** 2 / variance[known]
+        present = variance > 0.0
+        power = np.abs(residual.orders_mps2[axis, first:last][present]) ** 2 / variance[present]
         statistic += float(power.sum())
-        freedom += 2 * int(known.sum()) - int(first == 0 and known.any())
+        freedom += 2 * int(present.sum()) - int(first == 0 and present.any())
     return freedom > 0 and float(chdtrc(freedom, statistic)) < _RARE
 
 
@@ -164,8 +164,8 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     power = np.array([np.maximum(_excess(r)[axis, first:last], 0.0).sum() for r in residuals])
     error = np.array([_rms_error(r, axis, first, last) for r in residuals])
     rms = np.sqrt(power)
-    at = int(np.argmax(rms))
-    size, std = float(rms[at]), float(error[at])
+    largest = int(np.argmax(rms))
+    size, std = float(rms[largest]), float(error[largest])
     if size < _SIGMAS * std:
         # If only the groups together show it, the mean square of all.
         size = math.sqrt(float(power.mean()))
@@ -175,7 +175,7 @@ def _described(campaign: Campaign, residuals: Sequence[GroupResidual], axis: int
     hz = (low * float(omegas.min()) / (2.0 * math.pi), high * float(omegas.max()) / (2.0 * math.pi))
     states = np.array([group.state for group in campaign.groups])
     scaling = _scaling(omegas, states, rms, error)
-    window = _window(residuals[at], axis, first, last)
+    window = _window(residuals[largest], axis, first, last)
     return Unexplained(AXIS_NAMES[axis], "angle", (low, high), hz, window, scaling, size, std)
 
 
@@ -233,8 +233,8 @@ def _scaling(omegas: FloatArray, states: IntArray, rms: FloatArray, error: Float
 
 def _has_speeds(omegas: FloatArray, states: IntArray) -> bool:
     """Return whether one state of the tire was driven at two speeds."""
-    own = [omegas[states == state] for state in np.unique(states)]
-    return any(len(speeds) > 1 and speeds.max() >= _SPEED_RATIO * speeds.min() for speeds in own)
+    by_state = [omegas[states == state] for state in np.unique(states)]
+    return any(len(speeds) > 1 and speeds.max() >= _SPEED_RATIO * speeds.min() for speeds in by_state)
 
 
 def _slope(x: FloatArray, y: FloatArray, states: IntArray, weight: FloatArray) -> tuple[float, float]:
@@ -242,8 +242,8 @@ def _slope(x: FloatArray, y: FloatArray, states: IntArray, weight: FloatArray) -
     square = np.square(np.minimum(weight, 20.0))
     product = spread = 0.0
     for state in np.unique(states):
-        own = states == state
-        away = x[own] - float(square[own] @ x[own] / square[own].sum())
-        product += float(square[own] @ (away * y[own]))
-        spread += float(square[own] @ np.square(away))
+        inside = states == state
+        away = x[inside] - float(square[inside] @ x[inside] / square[inside].sum())
+        product += float(square[inside] @ (away * y[inside]))
+        spread += float(square[inside] @ np.square(away))
     return product / spread, 1.0 / math.sqrt(spread)

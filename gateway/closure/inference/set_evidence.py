@@ -54,9 +54,11 @@ class Evaluated:
 
     def tempered(self, plane: float, lateral: float) -> Evaluated:
         """Return the set with the evidence of plane and lateral axis divided by these, prior odds excepted."""
-        odds, own = self.log_prior_odds, self.lateral
+        odds, by_lateral = self.log_prior_odds, self.lateral
         return replace(
-            self, log_evidence=odds + (self.log_evidence - odds - own) / plane + own / lateral, lateral=own / lateral
+            self,
+            log_evidence=odds + (self.log_evidence - odds - by_lateral) / plane + by_lateral / lateral,
+            lateral=by_lateral / lateral,
         )
 
 
@@ -88,24 +90,24 @@ def evaluate(
     return evaluated_at(fit.moved(_limited(fit)))
 
 
-def settled(one: Evaluated, data: Whitened) -> Evaluated:
+def settled(evaluated: Evaluated, data: Whitened) -> Evaluated:
     """Return a set whose parameters and discrepancy rest, to a fiftieth of their errors.
 
     Along a flat ridge the evidence changes by little long before both do. Where they stop then depends on the way
     there, and so on the rounding of the machine.
     """
     for _ in range(_MOST_ROUNDS):
-        if one.fit.applied is None:
+        if evaluated.fit.applied is None:
             break
         try:
-            again = evaluate(one.fit, data, one.fit.applied.discrepancy, one.fit.applied)
+            again = evaluate(evaluated.fit, data, evaluated.fit.applied.discrepancy, evaluated.fit.applied)
         except (FitFailedError, np.linalg.LinAlgError):
             break
-        moved = np.abs(again.fit.vector - one.fit.vector) / np.sqrt(np.diagonal(again.fit.covariance))
-        one = again
+        moved = np.abs(again.fit.vector - evaluated.fit.vector) / np.sqrt(np.diagonal(again.fit.covariance))
+        evaluated = again
         if float(moved.max()) < _AT_REST:
             break
-    return one
+    return evaluated
 
 
 def evaluated_at(fit: Fit) -> Evaluated:
@@ -114,15 +116,15 @@ def evaluated_at(fit: Fit) -> Evaluated:
     Where the ring has no shape at them, the fit that is kept has every effect in its range.
     """
     inside = _inside(fit.vector, fit)
-    found = fit
+    usable = fit
     if not np.array_equal(inside, fit.vector):
         try:
             for index in range(len(fit.model.campaign.groups)):
                 fit.model.shape(fit.vector, index)
         except NoShapeError:
-            found = fit.moved(inside - fit.vector)
+            usable = fit.moved(inside - fit.vector)
     return Evaluated(
-        _names(fit), found, log_evidence(fit), impossible(fit), log_prior_odds(fit.model), _by_lateral_axis(fit)
+        _names(fit), usable, log_evidence(fit), impossible(fit), log_prior_odds(fit.model), _by_lateral_axis(fit)
     )
 
 
@@ -134,10 +136,10 @@ def log_evidence(fit: Fit) -> float:
     """Return the log evidence of a fit with a discrepancy, prior odds of its effects included."""
     if fit.applied is None:
         raise ValueError("the evidence of a set needs its discrepancy")
-    known = fit.model.witness_deviance()
+    witness_deviance = fit.model.witness_deviance()
     odds = log_prior_odds(fit.model) - fit.model.log_choices()
     odds += _by_prior_widths(fit)
-    return odds - 0.5 * (fit.cost + known + fit.applied.log_determinant + fit.log_occam)
+    return odds - 0.5 * (fit.cost + witness_deviance + fit.applied.log_determinant + fit.log_occam)
 
 
 def _by_lateral_axis(fit: Fit) -> float:
@@ -178,14 +180,14 @@ def _by_prior_widths(fit: Fit) -> float:
     gain = 0.0
     for effect in fit.model.effects:
         first = fit.model.layout.effect(effect.name).start
-        for place, parameter in enumerate(effect.parameters, first):
+        for index, parameter in enumerate(effect.parameters, first):
             if not parameter.other_stds:
                 continue
-            variance, prior = float(fit.covariance[place, place]), float(fit.prior_precision[place, place])
+            variance, prior = float(fit.covariance[index, index]), float(fit.prior_precision[index, index])
             precision = 1.0 / variance - prior
             if precision <= _NO_DATA * prior:
                 continue
-            mean = float(fit.vector[place]) / (variance * precision)
+            mean = float(fit.vector[index]) / (variance * precision)
             total = 1.0 / precision + np.square([1.0 / math.sqrt(prior), *parameter.other_stds])
             density = -0.5 * (np.log(total) + mean**2 / total)
             gain += float(np.logaddexp.reduce(density) - density[0]) - math.log(len(total))
@@ -195,20 +197,20 @@ def _by_prior_widths(fit: Fit) -> float:
 def impossible(fit: Fit) -> tuple[tuple[str, Reason], ...]:
     """Return the effects whose parameters are out of their physical range, with the reason."""
     std = np.sqrt(np.diagonal(fit.covariance))
-    found: list[tuple[str, Reason]] = []
+    objections: list[tuple[str, Reason]] = []
     for effect in fit.model.effects:
         where = fit.model.layout.effect(effect.name)
         values, errors = fit.vector[where], std[where]
         for parameter, value, error in zip(effect.parameters, values.tolist(), errors.tolist(), strict=True):
             slack = criteria.BEYOND_BOUND * error
             if not parameter.low - slack <= value <= parameter.high + slack:
-                found.append((effect.name, outside_range(parameter, value)))
+                objections.append((effect.name, outside_range(parameter, value)))
                 break
         else:
             reason = effect.reason_against(values, errors)
             if reason is not None:
-                found.append((effect.name, reason))
-    return tuple(found)
+                objections.append((effect.name, reason))
+    return tuple(objections)
 
 
 def _settled(fit: Fit, applied: Applied, steps: int) -> tuple[Fit, Applied]:

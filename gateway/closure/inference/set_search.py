@@ -117,14 +117,18 @@ class SetSearch:
         done: list[Evaluated] = []
         grown: list[Evaluated] = []
         while not self._stop():
-            leader = next((one for one in self._leaders() if not any(one is other for other in done)), None)
+            leader = next(
+                (evaluated for evaluated in self._leaders() if not any(evaluated is other for other in done)), None
+            )
             if leader is not None:
                 worth = self._is_worth_climbing(leader, done)
                 done.append(leader)
                 if worth and not self._restarted(leader):
                     self._neighbours(leader)
                 continue
-            rival = next((one for one in self._rivals() if not any(one is other for other in grown)), None)
+            rival = next(
+                (evaluated for evaluated in self._rivals() if not any(evaluated is other for other in grown)), None
+            )
             if rival is None:
                 return
             grown.append(rival)
@@ -139,10 +143,12 @@ class SetSearch:
         """
         ratios = ratios_by_part(self.best.fit, self.data)
         expected = frozenset(effect.name for effect in self._expected)
-        if max(ratios) < criteria.TEMPERED**2 or leader.names & expected not in {one.names & expected for one in done}:
+        if max(ratios) < criteria.TEMPERED**2 or leader.names & expected not in {
+            evaluated.names & expected for evaluated in done
+        }:
             return True
         plane, lateral = map(math.sqrt, ratios)
-        highest = max(one.tempered(plane, lateral).log_evidence for one in done)
+        highest = max(evaluated.tempered(plane, lateral).log_evidence for evaluated in done)
         return leader.tempered(plane, lateral).log_evidence > highest + criteria.WORTH_CLIMBING
 
     def _rivals(self) -> Iterator[Evaluated]:
@@ -152,7 +158,7 @@ class SetSearch:
         """
         least = self.best.log_evidence - criteria.WORTH_GROWTH
         for name in sorted(self.best.names):
-            without = [one for names, one in self.found.items() if name not in names]
+            without = [evaluated for names, evaluated in self.found.items() if name not in names]
             if without and (rival := _best(without)).log_evidence > least:
                 yield rival
 
@@ -164,12 +170,12 @@ class SetSearch:
         """
         yield self.best
         least = self.best.log_evidence - criteria.WORTH_WORK
-        yield from (one for one in self._rivals() if one.log_evidence > least)
+        yield from (evaluated for evaluated in self._rivals() if evaluated.log_evidence > least)
         expected = frozenset(effect.name for effect in self._expected)
         if not expected:
             return
-        for kept in (expected, frozenset[str]()):
-            alike = [one for names, one in self.found.items() if names & expected == kept]
+        for included in (expected, frozenset[str]()):
+            alike = [evaluated for names, evaluated in self.found.items() if names & expected == included]
             if alike and (leader := _best(alike)).log_evidence > least:
                 yield leader
 
@@ -178,10 +184,10 @@ class SetSearch:
 
         All sets get their evidence anew: an effect may have stood for what happens there.
         """
-        found = self.called_for()
-        if found is None:
+        call = self.called_for()
+        if call is None:
             return False
-        caller, evident = found
+        caller, evident = call
         applied = caller.fit.applied
         assert applied is not None
         before, smoother = self.found, self.discrepancy
@@ -191,10 +197,12 @@ class SetSearch:
         except np.linalg.LinAlgError:
             return False
         self.found, self.discrepancy = {}, concentrated
-        for one in sorted(before.values(), key=lambda one: (-one.log_evidence, sorted(one.names))):
+        for evaluated in sorted(
+            before.values(), key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names))
+        ):
             # Even without time left, the best set and the empty one are needed.
-            if not (self.found and one.names and self._stop()):
-                self._evaluate(one.fit, self.best.fit.applied if self.found else begin)
+            if not (self.found and evaluated.names and self._stop()):
+                self._evaluate(evaluated.fit, self.best.fit.applied if self.found else begin)
         if frozenset() not in self.found:
             self.found, self.discrepancy = before, smoother
             return False
@@ -210,12 +218,12 @@ class SetSearch:
         for effect in sorted(best.fit.model.effects, key=lambda effect: effect.name):
             self.on_step(len(best.names))
             bare = None if self._stop() else self._bare(best, effect)
-            found = [] if bare is None else other_optima(best, bare, effect, self._scanned, at_rest=flat)
-            if found and found[0].log_evidence > best.log_evidence:
+            optima = [] if bare is None else other_optima(best, bare, effect, self._scanned, at_rest=flat)
+            if optima and optima[0].log_evidence > best.log_evidence:
                 # Those found so far are of the worse one.
-                self.found[best.names], self.optima = found[0], {}
+                self.found[best.names], self.optima = optima[0], {}
                 return True
-            self.optima[effect.name] = tuple(found)
+            self.optima[effect.name] = tuple(optima)
         return False
 
     def called_for(self) -> tuple[Evaluated, Evident] | None:
@@ -229,16 +237,19 @@ class SetSearch:
             return None
         if not self._at_noise(best.fit):
             less = [self.found[names] for name in best.names if (names := best.names - {name}) in self.found]
-            asked = [(one, evident) for one in less if (evident := self._evident(one)) is not None]
-            worth = {one.names: one.log_evidence + evident.gain + evident.log_odds for one, evident in asked}
-            found = max(asked, key=lambda pair: (worth[pair[0].names], sorted(pair[0].names)), default=None)
-            if found is not None and worth[found[0].names] > best.log_evidence:
-                return found
+            asked = [(evaluated, evident) for evaluated in less if (evident := self._evident(evaluated)) is not None]
+            worth = {
+                evaluated.names: evaluated.log_evidence + evident.gain + evident.log_odds
+                for evaluated, evident in asked
+            }
+            most_urgent = max(asked, key=lambda pair: (worth[pair[0].names], sorted(pair[0].names)), default=None)
+            if most_urgent is not None and worth[most_urgent[0].names] > best.log_evidence:
+                return most_urgent
         evident = self._evident(best)
         return None if evident is None else (best, evident)
 
-    def _evident(self, one: Evaluated) -> Evident | None:
-        return None if one.fit.applied is None else most_evident(one.fit, self.data)
+    def _evident(self, evaluated: Evaluated) -> Evident | None:
+        return None if evaluated.fit.applied is None else most_evident(evaluated.fit, self.data)
 
     @property
     def best(self) -> Evaluated:
@@ -272,9 +283,9 @@ class SetSearch:
                 self.rejected.add(names)
                 return None
             # Others are seldom needed, and a hundred sets would take gigabytes.
-            for one in (before, self.found[names]):
-                if one is not None and one is not self.best and one.fit.applied is not None:
-                    one.fit.applied.release()
+            for evaluated in (before, self.found[names]):
+                if evaluated is not None and evaluated is not self.best and evaluated.fit.applied is not None:
+                    evaluated.fit.applied.release()
         return self.found[names]
 
     def _evaluate_anew(self, fit: Fit, near: Applied | None) -> None:
@@ -283,11 +294,11 @@ class SetSearch:
         From a worse one, the effect that the set lacks would get the credit for leading out of it.
         """
         names = _names(fit)
-        known = self.found.get(names)
+        previous = self.found.get(names)
         self.found.pop(names, None)
-        found = self._evaluate(fit, near)
-        if known is not None and (found is None or found.log_evidence < known.log_evidence):
-            self.found[names] = known
+        evaluated = self._evaluate(fit, near)
+        if previous is not None and (evaluated is None or evaluated.log_evidence < previous.log_evidence):
+            self.found[names] = previous
             self.rejected.discard(names)
 
     def _corrected(self, start: Fit) -> Fit:
@@ -304,14 +315,16 @@ class SetSearch:
             fit = fit_model(model, self.data, vector, from_afar=True)
         except FitFailedError:
             return start
-        found = self._evaluate(fit, None)
-        return fit if found is not None and found.log_evidence > self.found[frozenset()].log_evidence else start
+        evaluated = self._evaluate(fit, None)
+        return fit if evaluated is not None and evaluated.log_evidence > self.found[frozenset()].log_evidence else start
 
     def _expected_in_question(self) -> bool:
         """Return whether an effect that is to be expected is missing in the best set, or in one nearly as good."""
         expected = frozenset(effect.name for effect in self._expected)
         near = self.best.log_evidence - criteria.WORTH_WORK
-        return any(one.log_evidence > near and not expected <= one.names for one in self.found.values())
+        return any(
+            evaluated.log_evidence > near and not expected <= evaluated.names for evaluated in self.found.values()
+        )
 
     def _with_expected(self, start: Fit) -> Fit | None:
         """Return the fit with all effects that are to be expected; None without any."""
@@ -360,9 +373,9 @@ class SetSearch:
             if not last:
                 self._begin(fit, self.effects)
             better = self._of_chain(fit)
-            found = self.found.get(_names(fit))
-            stalled = 0 if found is not None and found.log_evidence > highest else stalled + 1
-            highest = highest if found is None else max(highest, found.log_evidence)
+            evaluated = self.found.get(_names(fit))
+            stalled = 0 if evaluated is not None and evaluated.log_evidence > highest else stalled + 1
+            highest = highest if evaluated is None else max(highest, evaluated.log_evidence)
             if last or stalled >= criteria.STALLED or (self._at_noise(fit) and not better):
                 return
             nexts = self._fitted(fit)
@@ -375,10 +388,10 @@ class SetSearch:
     def _of_chain(self, fit: Fit) -> bool:
         """Evaluate a set of a chain; return whether it is better than the one that it extends."""
         names = _names(fit)
-        known = [one for of, one in self.found.items() if of < names]
-        parent = max(known, key=lambda one: (len(one.names), sorted(one.names)))
-        found = self._evaluate(fit, parent.fit.applied)
-        return found is not None and found.log_evidence > parent.log_evidence
+        smaller = [candidate for of, candidate in self.found.items() if of < names]
+        parent = max(smaller, key=lambda candidate: (len(candidate.names), sorted(candidate.names)))
+        evaluated = self._evaluate(fit, parent.fit.applied)
+        return evaluated is not None and evaluated.log_evidence > parent.log_evidence
 
     def _fitted(self, fit: Fit) -> list[Fit]:
         """Return fits of a set with one more effect, by gain without a discrepancy; none without a gain."""
@@ -402,7 +415,7 @@ class SetSearch:
                 fits.append((after.misfit, after))
             if self._at_noise(after):
                 break
-        fits.sort(key=lambda one: one[0])
+        fits.sort(key=lambda entry: entry[0])
         return [each for _, each in fits]
 
     def _scan(self, fit: Fit, among: Iterable[str]) -> list[Trial]:
@@ -431,12 +444,12 @@ class SetSearch:
         additions = self._additions(best.fit, near)
         if grows and not self._stop() and min(worths, default=math.inf) > criteria.LOOKED_AT:
             self._begin(best.fit, additions)
-        for place in np.argsort(worths, kind="stable").tolist():
+        for index in np.argsort(worths, kind="stable").tolist():
             if self._stop():
                 return
-            self._evaluate_anew(bare[place], best.fit.applied)
-            alike = _names(bare[place]) & expected == best.names & expected
-            if alike and self._score(bare[place]) > best.log_evidence:
+            self._evaluate_anew(bare[index], best.fit.applied)
+            alike = _names(bare[index]) & expected == best.names & expected
+            if alike and self._score(bare[index]) > best.log_evidence:
                 # From there on: the other neighbours of a set that can do with less are not worth the work.
                 return
         for without, worth in zip(bare, worths, strict=True):
@@ -480,8 +493,8 @@ class SetSearch:
 
     def _score(self, fit: Fit) -> float:
         """Return the log evidence of a set, by its linearisation where it was not worked out."""
-        known = self.found.get(_names(fit))
-        return _linear_score(fit) if known is None else known.log_evidence
+        evaluated = self.found.get(_names(fit))
+        return _linear_score(fit) if evaluated is None else evaluated.log_evidence
 
     def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
         """Return the fit of a set without one of its effects, the other parameters as they are."""
@@ -495,7 +508,7 @@ class SetSearch:
 
     def _add(self, fit: Fit, best: Evaluated, among: Iterable[str], near: float) -> None:
         """Evaluate a set, a neighbour of `best`, with each effect that promises an evidence of `near` at least."""
-        at = self._score(fit)
+        score = self._score(fit)
         for trial in self._scan(fit, among)[: criteria.RIVALS]:
             if self._stop():
                 return
@@ -503,7 +516,7 @@ class SetSearch:
             if names in self.found or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
                 continue
             odds = log_prior_odds(trial.model) - log_prior_odds(fit.model)
-            if at + trial.promise + odds < near:
+            if score + trial.promise + odds < near:
                 break
             self._work_out(trial, best)
 
@@ -588,7 +601,7 @@ def _names(fit: Fit) -> Names:
 
 
 def _best(sets: Iterable[Evaluated]) -> Evaluated:
-    return min(sets, key=lambda one: (-one.log_evidence, sorted(one.names)))
+    return min(sets, key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names)))
 
 
 def _linear_score(fit: Fit) -> float:

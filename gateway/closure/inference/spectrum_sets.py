@@ -78,7 +78,7 @@ class SpectrumSearch:
         made: list[Component] = []
         for effect in effects:
             made += [Component(effect), Component(effect, len(sites))]
-        self._components = {one.name: one for one in made}
+        self._components = {component.name: component for component in made}
         self._candidates = (*self._components, LOW_PASS)
         self._last: tuple[SpectrumFit, list[tuple[FloatArray, FloatArray]]] | None = None
         self.found: dict[Names, SpectrumSet] = {}
@@ -102,7 +102,9 @@ class SpectrumSearch:
                         self._fit((best - {name}) | {other}, best - {name})
 
     def _best(self) -> Names:
-        return max(self.found.values(), key=lambda one: (one.log_evidence, sorted(one.names))).names
+        return max(
+            self.found.values(), key=lambda spectrum_set: (spectrum_set.log_evidence, sorted(spectrum_set.names))
+        ).names
 
     def _fit(self, names: Names, near: Names) -> None:
         """Evaluate a set, from the fit of one that lacks or has one more of its components."""
@@ -129,7 +131,7 @@ class SpectrumSearch:
 
     def _filtered(self, base: SpectrumFit) -> Iterator[SpectrumFit]:
         parts = replace(base.parts, low_pass=True)
-        found = []
+        promising = []
         for start in FILTER_STARTS:
             shared = np.append(base.shared, start)
             rows = []
@@ -138,35 +140,35 @@ class SpectrumSearch:
                 rows.append(wide_density(site, parts, level, shared)[0] - without)
             gain, size = self._promise(base, rows, free=False)
             if 0.5 * gain > criteria.LOOKED_AT and (size > 0.0).all():
-                found.append((gain, replace(base, parts=parts, shared=shared)))
-        if found:
-            yield max(found, key=lambda one: one[0])[1]
+                promising.append((gain, replace(base, parts=parts, shared=shared)))
+        if promising:
+            yield max(promising, key=lambda entry: entry[0])[1]
 
     def _scaled(self, component: Component, base: SpectrumFit) -> list[SpectrumFit]:
         """Return the most promising starts of a component, each scaled to the data; none if none promises enough."""
-        found = []
+        promising = []
         for start in component.effect.starts(tuple(site.spectra.conditions for site in self._sites)):
-            own = np.zeros(len(component.prior.mean))
-            own[: len(start)] = start
+            parameters = np.zeros(len(component.prior.mean))
+            parameters[: len(start)] = start
             rows = [
-                site.wide(component.density(site.index, site.spectra.conditions, site.grid_hz, own))
+                site.wide(component.density(site.index, site.spectra.conditions, site.grid_hz, parameters))
                 for site in self._sites
             ]
             gain, sizes = self._promise(base, rows, free=component.strange)
             if 0.5 * gain > criteria.LOOKED_AT and (sizes > 0.0).any():
-                found.append((gain, sizes, own))
-        found.sort(key=lambda one: -one[0])
+                promising.append((gain, sizes, parameters))
+        promising.sort(key=lambda entry: -entry[0])
         result = []
-        for _, sizes, own in found[:_STARTS]:
+        for _, sizes, parameters in promising[:_STARTS]:
             size = float(np.exp(np.log(sizes[sizes > 0.0]).mean()))
-            own[0] *= math.sqrt(size)
+            parameters[0] *= math.sqrt(size)
             if component.strange:
                 free = criteria.FREE_SIZE
                 ratio = 0.5 * np.log(np.maximum(sizes, 1e-9) / size)
-                own[-sizes.size :] = np.clip(ratio, -2.0 * free, 2.0 * free).ravel()
-            at = base.parts.filter_at
+                parameters[-sizes.size :] = np.clip(ratio, -2.0 * free, 2.0 * free).ravel()
+            first = base.parts.filter_at
             parts = replace(base.parts, components=(*base.parts.components, component))
-            result.append(replace(base, parts=parts, shared=np.insert(base.shared, at, own)))
+            result.append(replace(base, parts=parts, shared=np.insert(base.shared, first, parameters)))
         return result
 
     def _promise(self, base: SpectrumFit, added: Sequence[FloatArray], *, free: bool) -> tuple[float, FloatArray]:
@@ -188,24 +190,24 @@ class SpectrumSearch:
         """Return score and information of a part's size on each axis of each group, the noise level projected out."""
         top = np.zeros((len(self._sites), 3))
         below = np.zeros_like(top)
-        for g, (one, (density, noise)) in enumerate(zip(self._observed, self._densities(base), strict=True)):
+        for g, (observation, (density, noise)) in enumerate(zip(self._observed, self._densities(base), strict=True)):
             relative, white = added[g] / density, noise / density
-            surplus = np.minimum(one.power / density - 1.0, criteria.SURPLUS)
-            weight = one.freedom / (1.0 + one.freedom * criteria.DENSITY_ERROR**2)
+            surplus = np.minimum(observation.power / density - 1.0, criteria.SURPLUS)
+            weight = observation.freedom / (1.0 + observation.freedom * criteria.DENSITY_ERROR**2)
             power = (weight * white * white).sum(axis=1) + 1e-9
             clear = relative - ((weight * white * relative).sum(axis=1) / power)[:, None] * white
-            left = surplus - ((weight * white * surplus).sum(axis=1) / power)[:, None] * white
-            top[g], below[g] = (weight * clear * left).sum(axis=1), (weight * clear * clear).sum(axis=1)
+            remainder = surplus - ((weight * white * surplus).sum(axis=1) / power)[:, None] * white
+            top[g], below[g] = (weight * clear * remainder).sum(axis=1), (weight * clear * clear).sum(axis=1)
         return top, below
 
     def _densities(self, base: SpectrumFit) -> list[tuple[FloatArray, FloatArray]]:
         """Return density and noise of a fit in each group, (3, b) each."""
         if self._last is None or self._last[0] is not base:
-            found = [
+            densities = [
                 wide_density(site, base.parts, level, base.shared)[:2]
                 for site, level in zip(self._sites, base.levels, strict=True)
             ]
-            self._last = base, found
+            self._last = base, densities
         return self._last[1]
 
     def _evaluated(self, fit: SpectrumFit) -> SpectrumSet:
@@ -220,32 +222,32 @@ class SpectrumSearch:
         """Yield the log likelihood ratios of what spectra by axis do not contain, effect against unknown cause."""
         for component in fit.parts.components:
             if not component.strange:
-                own = fit.shared[fit.parts.place(component.name)]
+                parameters = fit.shared[fit.parts.place(component.name)]
                 if isinstance(component.effect, NarrowNoise):
-                    yield self._envelope(component.effect.noise_band(own))
+                    yield self._envelope(component.effect.noise_band(parameters))
                 if isinstance(component.effect, Rotating):
-                    yield self._sense(fit, component.effect, own)
+                    yield self._sense(fit, component.effect, parameters)
 
     def _envelope(self, band: tuple[float, float]) -> float:
         """Return the log likelihood ratio, by the envelope, of noise against what may be noise or partly a tone."""
-        found = [envelope_moment(site.spectra.runs, site.spectra.rate_hz, RADIAL, band) for site in self._sites]
-        number = sum(count for _, count in found)
+        moments = [envelope_moment(site.spectra.runs, site.spectra.rate_hz, RADIAL, band) for site in self._sites]
+        number = sum(count for _, count in moments)
         if not number > 0.0:
             return 0.0
         # E[A^4] / E[A^2]^2 is 2 for noise and 1 for a tone.
-        moment = sum(value * count for value, count in found) / number
+        moment = sum(value * count for value, count in moments) / number
         std = math.hypot(2.0 / math.sqrt(number), criteria.DENSITY_ERROR)
         noise = -0.5 * ((moment - 2.0) / std) ** 2
         return noise - float(np.logaddexp(noise, _anywhere(moment, std, 1.0, 2.0)) - math.log(2.0))
 
-    def _sense(self, fit: SpectrumFit, effect: Rotating, own: FloatArray) -> float:
+    def _sense(self, fit: SpectrumFit, effect: Rotating, parameters: FloatArray) -> float:
         """Return the log likelihood ratio of a force fixed in space against any cause, by the axes' quadrature."""
         top = below = 0.0
         for g, site in enumerate(self._sites):
             spectra = site.spectra
             if not (spectra.present[RADIAL] and spectra.present[CIRCUMFERENTIAL]):
                 continue
-            expected = spectra.wide(effect.quadrature(spectra.conditions, spectra.frequency_hz, own))
+            expected = spectra.wide(effect.quadrature(spectra.conditions, spectra.frequency_hz, parameters))
             wide, _, _ = wide_density(site, fit.parts, fit.levels[g], fit.shared)
             variance = 0.5 * wide[RADIAL] * wide[CIRCUMFERENTIAL]
             weight = spectra.count * spectra.freedom.sum() / variance
@@ -290,25 +292,25 @@ def _removed(fit: SpectrumFit, name: str) -> SpectrumFit:
     parts = fit.parts
     if name == LOW_PASS:
         return replace(fit, parts=replace(parts, low_pass=False), shared=fit.shared[:-FILTER_TERMS])
-    kept = tuple(one for one in parts.components if one.name != name)
-    return replace(fit, parts=replace(parts, components=kept), shared=np.delete(fit.shared, parts.place(name)))
+    components = tuple(component for component in parts.components if component.name != name)
+    return replace(fit, parts=replace(parts, components=components), shared=np.delete(fit.shared, parts.place(name)))
 
 
 def _impossible(fit: SpectrumFit) -> tuple[tuple[str, Reason], ...]:
     """Return the effects whose parameters are out of their physical range, with the reason."""
     std = np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
-    found: list[tuple[str, Reason]] = []
+    objections: list[tuple[str, Reason]] = []
     for component in fit.parts.components:
         if component.strange:
             continue
         where = fit.parts.place(component.name)
-        own, errors = fit.shared[where], std[where]
-        for one, value, error in zip(component.effect.parameters, own.tolist(), errors.tolist(), strict=True):
+        values, errors = fit.shared[where], std[where]
+        for parameter, value, error in zip(component.effect.parameters, values.tolist(), errors.tolist(), strict=True):
             slack = criteria.BEYOND_BOUND * error
-            if not one.low - slack <= value <= one.high + slack:
-                found.append((component.name, outside_range(one, value)))
+            if not parameter.low - slack <= value <= parameter.high + slack:
+                objections.append((component.name, outside_range(parameter, value)))
                 break
         else:
-            if not own[0] > 0.0:
-                found.append((component.name, Reason(Code.NOTHING_REMAINS)))
-    return tuple(found)
+            if not values[0] > 0.0:
+                objections.append((component.name, Reason(Code.NOTHING_REMAINS)))
+    return tuple(objections)

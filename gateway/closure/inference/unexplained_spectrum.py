@@ -85,10 +85,10 @@ def parts_left(site: Site, density: FloatArray, noise: FloatArray, level: FloatA
         + criteria.EXPLAINED_TO * explained
         + criteria.SIDEBANDS * _running_max(explained, reach)
     )
-    found: list[Part] = []
+    parts: list[Part] = []
     for axis in np.flatnonzero(spectra.present).tolist():
-        found += _parts(site, axis, power[axis], density[axis], allowed[axis])
-    return [part for part in found if not _beside(part, found, spectra.wheel_hz)]
+        parts += _parts(site, axis, power[axis], density[axis], allowed[axis])
+    return [part for part in parts if not _beside(part, parts, spectra.wheel_hz)]
 
 
 def _beside(part: Part, others: Sequence[Part], wheel_hz: float) -> bool:
@@ -133,7 +133,7 @@ def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowe
         mean = np.convolve(ratio, np.ones(width) / width, mode="same")
         looks.append((width, mean, rare_ratio(behind, criteria.RARE), rare_ratio(behind, _ENDS)))
     free = np.ones(len(ratio), dtype=bool)
-    found: list[Part] = []
+    parts: list[Part] = []
     for _ in range(_MOST_PARTS):
         best: tuple[float, int, int] | None = None
         for number, (_, mean, limit, _) in enumerate(looks):
@@ -166,11 +166,11 @@ def _parts(site: Site, axis: int, power: FloatArray, density: FloatArray, allowe
                 centre = float(weight @ frequency[part][shown]) / float(weight.sum())
                 low_hz, high_hz = frequency[part][shown][[0, -1]].tolist()
                 multiple = _at_multiples(frequency[part][shown], excess[shown], centre, spectra.wheel_hz)
-                found.append(Part(site.index, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
+                parts.append(Part(site.index, axis, low_hz, high_hz, centre, rms, 0.5 * error / rms, multiple))
                 first, last = min(first, part.start), max(last, part.stop - 1)
                 break
         free[max(0, first - 2 - half) : last + 3 + half] = False
-    return found
+    return parts
 
 
 def _main_line(frequency: FloatArray, excess: FloatArray) -> slice:
@@ -207,19 +207,19 @@ def _at_multiples(frequency: FloatArray, excess: FloatArray, centre_hz: float, w
 
 def unexplained(sites: Sequence[Site], parts: Sequence[Part]) -> list[Unexplained]:
     """Merge parts that belong together over groups and axes; return them largest first."""
-    left = sorted(parts, key=lambda part: -part.rms_mps2)
-    found = []
-    while left:
-        seed = left[0]
-        by_hz = [part for part in left if _same_hz(seed, part)]
-        by_order = [part for part in left if _same_order(seed, part, sites)]
+    remaining = sorted(parts, key=lambda part: -part.rms_mps2)
+    entries = []
+    while remaining:
+        seed = remaining[0]
+        by_hz = [part for part in remaining if _same_hz(seed, part)]
+        by_order = [part for part in remaining if _same_order(seed, part, sites)]
         speeds_hz, speeds_order = _speeds(by_hz, sites), _speeds(by_order, sites)
         locked = len(speeds_order) > len(speeds_hz)
         together = by_order if locked else by_hz
         moved = max(len(speeds_order), len(speeds_hz)) > 1
-        found.append(_entry(sites, together, locked if moved else None))
-        left = [part for part in left if part not in together]
-    return sorted(found, key=lambda one: -one.rms_mps2)
+        entries.append(_entry(sites, together, locked if moved else None))
+        remaining = [part for part in remaining if part not in together]
+    return sorted(entries, key=lambda entry: -entry.rms_mps2)
 
 
 def _same_hz(seed: Part, part: Part) -> bool:
@@ -229,10 +229,10 @@ def _same_hz(seed: Part, part: Part) -> bool:
 
 
 def _same_order(seed: Part, part: Part, sites: Sequence[Site]) -> bool:
-    own, other = sites[seed.group].spectra.wheel_hz, sites[part.group].spectra.wheel_hz
+    seed_hz, part_hz = sites[seed.group].spectra.wheel_hz, sites[part.group].spectra.wheel_hz
     if seed.line and part.line:
-        return abs(part.centre_hz / other - seed.centre_hz / own) <= max(_SAME_ORDER, 0.7 / min(own, other))
-    return part.low_hz / other <= seed.high_hz / own and seed.low_hz / own <= part.high_hz / other
+        return abs(part.centre_hz / part_hz - seed.centre_hz / seed_hz) <= max(_SAME_ORDER, 0.7 / min(seed_hz, part_hz))
+    return part.low_hz / part_hz <= seed.high_hz / seed_hz and seed.low_hz / seed_hz <= part.high_hz / part_hz
 
 
 def _speeds(parts: Sequence[Part], sites: Sequence[Site]) -> set[int]:
@@ -246,30 +246,30 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         axis: math.sqrt(np.mean([part.rms_mps2**2 for part in parts if part.axis == axis]))
         for axis in sorted({part.axis for part in parts})
     }
-    axis = max(sizes, key=lambda one: sizes[one])
-    own = [part for part in parts if part.axis == axis]
-    groups = sorted({part.group for part in own})
+    axis = max(sizes, key=lambda each: sizes[each])
+    axis_parts = [part for part in parts if part.axis == axis]
+    groups = sorted({part.group for part in axis_parts})
     rms, std = [], []
     for group in groups:
-        here = [part for part in own if part.group == group]
-        rms.append(math.sqrt(sum(part.rms_mps2**2 for part in here)))
-        std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in here)) / rms[-1])
+        group_parts = [part for part in axis_parts if part.group == group]
+        rms.append(math.sqrt(sum(part.rms_mps2**2 for part in group_parts)))
+        std.append(math.sqrt(sum((part.rms_mps2 * part.std_mps2) ** 2 for part in group_parts)) / rms[-1])
     exponent, unsure = held_scaling([sites[group].spectra.speed_mps for group in groups], rms, std)
     several = several_speeds(sites)
     scaling = scaling_of(exponent, unsure, several=several)
     size = math.sqrt(float(np.mean(np.square(rms))))
     error = math.sqrt(float(np.square(np.array(rms) * std).sum())) / (len(rms) * size)
-    line = all(part.line for part in own)
-    low, high = min(part.low_hz for part in own), max(part.high_hz for part in own)
-    wheel = [sites[part.group].spectra.wheel_hz for part in own]
+    line = all(part.line for part in axis_parts)
+    low, high = min(part.low_hz for part in axis_parts), max(part.high_hz for part in axis_parts)
+    wheel = [sites[part.group].spectra.wheel_hz for part in axis_parts]
     # A constant frequency at several speeds is a multiple of the wheel's frequency only by chance.
-    doubtful = locked is not False and all(part.multiple for part in own)
+    doubtful = locked is not False and all(part.multiple for part in axis_parts)
     orders: tuple[int, int] | None = None
     if locked or doubtful:
-        ratios = [part.centre_hz / hz for part, hz in zip(own, wheel, strict=True)]
+        ratios = [part.centre_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)]
         ends = (
-            [part.low_hz / hz for part, hz in zip(own, wheel, strict=True)],
-            [part.high_hz / hz for part, hz in zip(own, wheel, strict=True)],
+            [part.low_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)],
+            [part.high_hz / hz for part, hz in zip(axis_parts, wheel, strict=True)],
         )
         if doubtful:
             # Integer orders within the width of the line.
@@ -290,9 +290,9 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         lock_known=not doubtful,
         narrow=line,
         centre_order=float(np.mean(ratios)) if locked else math.nan,
-        centre_hz=float(np.mean([part.centre_hz for part in own])) if line and not locked else math.nan,
+        centre_hz=float(np.mean([part.centre_hz for part in axis_parts])) if line and not locked else math.nan,
         speeds=_number_of_speeds(sites, parts) if locked is False else None,
-        other_axes=tuple((AXIS_NAMES[one], value) for one, value in sizes.items() if one != axis),
+        other_axes=tuple((AXIS_NAMES[each], value) for each, value in sizes.items() if each != axis),
     )
 
 

@@ -39,8 +39,10 @@ def law_effect(
     effect.name, effect.title, effect.rank = name, "", rank
     effect.start_values = (tuple(start),)
     effect.parameters = tuple(
-        replace(one, low=ranges[one.name][0], high=ranges[one.name][1]) if one.name in ranges else one
-        for one in effect.parameters
+        replace(parameter, low=ranges[parameter.name][0], high=ranges[parameter.name][1])
+        if parameter.name in ranges
+        else parameter
+        for parameter in effect.parameters
     )
     return effect
 
@@ -53,9 +55,10 @@ def plugin_files(law: ProposedLaw, name: str, rank: int = FIRST_RANK) -> dict[st
         name: of the effect, in lower case, as an identifier: `splice_of_tire_7`.
         rank: place in the catalogue.
     """
-    known = {one.name: one for one in library()[law.name].parameters}
+    parameters = {parameter.name: parameter for parameter in library()[law.name].parameters}
     ranges = {
-        key: _range(fitted.value, fitted.std, known[key].low, known[key].high) for key, fitted in law.parameters.items()
+        key: _range(fitted.value, fitted.std, parameters[key].low, parameters[key].high)
+        for key, fitted in law.parameters.items()
     }
     start = tuple(fitted.value for fitted in law.parameters.values())
     module = f"treadlink_{name}"

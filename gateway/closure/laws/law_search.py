@@ -136,12 +136,12 @@ def propose_laws(
     for promise in promises[:_FITTED]:
         if promise.gain < worth or (fitted and expired()):
             break
-        one = _fitted(base, data, promise)
-        if one is not None:
-            fitted.append(one)
+        candidate = _fitted(base, data, promise)
+        if candidate is not None:
+            fitted.append(candidate)
     if not fitted:
         return LawsFound()
-    best = max(fitted, key=lambda one: one.gain(base))
+    best = max(fitted, key=lambda candidate: candidate.gain(base))
     return _judged(base, data, best, fitted, before, price)
 
 
@@ -152,8 +152,8 @@ def _fitted(base: Evaluated, data: Whitened, promise: Promise) -> _Tried | None:
         return None
     model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, law))
     start = fit.model.layout.moved(fit.vector, model.layout)
-    low = np.array([one.low for one in law.parameters])
-    high = np.array([one.high for one in law.parameters])
+    low = np.array([parameter.low for parameter in law.parameters])
+    high = np.array([parameter.high for parameter in law.parameters])
     start[model.layout.effect(law.name)] = np.clip(promise.parameters, low, high)
     try:
         # Without the discrepancy, which stood for the law and would let the fit end beside it.
@@ -166,10 +166,10 @@ def _fitted(base: Evaluated, data: Whitened, promise: Promise) -> _Tried | None:
                 break
             law.renew()
         small = fit.applied.discrepancy.applied(criteria.SMALLER_DISCREPANCY * fit.applied.amplitudes)
-        found = evaluate(first, data, fit.applied.discrepancy, small)
+        evaluated = evaluate(first, data, fit.applied.discrepancy, small)
     except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
         return None
-    return _Tried(law, found, residual_ratio(found.fit, data))
+    return _Tried(law, evaluated, residual_ratio(evaluated.fit, data))
 
 
 def _judged(
@@ -184,9 +184,9 @@ def _judged(
     sizes = single_sizes(fit, data, best.law)
     unseen = unseen_errors(base.fit, fit, data, best.law)
     rivals = tuple(
-        one.law
-        for one in fitted
-        if one is not best and best.gain(base) - one.gain(base) < RIVAL * math.sqrt(best.ratio)
+        rival.law
+        for rival in fitted
+        if rival is not best and best.gain(base) - rival.gain(base) < RIVAL * math.sqrt(best.ratio)
     )
     reasons = [reason for name, reason in best.set.objections if name == best.law.name]
     if share < LEAST_SHARE:
@@ -194,10 +194,10 @@ def _judged(
     reasons += _against_unseen(fit.model.campaign.recordings, unseen)
     reasons += _against_sizes(fit.model.campaign.recordings, sizes)
     if rivals:
-        reasons.append(Reason(Code.LAW_HAS_RIVALS, laws=tuple(one.title for one in rivals)))
+        reasons.append(Reason(Code.LAW_HAS_RIVALS, laws=tuple(rival.title for rival in rivals)))
     proposed = _told(base, data, best, sizes, tuple(reasons))
     proposed = replace(
-        proposed, log_odds=log_odds, share=share, unseen=unseen, rivals=tuple(one.name for one in rivals)
+        proposed, log_odds=log_odds, share=share, unseen=unseen, rivals=tuple(rival.name for rival in rivals)
     )
     if not proposed.certain:
         return LawsFound((proposed,))
@@ -206,44 +206,44 @@ def _judged(
 
 def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) -> list[Reason]:
     """Return why recordings that the law has not seen speak against it, or that none can test it."""
-    for one in unseen:
-        if one.after_mps2 > RISE * max(one.before_mps2, one.noise_mps2):
-            return [_unseen_reason(recordings, one)]
+    for error in unseen:
+        if error.after_mps2 > RISE * max(error.before_mps2, error.noise_mps2):
+            return [_unseen_reason(recordings, error)]
     # Where hardly more than noise is left there is nothing to fall.
-    above = [one for one in unseen if one.before_mps2**2 > TESTABLE * one.noise_mps2**2]
+    above = [error for error in unseen if error.before_mps2**2 > TESTABLE * error.noise_mps2**2]
     if not above:
         return [Reason(Code.LAW_UNTESTED)]
-    for recording in dict.fromkeys(one.recording for one in above):
-        own = [one for one in above if one.recording == recording]
-        if min(_excess_left(one) for one in own) > FALL:
-            return [_unseen_reason(recordings, min(own, key=_excess_left))]
+    for recording in dict.fromkeys(error.recording for error in above):
+        of_recording = [error for error in above if error.recording == recording]
+        if min(_excess_left(error) for error in of_recording) > FALL:
+            return [_unseen_reason(recordings, min(of_recording, key=_excess_left))]
     return []
 
 
-def _excess_left(one: UnseenError) -> float:
+def _excess_left(error: UnseenError) -> float:
     """Return the share of the power beyond noise that a law leaves."""
-    noise = one.noise_mps2**2
-    return (one.after_mps2**2 - noise) / (one.before_mps2**2 - noise)
+    noise = error.noise_mps2**2
+    return (error.after_mps2**2 - noise) / (error.before_mps2**2 - noise)
 
 
-def _unseen_reason(recordings: Sequence[str], one: UnseenError) -> Reason:
+def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:
     return Reason(
         Code.LAW_FAILS_UNSEEN,
-        recording=recordings[one.recording],
-        axis=one.axis,
-        before_mps2=one.before_mps2,
-        after_mps2=one.after_mps2,
+        recording=recordings[error.recording],
+        axis=error.axis,
+        before_mps2=error.before_mps2,
+        after_mps2=error.after_mps2,
     )
 
 
 def _against_sizes(recordings: Sequence[str], sizes: Sequence[LawSize]) -> list[Reason]:
     """Return why the sizes of single recordings speak against a law."""
-    known = [one for one in sizes if one.std < _KNOWN_SIZE * abs(one.value)]
-    if len(known) < 2:
+    determined = [size for size in sizes if size.std < _KNOWN_SIZE * abs(size.value)]
+    if len(determined) < 2:
         return [Reason(Code.LAW_UNTESTED)]
-    weights = np.array([one.std**-2.0 for one in known])
-    mean = float(weights @ [one.value for one in known] / weights.sum())
-    worst = max(known, key=lambda one: abs(one.value - mean) - 2.0 * one.std)
+    weights = np.array([size.std**-2.0 for size in determined])
+    mean = float(weights @ [size.value for size in determined] / weights.sum())
+    worst = max(determined, key=lambda size: abs(size.value - mean) - 2.0 * size.std)
     if abs(worst.value - mean) <= SIZES_APART * abs(mean) + 2.0 * worst.std:
         return []
     return [Reason(Code.LAW_SIZES_DIFFER, recording=recordings[worst.recording], ratio=worst.value / mean)]
@@ -259,12 +259,12 @@ def _told(
     stds = np.sqrt(np.diagonal(fit.covariance)[where]) * _widening(sizes, law, values)
     stds[: law.sizes] = np.hypot(stds[: law.sizes], law.equation_share * np.abs(values[: law.sizes]))
     parameters = {
-        one.name: Fitted(float(value), float(std), one.unit, one.factor, one.display_unit)
-        for one, value, std in zip(law.parameters, values, stds, strict=True)
+        parameter.name: Fitted(float(value), float(std), parameter.unit, parameter.factor, parameter.display_unit)
+        for parameter, value, std in zip(law.parameters, values, stds, strict=True)
     }
-    left, without = group_residuals(base.fit, data), added_by(fit, law)
+    residuals, without = group_residuals(base.fit, data), added_by(fit, law)
     groups = fit.model.campaign.groups
-    used = [axis for axis in law.axes if any(one.variance[axis].any() for one in left)]
+    used = [axis for axis in law.axes if any(residual.variance[axis].any() for residual in residuals)]
     power = [float((POWER_SHARE * np.abs(orders[used]) ** 2).sum()) / max(len(used), 1) for orders in without]
     curves = tuple(
         LawCurves(
@@ -273,7 +273,7 @@ def _told(
             orders_field(residual.orders_mps2),
             orders_field(np.where(residual.variance > 0.0, predicted - before, 0.0)),
         )
-        for group, residual, predicted, before in zip(groups, left, fit.predicted, base.fit.predicted, strict=True)
+        for group, residual, predicted, before in zip(groups, residuals, fit.predicted, base.fit.predicted, strict=True)
     )
     return ProposedLaw(
         name=law.name,
@@ -297,16 +297,16 @@ def _told(
 def _widening(sizes: Sequence[LawSize], law: Law, values: FloatArray) -> float:
     """Return the ratio by which sizes of single recordings differ more than their errors, at least 1."""
     size = float(np.linalg.norm(values[: law.sizes]))
-    known = [one for one in sizes if one.std < _KNOWN_SIZE * abs(one.value)]
-    if len(known) < 2:
+    determined = [law_size for law_size in sizes if law_size.std < _KNOWN_SIZE * abs(law_size.value)]
+    if len(determined) < 2:
         return 1.0
-    square = sum(((one.value - size) / one.std) ** 2 for one in known) / (len(known) - 1)
+    square = sum(((law_size.value - size) / law_size.std) ** 2 for law_size in determined) / (len(determined) - 1)
     return math.sqrt(max(1.0, square))
 
 
-def _held_out(base: Evaluated, found: Evaluated, data: Whitened) -> HeldOut:
+def _held_out(base: Evaluated, evaluated: Evaluated, data: Whitened) -> HeldOut:
     """Return the error on held-out revolutions without the law and with it."""
     without = replace(base, names=frozenset())
-    pair = {found.names: found, without.names: without}
-    masses = {found.names: 1.0, without.names: 0.0}
-    return hold_out(Posterior(pair, masses, masses, (found,), (1.0,)), data).summary
+    pair = {evaluated.names: evaluated, without.names: without}
+    masses = {evaluated.names: 1.0, without.names: 0.0}
+    return hold_out(Posterior(pair, masses, masses, (evaluated,), (1.0,)), data).summary

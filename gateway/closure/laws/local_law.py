@@ -149,13 +149,13 @@ class Responses:
         # Speeds within a recording differ by some permille.
         log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
         key = log_speed, conditions.load_n, conditions.pressure_pa, float(len(belt.state)), loss_s
-        known = self._kept.setdefault(key, {})
-        if change not in known:
+        responses = self._kept.setdefault(key, {})
+        if change not in responses:
             wanted = self._wanted if change in self._wanted else (change,)
             omega = math.exp(log_speed / _PER_SPEED)
             answers = local_response(belt, omega, loss_s, offset_m, wanted)
-            known |= {kind: _orders(answer) for kind, answer in zip(wanted, answers, strict=True)}
-        return known[change]
+            responses |= {kind: _orders(answer) for kind, answer in zip(wanted, answers, strict=True)}
+        return responses[change]
 
 
 class _OnBelt(Law):
@@ -245,17 +245,17 @@ class LocalLaw(_OnBelt):
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the size times the reading of a unit."""
-        size, place, width, loss = (float(value) for value in parameters)
+        size, angle_rad, width, loss = (float(value) for value in parameters)
         if not size:
             return block.zeros()
-        amplitude = size * _window(width) * np.exp(-1j * place * _COUNTS)
+        amplitude = size * _window(width) * np.exp(-1j * angle_rad * _COUNTS)
         result: FloatArray = self._fields(block, amplitude[None], _between(loss)[0])[0]
         return result
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivatives by size, place, width and loss."""
-        size, place, width, loss = (float(value) for value in parameters)
-        unit = _window(width) * np.exp(-1j * place * _COUNTS)
+        size, angle_rad, width, loss = (float(value) for value in parameters)
+        unit = _window(width) * np.exp(-1j * angle_rad * _COUNTS)
         by = np.stack([unit, -1j * size * _COUNTS * unit, -size * width * np.square(_COUNTS) * unit])
         weights, by_loss = _between(loss)
         return np.concatenate([self._fields(block, by, weights), self._fields(block, size * unit[None], by_loss)])

@@ -64,13 +64,13 @@ class ProfileScan:
             fit if factor == 1.0 else fit.under(discrepancy.applied(np.maximum(factor * amplitudes, least)))
             for factor in _FACTORS
         ]
-        self._levels = np.array([log_evidence(one.moved(one.step)) for one in self._fits])
+        self._levels = np.array([log_evidence(scaled_fit.moved(scaled_fit.step)) for scaled_fit in self._fits])
         self._shapes = [fit.model.shape(fit.vector, index) for index in range(len(fit.model.campaign.groups))]
 
     def promises(self, laws: Sequence[Law]) -> list[Promise]:
         """Return what each law promises, most first; laws of axes without data promise nothing."""
-        found = [promise for law in laws for promise in self._of(law)]
-        return sorted(found, key=lambda one: -one.gain)
+        promises = [promise for law in laws for promise in self._of(law)]
+        return sorted(promises, key=lambda each: -each.gain)
 
     def _of(self, law: Law) -> Iterator[Promise]:
         if not isinstance(law, LocalLaw):
@@ -79,16 +79,16 @@ class ProfileScan:
             return
         width = law.shape.width_rad
         first = np.linspace(-math.pi, math.pi, _FIRST_PLACES, endpoint=False)
-        tried = [(place, width) for place in first.tolist()]
+        tried = [(angle_rad, width) for angle_rad in first.tolist()]
         gains, sizes = self._gains(law, tried)
         best = list(zip(gains.tolist(), sizes.tolist(), tried, strict=True))
-        for at in _peaks(gains):
-            near = [(first[at] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
+        for peak in _peaks(gains):
+            near = [(first[peak] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
             gains, sizes = self._gains(law, near)
             best += zip(gains.tolist(), sizes.tolist(), near, strict=True)
-        gain, size, (place, width) = max(best, key=lambda one: one[0])
-        place = (place + math.pi) % (2.0 * math.pi) - math.pi
-        yield Promise(law, np.array([size, place, width, 0.0]), gain)
+        gain, size, (angle_rad, width) = max(best, key=lambda entry: entry[0])
+        angle_rad = (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
+        yield Promise(law, np.array([size, angle_rad, width, 0.0]), gain)
 
     def _other(self, law: Law, start: FloatArray) -> Iterator[Promise]:
         """Yield the promise of a law without a place: each parameter of a linear one has its own size."""
@@ -100,14 +100,20 @@ class ProfileScan:
         without = [model.predict_mean(vector, index) for index in groups]
         rows = []
         for index in groups:
-            own = []
-            for one in starts:
-                vector[where] = one
-                own.append(as_real(model.predict_mean(vector, index) - without[index]))
-            rows.append(np.stack(own))
+            group_rows = []
+            for unit_start in starts:
+                vector[where] = unit_start
+                group_rows.append(as_real(model.predict_mean(vector, index) - without[index]))
+            rows.append(np.stack(group_rows))
         if not any(row.any() for row in rows):
             return
-        stds = np.array([one.prior_std / abs(at) for one, at in zip(law.parameters, start, strict=True) if at])
+        stds = np.array(
+            [
+                parameter.prior_std / abs(start_value)
+                for parameter, start_value in zip(law.parameters, start, strict=True)
+                if start_value
+            ]
+        )
         gain, sizes = self._gain_of_all(rows, stds)
         yield Promise(law, sizes @ starts, gain)
 
@@ -119,30 +125,30 @@ class ProfileScan:
             rows = self._rows(law, tried[begin : begin + _ROWS])
             over = []
             for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
-                score, known = self._projected(fit, rows)
-                gain = 0.5 * score**2 / (known + std**-2) - 0.5 * np.log1p(std**2 * known)
-                over.append((level + gain, score / (known + std**-2)))
-            totals = np.stack([one for one, _ in over])
+                score, information = self._projected(fit, rows)
+                gain = 0.5 * score**2 / (information + std**-2) - 0.5 * np.log1p(std**2 * information)
+                over.append((level + gain, score / (information + std**-2)))
+            totals = np.stack([total for total, _ in over])
             which = np.argmax(totals, axis=0)
-            at = np.arange(totals.shape[1])
-            gains[begin : begin + _ROWS] = totals[which, at] - self._levels.max()
-            sizes[begin : begin + _ROWS] = np.stack([one for _, one in over])[which, at]
+            columns = np.arange(totals.shape[1])
+            gains[begin : begin + _ROWS] = totals[which, columns] - self._levels.max()
+            sizes[begin : begin + _ROWS] = np.stack([size for _, size in over])[which, columns]
         return gains, sizes
 
     def _projected(self, fit: Fit, rows: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Return the score and the information of each row, what the parameters of the fit take left out."""
         cross = fit.cross(rows)
-        own = fit.own(rows, len(rows[0]))[:, 0, 0]
+        information = fit.own(rows, len(rows[0]))[:, 0, 0]
         taken = np.linalg.solve(fit.precision, cross[:-1])
-        return cross[-1] - fit.step @ cross[:-1], np.maximum(own - (cross[:-1] * taken).sum(axis=0), 1e-300)
+        return cross[-1] - fit.step @ cross[:-1], np.maximum(information - (cross[:-1] * taken).sum(axis=0), 1e-300)
 
     def _gain_of_all(self, rows: Sequence[FloatArray], stds: FloatArray) -> tuple[float, FloatArray]:
         """Return the gain of rows that go together, and their sizes."""
         best = (-math.inf, np.zeros(len(stds)))
         for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
             cross = fit.cross(rows)
-            known = fit.own(rows, 1)[0] - cross[:-1].T @ np.linalg.solve(fit.precision, cross[:-1])
-            precision = known + np.diag(stds**-2.0)
+            information = fit.own(rows, 1)[0] - cross[:-1].T @ np.linalg.solve(fit.precision, cross[:-1])
+            precision = information + np.diag(stds**-2.0)
             score = cross[-1] - fit.step @ cross[:-1]
             sizes = np.linalg.solve(precision, score)
             gain = 0.5 * float(score @ sizes) - 0.5 * float(np.linalg.slogdet(precision * np.square(stds))[1])
@@ -152,7 +158,7 @@ class ProfileScan:
 
     def _rows(self, law: LocalLaw, tried: Sequence[tuple[float, float]]) -> list[FloatArray]:
         """Return the readings of a unit size, (k, 3, REAL) of each group; effects of later stages are left out."""
-        places = np.array([place for place, _ in tried])
+        places = np.array([angle_rad for angle_rad, _ in tried])
         widths = np.array([width for _, width in tried])
         rows = []
         model = self.fit.model
@@ -160,8 +166,8 @@ class ProfileScan:
             block = base_signal(model.core, shape, group.conditions)
             orders = np.empty((len(tried), 3, ORDERS), dtype=np.complex128)
             for width in np.unique(widths):
-                own = widths == width
-                orders[own] = law.unit_orders(block, places[own], float(width))
+                same_width = widths == width
+                orders[same_width] = law.unit_orders(block, places[same_width], float(width))
             if group.declared_roll_rad or group.declared_pitch_rad:
                 orders = mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad) @ orders
             turn = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
@@ -172,4 +178,4 @@ class ProfileScan:
 def _peaks(gains: FloatArray) -> list[int]:
     """Return the highest peaks of a periodic curve."""
     peaks = np.flatnonzero((gains >= np.roll(gains, 1)) & (gains > np.roll(gains, -1)))
-    return sorted(peaks.tolist(), key=lambda at: -gains[at])[:_PEAKS]
+    return sorted(peaks.tolist(), key=lambda index: -gains[index])[:_PEAKS]

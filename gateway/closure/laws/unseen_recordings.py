@@ -26,46 +26,46 @@ _APART: Final = 1.05
 
 def recordings_of(fit: Fit) -> dict[int, list[int]]:
     """Return the groups of each recording."""
-    found: dict[int, list[int]] = {}
+    groups_of: dict[int, list[int]] = {}
     for index, group in enumerate(fit.model.campaign.groups):
-        found.setdefault(group.recording, []).append(index)
-    return found
+        groups_of.setdefault(group.recording, []).append(index)
+    return groups_of
 
 
 def has_other_conditions(fit: Fit, recording: int) -> bool:
     """Return whether a recording has a speed, load or pressure that no other one has."""
     groups = fit.model.campaign.groups
 
-    def apart(one: float, other: float) -> bool:
-        return max(one, other) > _APART * min(one, other)
+    def apart(first: float, second: float) -> bool:
+        return max(first, second) > _APART * min(first, second)
 
-    own = [group.conditions for group in groups if group.recording == recording]
+    of_recording = [group.conditions for group in groups if group.recording == recording]
     others = [group.conditions for group in groups if group.recording != recording]
     return any(
         all(
-            apart(here.omega_radps, there.omega_radps)
-            or apart(here.load_n, there.load_n)
-            or apart(here.pressure_pa, there.pressure_pa)
+            apart(condition.omega_radps, there.omega_radps)
+            or apart(condition.load_n, there.load_n)
+            or apart(condition.pressure_pa, there.pressure_pa)
             for there in others
         )
-        for here in own
+        for condition in of_recording
     )
 
 
 def single_sizes(fit: Fit, data: Whitened, law: Law) -> tuple[LawSize, ...]:
     """Return the size of a law in each recording alone, its shape kept."""
-    own = fit.model.layout.effect(law.name).start + np.arange(law.sizes)
-    start = fit.vector[own]
+    indices = fit.model.layout.effect(law.name).start + np.arange(law.sizes)
+    start = fit.vector[indices]
     # Along the direction of the law's own vector, so that a cosine and a sine count as one size.
     unit = start / max(float(np.linalg.norm(start)), 1e-300)
-    found = []
+    sizes = []
     for recording, groups in recordings_of(fit).items():
-        free = np.concatenate([_own_parameters(fit, groups), own])
+        free = np.concatenate([_own_parameters(fit, groups), indices])
         change, covariance = _step(fit, data, groups, free)
-        spread = covariance[-len(own) :, -len(own) :]
-        size = float(unit @ (start + change[own]))
-        found.append(LawSize(recording, size, math.sqrt(float(unit @ spread @ unit))))
-    return tuple(found)
+        spread = covariance[-len(indices) :, -len(indices) :]
+        size = float(unit @ (start + change[indices]))
+        sizes.append(LawSize(recording, size, math.sqrt(float(unit @ spread @ unit))))
+    return tuple(sizes)
 
 
 def unseen_errors(before: Fit, after: Fit, data: Whitened, law: Law) -> tuple[UnseenError, ...]:
@@ -78,7 +78,7 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: Law) -> tuple[Un
         law: the law.
     """
     where = after.model.layout.effect(law.name)
-    found = []
+    errors = []
     recordings = recordings_of(after)
     for recording, groups in recordings.items():
         others = [index for index in range(len(data.orders)) if index not in groups]
@@ -89,14 +89,16 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: Law) -> tuple[Un
         held = np.zeros_like(change)
         held[where] = change[where]
         with_law = after.moved(held)
-        left = [_left(one, data, groups) for one in (before, with_law)]
+        remaining = [_left(fit, data, groups) for fit in (before, with_law)]
         noise = _noise_mps2(data, groups)
         for axis, name in enumerate(AXIS_NAMES):
             if noise[axis] > 0.0:
-                found.append(
-                    UnseenError(recording, name, float(left[0][axis]), float(left[1][axis]), float(noise[axis]))
+                errors.append(
+                    UnseenError(
+                        recording, name, float(remaining[0][axis]), float(remaining[1][axis]), float(noise[axis])
+                    )
                 )
-    return tuple(found)
+    return tuple(errors)
 
 
 def _left(fit: Fit, data: Whitened, groups: Sequence[int]) -> FloatArray:
@@ -116,8 +118,8 @@ def _noise_mps2(data: Whitened, groups: Sequence[int]) -> FloatArray:
     total = np.zeros(3)
     for index in groups:
         square = np.square(data.weights[index]).sum(axis=0)
-        known = square > 0.0
-        total += np.where(known, 1.0 / np.where(known, square, 1.0), 0.0).sum(axis=1)
+        present = square > 0.0
+        total += np.where(present, 1.0 / np.where(present, square, 1.0), 0.0).sum(axis=1)
     result: FloatArray = np.sqrt(total / len(groups))
     return result
 
@@ -140,10 +142,10 @@ def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tu
     for index in groups:
         rows = fit.rows[index][free]
         weighted = np.matmul(rows.swapaxes(0, 1), data.precisions[index]).swapaxes(0, 1).reshape(size, -1)
-        left = fit.residual[index]
+        residual = fit.residual[index]
         gram += weighted @ rows.reshape(size, -1).T
-        slope += weighted @ left.reshape(-1)
-        misfit += float(np.einsum("an,anm,am->", left, data.precisions[index], left))
+        slope += weighted @ residual.reshape(-1)
+        misfit += float(np.einsum("an,anm,am->", residual, data.precisions[index], residual))
         count += sum(len(factor) for factor in data.factors[index])
     prior = fit.prior_precision[np.ix_(free, free)]
     away = (fit.vector - fit.prior_mean)[free]
