@@ -15,7 +15,7 @@ LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --genera
 # Of the last commit: two builds of it are equal to the byte.
 export SOURCE_DATE_EPOCH ?= $(shell git log -1 --format=%ct 2>/dev/null || echo 315532800)
 
-.PHONY: demo hub test nightly coverage lint types bench firmware firmware-packages docs docs-pages docs-serve dist sbom locks clean
+.PHONY: demo hub core test nightly coverage lint types bench firmware firmware-packages docs docs-pages docs-serve dist sbom locks clean
 
 $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
@@ -38,7 +38,11 @@ hub: $(STAMP)
 	$(CC) -std=c11 -O2 -D_POSIX_C_SOURCE=200809L -Ibuild/hub build/hub/*.c build/hub/ports/host/host_collector.c -o build/hub/host_collector
 	build/hub/host_collector --tcp $(PORT) --sensor build/hub/ports/host/wheel.csv --flash build/hub/flash
 
-test: lint types
+# The compiled core in this tree, as the installation builds it; without a C compiler the same functions in numpy are used.
+core: $(STAMP)
+	@$(BIN)/python hatch_build.py || true
+
+test: lint types core
 	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
 
 # Every test, hypothesis with fresh examples, then a longer fuzz. A failure prints what repeats it.
@@ -57,10 +61,11 @@ coverage: $(STAMP)
 	  $(BIN)/coverage combine --quiet; $(BIN)/coverage json --quiet -o build/coverage.json && \
 	  $(BIN)/python -m tools.coverage_rooms build/coverage.json && exit $$status
 
-# Wheel and source distribution in dist/, with their hashes.
+# Source distribution, wheel for every system, and wheel with the compiled core for this one, with their hashes.
 dist: $(STAMP)
 	rm -rf dist
-	$(BIN)/python -m build --no-isolation --outdir dist .
+	TREADLINK_COMPILED=0 $(BIN)/python -m build --no-isolation --outdir dist .
+	$(BIN)/python -m build --no-isolation --wheel --outdir dist .
 	cd dist && sha256sum treadlink-*
 
 # What an installation with all extras consists of, as CycloneDX, from the lock file with its hashes.

@@ -243,6 +243,9 @@ def checked_out(revision: str | None) -> Iterator[dict[str, Path]]:
     with tempfile.TemporaryDirectory() as folder:
         archive = subprocess.run(["git", "archive", revision], cwd=own, check=True, capture_output=True)
         subprocess.run(["tar", "-x", "-C", folder], input=archive.stdout, check=True)
+        hook = Path(folder, "hatch_build.py")
+        if hook.exists():
+            subprocess.run([sys.executable, str(hook)], check=True)
         yield {revision: Path(folder), "now": own}
 
 

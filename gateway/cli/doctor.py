@@ -57,6 +57,7 @@ def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path,
 def _run(sources: Sequence[str], config_path: Path | None, recordings: Path) -> Iterator[Check]:
     yield from checks.check_python()
     yield from checks.check_packages()
+    yield from checks.check_core()
     yield from checks.check_plugins()
     yield from checks.check_ports()
     yield from checks.check_bluetooth()

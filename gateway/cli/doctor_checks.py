@@ -103,6 +103,17 @@ def check_packages() -> Iterator[Check]:
             yield Check(f"packages [{extra}]", Level.WARNING, ", ".join(found_in_extra), remedy)
 
 
+def check_core() -> Iterator[Check]:
+    """Check whether the compiled core is in use."""
+    from gateway.compiled import core
+
+    if core is not None:
+        yield Check("compiled core", Level.OK, "in use")
+    else:
+        remedy = "Optional. Install a C compiler and Python's headers, and then treadlink again."
+        yield Check("compiled core", Level.WARNING, "not in use: estimation is slower", remedy)
+
+
 def check_plugins() -> Iterator[Check]:
     """Check every plug-in of the installed packages: it is imported, and its interface compared with the registry's."""
     from gateway.closure.effects import catalogue

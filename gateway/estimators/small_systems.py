@@ -1,6 +1,7 @@
-"""Factors and least squares of small dense systems, by LAPACK's own functions.
+"""Factors and least squares of small dense systems, by the compiled core or LAPACK's own functions.
 
-They take a fraction of the time of numpy's, whose overhead exceeds the work on matrices of this size.
+Both take a fraction of the time of numpy's, whose overhead exceeds the work on matrices of this size. LAPACK shares its
+work among threads where the environment does not forbid it, which makes systems this small a hundred times slower.
 """
 
 from __future__ import annotations
@@ -8,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dgels, dgeqrf, dtrtrs
 
+from gateway.compiled import core
 from gateway.types import FloatArray
 
 
@@ -34,10 +36,25 @@ def solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = Fa
     """
     solved = np.empty(right.shape)
     for place, one in enumerate(right):
-        solved[place], info = dtrtrs(factors[min(place, len(factors) - 1)], one, lower=True, trans=transposed)
-        if info:
+        if not solved_lower(factors[min(place, len(factors) - 1)], one, transposed, solved[place]):
             raise np.linalg.LinAlgError("a triangular factor is singular")
     return solved
+
+
+def _solved_by_lapack(factor: FloatArray, right: FloatArray, transposed: bool, out: FloatArray) -> bool:
+    """Set L^-1 right or L^-T right, (n, k); return whether L is regular."""
+    out[:], info = dtrtrs(factor, right, lower=True, trans=transposed)
+    return not info
+
+
+def _solved_by_core(factor: FloatArray, right: FloatArray, transposed: bool, out: FloatArray) -> bool:
+    """As `_solved_by_lapack`."""
+    assert core is not None
+    regular: bool = core.solve_lower(np.ascontiguousarray(factor), np.ascontiguousarray(right), transposed, out)
+    return regular
+
+
+solved_lower = _solved_by_lapack if core is None else _solved_by_core
 
 
 def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
@@ -52,9 +69,27 @@ def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """
     count = matrices.shape[2]
     solved = np.empty((len(right), count, right.shape[2]))
-    for place, (matrix, one) in enumerate(zip(matrices, right, strict=True)):
-        _, found, info = dgels(matrix, one)
-        if info:
+    for place, both in enumerate(zip(matrices, right, strict=True)):
+        if not fitted(*both, solved[place]):
             raise np.linalg.LinAlgError("the columns are not independent")
-        solved[place] = found[:count]
     return solved
+
+
+def _fitted_by_lapack(matrix: FloatArray, right: FloatArray, out: FloatArray) -> bool:
+    """Set x of least |matrix x - right|^2, (n, k); return whether the columns are independent."""
+    _, found, info = dgels(matrix, right)
+    out[:] = found[: matrix.shape[1]]
+    # Of a matrix of zeros LAPACK says nothing.
+    return not info and bool(matrix.any())
+
+
+def _fitted_by_core(matrix: FloatArray, right: FloatArray, out: FloatArray) -> bool:
+    """As `_fitted_by_lapack`."""
+    assert core is not None
+    rows, columns = matrix.shape
+    work = np.empty((rows + 1) * (columns + right.shape[1]))
+    independent: bool = core.least_squares(np.ascontiguousarray(matrix), np.ascontiguousarray(right), work, out)
+    return independent
+
+
+fitted = _fitted_by_lapack if core is None else _fitted_by_core

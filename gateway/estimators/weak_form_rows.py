@@ -24,6 +24,7 @@ from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
+from gateway.compiled import core
 from gateway.physics.belt_shape import (
     ALONG,
     ANGLES_RAD,
@@ -150,26 +151,16 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     """
     shape, motion = rows.shape, rows.motion
     coarse = slice(None, None, STRIDE)
-    free = slice(motion.begin // STRIDE, None)
     rotation = motion.rotation[:, coarse]
     bs, cw, rs, ts, tension, deflection = unknowns.T[:, :, np.newaxis]
     tangent = shape.tangent[:, coarse]
     force = cw * rows.forces[:, 0, coarse] + rs * rows.forces[:, 1, coarse] + ts * rows.forces[:, 2, coarse] - tension
     force += deflection * (rs * _RISE_FORCES[0, coarse] + ts * _RISE_FORCES[1, coarse])
     axial = _dot(tangent, force)
-    tangent, along = tangent[:, np.newaxis], ALONG[coarse]
-    bs, cw, rs, ts = (number[..., np.newaxis] for number in (bs, cw, rs, ts))
-    # Virtual displacement int n phi, 0 in the contact; the last row's is vertical.
-    moved = np.zeros((len(tangent), ROWS + 1, len(along)), dtype=np.complex128)
-    moved[:, :ROWS, free] = _running(1j * tangent[..., free] * rotation)
-    moved[:, ROWS] = 2.0j
-    # Derivative by the angle: the belt beyond the point moves along its normal, which changes the work of the sidewall,
-    backwards = tangent.conj()
-    radial = (rs - ts) * (along * moved.conj()).imag
-    by_angle = (backwards * _remaining(ts * moved - radial * (1j * along))).imag
-    # and pressure and axial force rotate.
-    by_angle[:, :ROWS] -= cw * (backwards * moved[:, :ROWS]).real
-    by_angle[:, :ROWS, free] += axial[:, np.newaxis, free] * rotation
+    by_angle = np.empty((len(tangent), ROWS + 1, tangent.shape[1]))
+    for place, one in enumerate(by_angle):
+        by_angle_of(tangent[place], axial[place], rotation, unknowns[place, 1:4], one)
+    bs = bs[..., np.newaxis]
     by_order: FloatArray = by_angle @ _COARSE_REMAINING
     by_order[:, :ROWS] += bs * motion.bending
     closing = np.sin(shape.angle_rad[:, coarse]) @ _COARSE_REMAINING
@@ -177,6 +168,46 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     by_order[:, :, 1] = 0.0
     by_order[:, :, 0] = -(by_order[:, :, 2:] @ shape.orders[:, 2:SENSITIVE_ORDERS, np.newaxis])[..., 0]
     return by_order
+
+
+def _by_angle_by_numpy(
+    tangent: ComplexArray, axial: FloatArray, rotation: FloatArray, numbers: FloatArray, out: FloatArray
+) -> None:
+    """Set the derivative of the rows of one belt by the angle of its tangent, (ROWS + 1, m), on the coarse grid.
+
+    Args:
+        tangent: (m,) of the belt.
+        axial: (m,) force along it.
+        rotation: (ROWS, f) virtual rotations at the last f points, 0 before.
+        numbers: (3,) Cw, Rs, Ts.
+        out: the result.
+    """
+    cw, rs, ts = numbers
+    free, along = slice(len(tangent) - rotation.shape[1], None), ALONG[::STRIDE]
+    # Virtual displacement int n phi, 0 in the contact; the last row's is vertical.
+    moved = np.zeros(out.shape, dtype=np.complex128)
+    moved[:ROWS, free] = _running(1j * tangent[free] * rotation)
+    moved[ROWS] = 2.0j
+    # Derivative by the angle: the belt beyond the point moves along its normal, which changes the work of the sidewall,
+    backwards = tangent.conj()
+    radial = (rs - ts) * (along * moved.conj()).imag
+    out[:] = (backwards * _remaining(ts * moved - radial * (1j * along))).imag
+    # and pressure and axial force rotate.
+    out[:ROWS] -= cw * (backwards * moved[:ROWS]).real
+    out[:ROWS, free] += axial[free] * rotation
+
+
+def _by_angle_by_core(
+    tangent: ComplexArray, axial: FloatArray, rotation: FloatArray, numbers: FloatArray, out: FloatArray
+) -> None:
+    """As `_by_angle_by_numpy`."""
+    assert core is not None
+    belt = np.ascontiguousarray(tangent).view(np.float64)
+    contiguous = np.ascontiguousarray(rotation), np.ascontiguousarray(numbers)
+    core.row_sensitivity(belt, _COARSE_ALONG, axial, *contiguous, STRIDE * STEP_RAD, np.empty(len(belt)), out)
+
+
+by_angle_of = _by_angle_by_numpy if core is None else _by_angle_by_core
 
 
 def _dot(left: ComplexArray, right: ComplexArray) -> FloatArray:
@@ -203,6 +234,7 @@ def _remaining(values: _Values) -> _Values:
 
 # From the derivative by the angle, on the coarse grid, to that by the orders of the curvature, its integral.
 _COARSE_REMAINING: Final[FloatArray] = _remaining(np.eye(len(_COARSE_COSINES))) @ _COARSE_COSINES
+_COARSE_ALONG: Final[FloatArray] = ALONG[::STRIDE].copy().view(np.float64)
 _RISE_PULLS: Final[ComplexArray] = np.stack([RADIAL.imag * RADIAL, ALONG.imag * ALONG])
 
 

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.compiled import core
 from gateway.signal.angle_resampling import MARGIN_SAMPLES
 from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn_of
 from gateway.signal.dips import box_offsets, dip_score
@@ -46,6 +46,7 @@ _UNSEEN_COST: Final = 4.0
 _MAX_CANDIDATES: Final = 6
 # Range of periods, over the expected one, that is searched at each stretch of the expected duration.
 _STRETCH_BAND: Final = (0.8, 1.25)
+_ANY_BAND: Final = (-math.inf, math.inf)
 # Largest ratio of the expected period to the last: a braking wheel may stop, or accelerate again.
 _MAX_PERIOD_GROWTH: Final = 1.45
 # Depth of contacts below which a wheel is slow enough to stop or reverse within a revolution.
@@ -166,14 +167,50 @@ def restore_lost_edge(contact: Contact, expected: float, missing: Missing) -> Co
     return contact._replace(centre=centre, duration=expected, centre_std=max(contact.centre_std, 0.05 * expected))
 
 
-def _summits(places: NDArray[np.intp], heights: FloatArray, apart: int) -> list[int]:
-    """Return the highest place of each group of ascending places that lie at most `apart` from their neighbours."""
+def _summits_by_numpy(
+    prefix: FloatArray,
+    width: float,
+    after: float,
+    depth_period2: float,
+    period: float,
+    least_ratio: float,
+    most_ratio: float,
+) -> list[tuple[int, float]]:
+    """Return the places that may be the next contact, one or more revolutions later, and their scores.
+
+    Of those nearer to each other than half a width, the highest.
+
+    Args:
+        prefix: cumulative sum of the radial axis.
+        width: of a contact, in samples.
+        after: samples from the last contact to the first score.
+        depth_period2: depth of a contact times the square of the period.
+        period: expected one, in samples.
+        least_ratio: least ratio of a period to the expected one.
+        most_ratio: largest ratio.
+    """
+    score, _ = dip_score(prefix, width)
+    # Quick preselection by the least depth that could be accepted anywhere.
+    farthest = (after + len(score)) / (_MAX_UNSEEN + 1.0)
+    least = depth_period2 / max(farthest, 1.5 * period) ** 2
+    places = (score >= (_ACCEPT_SHARE - 0.2) * least).nonzero()[0]
     if not len(places):
         return []
-    if places[-1] - places[0] == len(places) - 1:
-        return [places.item(heights.argmax())]
-    edges = [0, *(np.flatnonzero(places[1:] - places[:-1] > apart) + 1).tolist(), len(places)]
-    return [places.item(lo + int(heights[lo:hi].argmax())) for lo, hi in pairwise(edges)]
+    depth, late = score[places], places + after
+    turns = np.minimum(np.maximum(np.rint(late / period), 1.0), _MAX_UNSEEN + 1.0)
+    expected = depth_period2 * np.square(turns / late)
+    good = depth >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
+    ratio = late / (turns * period)
+    good &= (ratio > least_ratio) & (ratio < most_ratio)
+    places, depth = places[good], depth[good]
+    if not len(places):
+        return []
+    edges = [0, *(np.flatnonzero(np.diff(places) > max(1, round(0.5 * width))) + 1).tolist(), len(places)]
+    tops = [lo + int(depth[lo:hi].argmax()) for lo, hi in pairwise(edges)]
+    return [(places.item(top), depth.item(top)) for top in tops]
+
+
+summits = _summits_by_numpy if core is None else core.summits
 
 
 def _ratio(one: float, other: float) -> float:
@@ -305,33 +342,19 @@ class ContactTrack:
         found: list[tuple[float, int, float, bool]] = []
         for stretch in stretches:
             width = max(3.0, stretch * self._width)
-            score, offset = dip_score(prefix, width)
-            if not len(score):
-                continue
+            outer = box_offsets(width)[2]
             # Samples from the last contact to the first score.
-            after = first + offset - self.contact.centre
-            # Quick preselection by the least depth that could be accepted anywhere.
-            farthest = (after + len(score)) / (_MAX_UNSEEN + 1.0)
-            least = self._depth_period2 / max(farthest, 1.5 * self._period) ** 2
-            places = (score >= (_ACCEPT_SHARE - 0.2) * least).nonzero()[0]
-            if not len(places):
-                continue
-            depth, period = score[places], places + after
-            turns: FloatArray | float = 1.0
-            if period[-1] >= 1.5 * self._period:
-                turns = np.minimum(np.maximum(np.rint(period / self._period), 1.0), _MAX_UNSEEN + 1.0)
-            expected = self._depth_period2 * np.square(turns / period)
-            good = depth >= _ACCEPT_SHARE * expected - np.minimum(_ACCEPT_GRAVITY_MPS2, 0.2 * expected)
-            if len(stretches) > 1:
-                relative = period / (turns * (self._period * stretch))
-                good &= (relative > _STRETCH_BAND[0]) & (relative < _STRETCH_BAND[1])
-            for top in _summits(places[good], depth[good], max(1, round(0.5 * width))):
+            after = first + outer - self.contact.centre
+            band = _STRETCH_BAND if len(stretches) > 1 else _ANY_BAND
+            band = band[0] * stretch, band[1] * stretch
+            for top, score in summits(prefix, width, after, self._depth_period2, self._period, *band):
                 at = after + top
                 turn = min(max(round(at / self._period), 1), _MAX_UNSEEN + 1)
-                depth_off = math.log(score.item(top) * (at / turn) ** 2 / self._depth_period2) / _DEPTH_LOG_STD
+                depth_off = math.log(score * (at / turn) ** 2 / self._depth_period2) / _DEPTH_LOG_STD
                 time_off = (at / (turn * self._period) - 1.0) / self._time_std
                 cost = depth_off**2 + time_off**2 + _UNSEEN_COST * (turn - 1.0)
-                found.append((cost, first + offset + top, width, top + _SCORE_SHARE * width >= len(score)))
+                near_end = top + _SCORE_SHARE * width >= len(prefix) - 1 - 2 * outer
+                found.append((cost, first + outer + top, width, near_end))
         found.sort()
         return [(at, width) for _, at, width, _ in found[:_MAX_CANDIDATES]], bool(found) and found[0][3]
 

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dpttrf, dpttrs
 from scipy.sparse import csr_array
 
+from gateway.compiled import core
 from gateway.types import FloatArray
 
 GRID_SIZE: Final = 1024
@@ -124,19 +125,21 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     period = end - start
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"a revolution cannot run from sample {start} to {end}")
-    known = [
-        _acceleration(before, after)
-        for before, after in (
-            (start - previous if previous is not None else 0.0, period),
-            (period, following - end if following is not None else 0.0),
-        )
-        if before > 0.0 and after > 0.0 and 1.0 / _MAX_PERIOD_RATIO < before / after < _MAX_PERIOD_RATIO
-    ]
-    acceleration = sum(known) / len(known) if known else 0.0
+    acceleration, known = 0.0, 0
+    if previous is not None and _are_neighbours(start - previous, period):
+        acceleration, known = _acceleration(start - previous, period), 1
+    if following is not None and _are_neighbours(period, following - end):
+        acceleration, known = acceleration + _acceleration(period, following - end), known + 1
+    acceleration /= known or 1
     # The speed must stay positive over the whole revolution: |a| T < 2 * mean speed.
     limit = 3.6 * math.pi / period**2
     acceleration = min(max(acceleration, -limit), limit)
     return Phase(start, end, 2.0 * math.pi / period - 0.5 * acceleration * period, acceleration)
+
+
+def _are_neighbours(before: float, after: float) -> bool:
+    """Return whether two periods may be those of consecutive revolutions."""
+    return before > 0.0 and after > 0.0 and before < _MAX_PERIOD_RATIO * after and after < _MAX_PERIOD_RATIO * before
 
 
 def _acceleration(before: float, after: float) -> float:
@@ -177,7 +180,7 @@ def resample_revolutions(
         phases: phase of each, in positions of its rows.
         n: grid size, even.
         scale: converts the samples to accelerations, None when they are.
-        out: array for the result, if there is one.
+        out: C-contiguous array for the result, if there is one.
 
     Returns:
         (revolutions, axes, n).
@@ -200,55 +203,123 @@ def resample_revolutions(
         together = max(1, _TOGETHER // density)
         for begin in range(0, len(places), together):
             part = places[begin : begin + together]
-            of_part = [samples_mps2[place] for place in part], [phases[place] for place in part]
             # A slice is written to without a copy.
             in_a_row = part[-1] - part[0] == len(part) - 1
-            result[slice(part[0], part[-1] + 1) if in_a_row else part] = _resample_alike(
-                *of_part, n, order, density, scale
+            rows = result[part[0] : part[-1] + 1] if in_a_row else np.empty((len(part), *result.shape[1:]))
+            _resample_alike(
+                [samples_mps2[place] for place in part], [phases[place] for place in part], order, density, scale, rows
             )
+            if not in_a_row:
+                result[part] = rows
     return result
 
 
 def _resample_alike(
     samples_mps2: Sequence[NDArray[Any]],
     phases: Sequence[Phase],
-    n: int,
     order: Literal[3, 5],
     density: int,
     scale: Scale | None,
-) -> FloatArray:
-    """Return (revolutions, axes, n) of revolutions that are interpolated in the same way."""
+    out: FloatArray,
+) -> None:
+    """Set (revolutions, axes, n) of revolutions that are interpolated in the same way."""
     firsts = [max(0, math.floor(phase.start) - MARGIN_SAMPLES) for phase in phases]
     parts = [
         samples[first : math.ceil(phase.end) + MARGIN_SAMPLES + 1]
         for samples, first, phase in zip(samples_mps2, firsts, phases, strict=True)
     ]
-    coefficients = spline_coefficients(parts, order, scale)
-    starts, ends, rates, accelerations = np.array(
+    here = np.array(
         [
             (phase.start - first, phase.end - first, phase.rate, phase.acceleration)
             for phase, first in zip(phases, firsts, strict=True)
         ]
-    ).T[:, :, np.newaxis]
-    angles = elapsed_angles(n * density)
+    )
+    n = out.shape[2]
+    if density == 1:
+        interpolated(parts, here, elapsed_angles(n), order, scale, out)
+        return
+    fine = np.empty((*out.shape[:2], n * density))
+    interpolated(parts, here, elapsed_angles(n * density), order, scale, fine)
+    # The inverse transform of the first n/2 + 1 bins is the fine curve without the orders above the grid's band.
+    spectrum = np.fft.rfft(fine, axis=2)[:, :, : n // 2 + 1]
+    spectrum[:, :, -1] = 0.0
+    out[:] = np.fft.irfft(spectrum, n=n, axis=2)
+    out /= density
+
+
+def _interpolated_by_numpy(
+    parts: Sequence[NDArray[Any]],
+    phases: FloatArray,
+    angles_rad: FloatArray,
+    order: Literal[3, 5],
+    scale: Scale | None,
+    out: FloatArray,
+) -> None:
+    """Set (revolutions, axes, k), the samples of each revolution interpolated at angles.
+
+    Args:
+        parts: for each revolution (m, axes) samples.
+        phases: (revolutions, 4) start, end, rate and acceleration of each, in positions of its samples.
+        angles_rad: (k,) angles since the start.
+        order: of the spline.
+        scale: converts the samples to accelerations, None when they are.
+        out: C-contiguous array for the result.
+    """
+    starts, ends, rates, accelerations = phases.T[:, :, np.newaxis]
     # 2 c / (b + sqrt(b^2 + 2 a c)) avoids cancellation and division by a vanishing acceleration.
-    positions = (2.0 * accelerations) * angles
+    positions = (2.0 * accelerations) * angles_rad
     positions += rates * rates
     np.sqrt(positions, out=positions)
     positions += rates
-    np.divide(2.0 * angles, positions, out=positions)
+    np.divide(2.0 * angles_rad, positions, out=positions)
     positions += starts
     np.maximum(positions, starts, out=positions)
     np.minimum(positions, ends, out=positions)
-    by_axis = read_spline(coefficients, positions, order)
-    if density == 1:
-        return by_axis
-    # The inverse transform of the first n/2 + 1 bins is the fine curve without the orders above the grid's band.
-    spectrum = np.fft.rfft(by_axis, axis=2)[:, :, : n // 2 + 1]
-    spectrum[:, :, -1] = 0.0
-    result: FloatArray = np.fft.irfft(spectrum, n=n, axis=2)
-    result /= density
-    return result
+    out[:] = read_spline(spline_coefficients(parts, order, scale), positions, order)
+
+
+def _interpolated_by_core(
+    parts: Sequence[NDArray[Any]],
+    phases: FloatArray,
+    angles_rad: FloatArray,
+    order: Literal[3, 5],
+    scale: Scale | None,
+    out: FloatArray,
+) -> None:
+    """As `_interpolated_by_numpy`."""
+    assert core is not None
+    axes = out.shape[1]
+    lengths = [_line_length(len(part), order) for part in parts]
+    lines = np.empty(max(lengths) * axes)
+    offsets, factors = _scaling(order, scale, axes)
+    for part, phase, length, row in zip(parts, phases, lengths, out, strict=True):
+        core.resample(
+            in_core(part),
+            offsets,
+            factors,
+            core_filter(order, length),
+            BASIS[order],
+            angles_rad,
+            phase,
+            lines[: length * axes],
+            row,
+        )
+
+
+interpolated = _interpolated_by_numpy if core is None else _interpolated_by_core
+
+
+def in_core(samples: NDArray[Any]) -> NDArray[Any]:
+    """Return samples of a type that the compiled core reads."""
+    return samples if samples.dtype in (np.int16, np.float64) else samples.astype(np.float64)
+
+
+def _scaling(order: Literal[3, 5], scale: Scale | None, axes: int) -> tuple[FloatArray, FloatArray]:
+    """Return the offset and the factor of each axis, the gain of a spline's filter included, (axes,) each."""
+    gain = _gain(order)
+    if scale is None:
+        return np.zeros(axes), np.full(axes, gain)
+    return np.ascontiguousarray(scale.offset_counts, np.float64), gain * scale.mps2
 
 
 class Scale(NamedTuple):
@@ -268,8 +339,7 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
         order: of the spline.
         scale: converts the samples to accelerations, None when they are.
     """
-    longest = max(map(len, parts))
-    length = -(-(LEFT_PAD + longest + _RIGHT_PAD[order]) // _LENGTH_STEP) * _LENGTH_STEP
+    length = _line_length(max(map(len, parts)), order)
     lines = np.empty((len(parts), parts[0].shape[1], length))
     for line, part in zip(lines, parts, strict=True):
         end = LEFT_PAD + len(part)
@@ -279,7 +349,7 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
             more = min(length - end, len(part) - 1)
             line[:, end : end + more] = line[:, end - 2 : end - 2 - more : -1]
             end += more
-    gain, factors = _filter_factors(order, length)
+    gain = _gain(order)
     if scale is None:
         lines *= gain
     else:
@@ -287,7 +357,7 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
         lines *= gain * scale.mps2[:, np.newaxis]
     # The filter's equations have one unknown per sample and couple neighbours only; one after the other for each pole.
     right = lines.reshape(-1, length).T
-    for diagonal, beside in factors:
+    for diagonal, beside in _filter_factors(order, length):
         right[0] *= 0.5
         right[-1] *= 0.5
         right, _ = dpttrs(diagonal, beside, right, overwrite_b=True)
@@ -295,12 +365,40 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
     return coefficients
 
 
-@lru_cache(maxsize=128)
-def _filter_factors(order: Literal[3, 5], length: int) -> tuple[float, list[tuple[FloatArray, FloatArray]]]:
-    """Return the gain and the factored equations of a spline's filter, for lines that are mirrored at both ends.
+def _lines_by_numpy(samples: Sequence[FloatArray]) -> FloatArray:
+    """Return the coefficients of quintic splines through (m,) samples each, (k, length), as `spline_coefficients`."""
+    coefficients: FloatArray = spline_coefficients([one[:, np.newaxis] for one in samples], 5)[:, 0]
+    return coefficients
 
-    For each pole z: -z c[i - 1] + (1 + z^2) c[i] - z c[i + 1] = (1 - z)^2 s[i], halved at both ends. The gain is the
-    product of the (1 - z)^2.
+
+def _lines_by_core(samples: Sequence[FloatArray]) -> FloatArray:
+    """As `_lines_by_numpy`."""
+    assert core is not None
+    length = _line_length(max(map(len, samples)), 5)
+    lines, (offset, factor), factors = np.empty((len(samples), length)), _scaling(5, None, 1), core_filter(5, length)
+    for one, line in zip(samples, lines, strict=True):
+        core.spline_lines(one, offset, factor, factors, line)
+    return lines
+
+
+spline_lines = _lines_by_numpy if core is None else _lines_by_core
+
+
+def _line_length(rows: int, order: Literal[3, 5]) -> int:
+    """Return the length of a line of coefficients of so many samples."""
+    return -(-(LEFT_PAD + rows + _RIGHT_PAD[order]) // _LENGTH_STEP) * _LENGTH_STEP
+
+
+def _gain(order: Literal[3, 5]) -> float:
+    """Return the gain of a spline's filter, the product of the (1 - z)^2."""
+    return math.prod((1.0 - pole) ** 2 for pole in _POLES[order])
+
+
+@lru_cache(maxsize=128)
+def _filter_factors(order: Literal[3, 5], length: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the factored equations of a spline's filter, for lines that are mirrored at both ends.
+
+    For each pole z: -z c[i - 1] + (1 + z^2) c[i] - z c[i + 1] = (1 - z)^2 s[i], halved at both ends.
     """
     factors = []
     for pole in _POLES[order]:
@@ -308,7 +406,13 @@ def _filter_factors(order: Literal[3, 5], length: int) -> tuple[float, list[tupl
         diagonal[[0, -1]] *= 0.5
         diagonal, beside, _ = dpttrf(diagonal, np.full(length - 1, -pole))
         factors.append((diagonal, beside))
-    return math.prod((1.0 - pole) ** 2 for pole in _POLES[order]), factors
+    return factors
+
+
+@lru_cache(maxsize=128)
+def core_filter(order: Literal[3, 5], length: int) -> FloatArray:
+    """Return for each pole the inverse of the diagonal and what stands beside it, (poles, 2, length)."""
+    return np.array([(1.0 / diagonal, [*beside, 0.0]) for diagonal, beside in _filter_factors(order, length)])
 
 
 def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[3, 5]) -> FloatArray:
@@ -335,7 +439,7 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
         # Long rows, added one after the other: the sum does not depend on the number of points.
         places = np.arange(taps)[:, np.newaxis] + at.reshape(-1)
         parts = coefficients.reshape(-1).take(places)
-        parts *= _BASIS[order].T @ powers
+        parts *= BASIS[order].T @ powers
         line: FloatArray = np.add.reduce(parts, axis=0)
         return line.reshape(count, 1, -1)
     # One sparse matrix reads several axes; for one it takes longer to make than it saves. Its indices are filled column
@@ -344,7 +448,7 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
     for tap in range(taps):
         np.add(at, tap, out=indices[:, :, tap])
     matrix = copy(_empty_matrix(len(flat), count * length))
-    matrix.data = (powers.T @ _BASIS[order]).reshape(-1)
+    matrix.data = (powers.T @ BASIS[order]).reshape(-1)
     matrix.indices = indices.reshape(-1)
     matrix.indptr = _row_starts(len(flat), taps)
     values: FloatArray = matrix @ coefficients.transpose(0, 2, 1).reshape(count * length, axes)
@@ -389,4 +493,5 @@ _POLES: Final = {
         math.sqrt(67.5 + math.sqrt(4436.25)) - math.sqrt(26.25) - 6.5,
     ),
 }
-_BASIS: Final = {order: _basis(order) for order in (3, 5)}
+# Powers of the place between two samples in each of the taps of a spline, by its order.
+BASIS: Final = {order: _basis(order) for order in (3, 5)}

@@ -19,8 +19,15 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.compiled import core
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.signal.angle_resampling import Phase, angle_grid, read_spline, spline_coefficients
+from gateway.signal.angle_resampling import (
+    BASIS,
+    Phase,
+    angle_grid,
+    read_spline,
+    spline_lines,
+)
 from gateway.signal.contact_edges import ContactEdges, find_contact_edges, smoothing_order
 from gateway.signal.segmentation import refine_contact
 from gateway.types import BoolArray, FloatArray
@@ -204,17 +211,17 @@ class ContactSamples:
                 samples.
         """
         self._template = template
-        self._coefficients = spline_coefficients([samples[:, np.newaxis] for samples in samples_mps2], 5)
-        self._last = np.array([len(samples) - 1.0 for samples in samples_mps2])[:, np.newaxis]
+        self._coefficients = spline_lines(samples_mps2)
+        self._last = np.array([len(samples) - 1.0 for samples in samples_mps2])
         edges, angles, arrays = template.edges, template.whole.angles_rad, _arrays(passages)
         # Positions grow with the angle.
         ends_at = _places(angles[[0, -1]], *arrays)
-        if (ends_at[:, 0] >= _END_SAMPLES).all() and (ends_at[:, 1] < self._last[:, 0] - _END_SAMPLES).all():
+        if (ends_at[:, 0] >= _END_SAMPLES).all() and (ends_at[:, 1] < self._last - _END_SAMPLES).all():
             begins, ends = [0] * len(passages), [len(angles)] * len(passages)
         else:
             where = _places(angles, *arrays)
             begins = (where < _END_SAMPLES).sum(axis=1).tolist()
-            ends = (where < self._last - _END_SAMPLES).sum(axis=1).tolist()
+            ends = (where < self._last[:, np.newaxis] - _END_SAMPLES).sum(axis=1).tolist()
         low, high = edges.leading_rad - _MIN_BEYOND_RAD, edges.trailing_rad + _MIN_BEYOND_RAD
         # Contacts by the points of the template that their samples cover; nearly always all of them.
         covered: dict[tuple[int, int], list[int]] = {}
@@ -231,43 +238,72 @@ class ContactSamples:
             rates_hz: sampling rate at each.
         """
         template, count = self._template, len(passages)
-        arrays, rates = _arrays(passages), np.array(rates_hz)[:, np.newaxis]
-        shift, residual = np.full((count, 2), math.nan), np.full((count, 2), math.nan)
+        values, rates = np.array(passages), np.array(rates_hz)
+        result = np.full((count, 5), math.nan)
+        halves = np.ones((count, 2))
         fits = np.zeros(count, np.bool_)
         covariances = [_UNKNOWN] * count
         for region, places in self._groups:
             of_group = slice(None) if len(places) == count else places
-            start, rate, acceleration = (values[of_group] for values in arrays)
-            angles = region.angles_rad
-            where = _places(angles, start, rate, acceleration)
-            np.minimum(np.maximum(where, 0.0, out=where), self._last[of_group], out=where)
-            read = read_spline(self._coefficients[of_group], where, 5)[:, 0]
-            factor = 1.0 / (np.square(rates[of_group]) * (rate * rate + (2.0 * acceleration) * angles))
-            read -= region.gravity_mps2
-            read *= factor
-            change = np.subtract(read, region.values, out=read)
-            fitted = change @ region.rows.T
-            gain = 1.0 + fitted[:, 2]
-            change -= fitted @ region.model.T
-            rest2 = np.square(change, out=change)
-            halves = np.add.reduceat(rest2, (0, region.middle), axis=1)
-            fits[of_group] = (
-                (_GAIN_RANGE[0] < gain)
-                & (gain < _GAIN_RANGE[1])
-                & (halves[:, 0] + halves[:, 1] < len(angles) * (_MAX_RESIDUAL_SHARE * template.span) ** 2)
-            )
-            shift[of_group] = fitted[:, :2] / gain[:, np.newaxis]
-            residual[of_group] = np.sqrt(halves / (region.middle, len(angles) - region.middle))
-            highest = np.minimum(np.ceil(math.pi / rate[:, 0]), len(region.covariances_rad2) - 1).astype(np.int64)
-            for place, order in zip(places.tolist(), highest.tolist(), strict=True):
+            lines, last = self._coefficients[of_group], self._last[of_group]
+            result[of_group] = matched(lines, last, values[of_group], rates[of_group], region)
+            gain, left = 1.0 + result[of_group, 2], result[of_group, 3] + result[of_group, 4]
+            limit = len(region.angles_rad) * (_MAX_RESIDUAL_SHARE * template.span) ** 2
+            fits[of_group] = (_GAIN_RANGE[0] < gain) & (gain < _GAIN_RANGE[1]) & (left < limit)
+            halves[of_group] = region.middle, len(region.angles_rad) - region.middle
+            highest = np.minimum(np.ceil(math.pi / values[of_group, 2]), len(region.covariances_rad2) - 1)
+            for place, order in zip(places.tolist(), highest.astype(np.int64).tolist(), strict=True):
                 covariances[place] = region.covariances_rad2[order]
-        return ContactMatches(shift, residual, fits, covariances)
+        return ContactMatches(result[:, :2], np.sqrt(result[:, 3:] / halves), fits, covariances)
 
     @property
     def largest_shift_rad(self) -> float:
         """Largest shift of a contact that is one of the template's."""
         edges = self._template.edges
         return _MAX_SHIFT_SHARE * (edges.trailing_rad - edges.leading_rad)
+
+
+def _matched_by_numpy(
+    lines: FloatArray, last: FloatArray, passages: FloatArray, rates_hz: FloatArray, region: _Region
+) -> FloatArray:
+    """Return shift of either half, relative change of the gain, and squares left in either half of contacts, (k, 5).
+
+    Args:
+        lines: (k, length) spline coefficients of the samples around each.
+        last: (k,) last sample of each.
+        passages: (k, 4) angle against sample position, as `Phase`.
+        rates_hz: (k,) sampling rates.
+        region: of the template.
+    """
+    angles, start, rate, acceleration = region.angles_rad, passages[:, :1], passages[:, 2:3], passages[:, 3:]
+    where = _places(angles, start, rate, acceleration)
+    np.minimum(np.maximum(where, 0.0, out=where), last[:, np.newaxis], out=where)
+    change = read_spline(lines[:, np.newaxis], where, 5)[:, 0]
+    change -= region.gravity_mps2
+    change /= np.square(rates_hz)[:, np.newaxis] * (rate * rate + (2.0 * acceleration) * angles)
+    change -= region.values
+    fitted = change @ region.rows.T
+    change -= fitted @ region.model.T
+    rest2 = np.square(change, out=change)
+    result = np.empty((len(lines), 5))
+    result[:, :2] = fitted[:, :2] / (1.0 + fitted[:, 2:3])
+    result[:, 2] = fitted[:, 2]
+    result[:, 3:] = np.add.reduceat(rest2, (0, region.middle), axis=1)
+    return result
+
+
+def _matched_by_core(
+    lines: FloatArray, last: FloatArray, passages: FloatArray, rates_hz: FloatArray, region: _Region
+) -> FloatArray:
+    """As `_matched_by_numpy`."""
+    assert core is not None
+    result, change = np.empty((len(lines), 5)), np.empty(len(region.values))
+    template = region.angles_rad, region.values, region.gravity_mps2, region.rows, region.model, region.middle
+    core.match(lines, last, passages, rates_hz, BASIS[5], *template, change, result)
+    return result
+
+
+matched = _matched_by_numpy if core is None else _matched_by_core
 
 
 def _arrays(passages: Sequence[Phase]) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -314,6 +350,7 @@ def _region(
     # Cross spectra of the two shifts' rows in each half.
     power = (spectrum[:, :, np.newaxis] * spectrum[:, np.newaxis].conj()).real
     covariances = np.cumsum(power * variance, axis=-1)
+    angles, values, model, gravity, rows = map(np.ascontiguousarray, (angles, values, model, gravity, rows))
     return _Region(
         angles, values, model, gravity, rows, int(np.searchsorted(angles, 0.0)), np.moveaxis(covariances, -1, 0).copy()
     )

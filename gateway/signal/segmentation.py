@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.compiled import core
 from gateway.signal.contact_trains import Known, best_train, doubtful
 from gateway.signal.dips import box_offsets, find_dips, is_at_range_end, noise_std_mps2
 from gateway.types import FloatArray
@@ -101,11 +102,16 @@ def refine_contact(
     Returns:
         the contact, or None when a crossing lies outside the array.
     """
+    return refined(radial_mps2, cumulative(radial_mps2) if prefix is None else prefix, guess, width, first)
+
+
+def _refined_by_numpy(
+    radial_mps2: FloatArray, prefix: FloatArray, guess: float, width: float, first: int
+) -> Contact | None:
+    """Locate a contact, as `refine_contact`."""
     middle = round(guess - first)
     reach = math.ceil(1.6 * width) + 2
     begin, end = max(middle - reach, 0), min(middle + reach + 1, len(radial_mps2))
-    if prefix is None:
-        prefix = cumulative(radial_mps2)
     levels = _dip_levels(prefix, begin, middle, end, width)
     if levels is None:
         return None
@@ -132,6 +138,19 @@ def refine_contact(
     centre_std = 0.5 * noise / smooth**0.5 * math.hypot(1.0 / slopes[0], 1.0 / slopes[1])
     centre_std = math.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width))
     return Contact(first + begin + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
+
+
+def _refined_by_core(
+    radial_mps2: FloatArray, prefix: FloatArray, guess: float, width: float, first: int
+) -> Contact | None:
+    """As `_refined_by_numpy`."""
+    assert core is not None
+    radial = np.ascontiguousarray(radial_mps2)
+    located = core.refine(radial, prefix, guess, width, first, np.empty(len(radial)))
+    return Contact(*located) if located is not None else None
+
+
+refined = _refined_by_numpy if core is None else _refined_by_core
 
 
 def cumulative(values: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.compiled import core
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import angle_grid
 from gateway.types import BoolArray, ComplexArray, FloatArray, IntArray
@@ -92,6 +93,9 @@ class MountingRows:
         (cluster-robust covariance). The second does not shrink with the number of revolutions where the residual
         repeats, as that of a tread does.
         """
+        return solutions(self.sums)
+
+    def _solved(self) -> tuple[FloatArray, FloatArray]:
         bands = len(_BANDS)
         products = self._products
         tilt_zero, zero_zero, zero_right, count = self.sums[:, 6 * bands :].T
@@ -155,6 +159,22 @@ class MountingRows:
         matrices = np.ascontiguousarray(inverse.transpose(2, 0, 1))
         solution: FloatArray = (matrices @ right[:, :, np.newaxis])[:, :, 0]
         return solution, right, matrices, known.T
+
+
+def _solutions_by_numpy(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what `MountingRows.solve` does of sums (k, MOUNTING_SIZE)."""
+    return MountingRows(sums, np.empty((len(sums), HUB_SIZE)))._solved()
+
+
+def _solutions_by_core(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """As `_solutions_by_numpy`."""
+    assert core is not None
+    found, stds = np.empty((2, len(sums), 3))
+    core.mounting_solutions(np.ascontiguousarray(sums), found, stds)
+    return found, stds
+
+
+solutions = _solutions_by_numpy if core is None else _solutions_by_core
 
 
 def relative_curvature(radial_mps2: FloatArray, offset: float) -> FloatArray:
@@ -227,6 +247,19 @@ def mounting_rows(
         order_max: (k,) highest order in the sampled band.
         with_mean: False omits order 0, for AC-coupled sensors.
     """
+    return rows_of(spectra_mps2, belt, omega_radps, omega_dot_radps2, radius_m, order_max, with_mean)
+
+
+def _rows_by_numpy(
+    spectra_mps2: ComplexArray,
+    belt: BeltKinematics,
+    omega_radps: FloatArray,
+    omega_dot_radps2: FloatArray,
+    radius_m: float,
+    order_max: IntArray,
+    with_mean: bool,
+) -> MountingRows:
+    """Return the equations, as `mounting_rows`."""
     reaction = (omega_dot_radps2 * radius_m)[:, np.newaxis] * belt.known_spectra[1]
     left = spectra_mps2[:, 0] - STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] - reaction
     by_tilt = spectra_mps2[:, 1].copy()
@@ -256,6 +289,31 @@ def mounting_rows(
     sums[:, -2] = left[:, 0].real * by_zero
     sums[:, -1] = 2 * count - 1 - (not with_mean) - 2 * (count > HUB_ORDER)
     return MountingRows(sums, hub)
+
+
+def _rows_by_core(
+    spectra_mps2: ComplexArray,
+    belt: BeltKinematics,
+    omega_radps: FloatArray,
+    omega_dot_radps2: FloatArray,
+    radius_m: float,
+    order_max: IntArray,
+    with_mean: bool,
+) -> MountingRows:
+    """As `_rows_by_numpy`."""
+    assert core is not None
+    count = len(spectra_mps2)
+    sums, hub = np.empty((count, MOUNTING_SIZE)), np.empty((count, HUB_SIZE))
+    spectra, along, known = (
+        np.ascontiguousarray(one).view(np.float64) for one in (spectra_mps2, belt.along, belt.known_spectra)
+    )
+    highest = order_max.astype(np.float64)
+    rates = np.ascontiguousarray(omega_radps), np.ascontiguousarray(omega_dot_radps2)
+    core.mounting_rows(spectra, along, known, *rates, radius_m, highest, with_mean, STANDARD_GRAVITY_MPS2, sums, hub)
+    return MountingRows(sums, hub)
+
+
+rows_of = _rows_by_numpy if core is None else _rows_by_core
 
 
 def offset_by_yaw_m(axes_mps2: FloatArray, belt: BeltKinematics, square_radps2: float, order_max: int) -> float:

@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.compiled import core
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.signal.angle_resampling import Phase, angle_grid, elapsed_angles
 from gateway.signal.contact_edges import contact_interior
@@ -22,6 +23,8 @@ from gateway.types import BoolArray, FloatArray
 _ITERATIONS: Final = 3
 # Highest plausible peak over the mean: a ring's overshoot is below three times its baseline.
 _MAX_PEAK_RATIO: Final = 6.0
+# How the compiled core restores the steady value of a revolution.
+_IS_DC, _BY_CONTACT, _BY_STEADY_VALUE, _AS_IT_IS = 0.0, 1.0, 2.0, 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,26 +110,44 @@ def normalise_revolutions(
         steady_mps2: (k,) R Omega^2 at the mean speed of each, used for AC-coupled signals only.
         gravity_mps2: acceleration of gravity; 0 for data without it.
     """
+    interiors: list[slice | None] | None = None
+    if ac_coupled and steady_mps2 is None:
+        shape = radial_mps2 - gravity_mps2 * _cosine(radial_mps2.shape[1])
+        interiors = [contact_interior(row, phase.samples) for row, phase in zip(shape, phases, strict=True)]
+    return normalised(radial_mps2, phases, interiors, steady_mps2 if ac_coupled else None, gravity_mps2)
+
+
+def _normalised_by_numpy(
+    radial_mps2: FloatArray,
+    phases: Sequence[Phase],
+    interiors: Sequence[slice | None] | None,
+    steady_mps2: FloatArray | None,
+    gravity_mps2: float,
+) -> NormalisedRevolutions:
+    """Normalise revolutions; of DC-coupled sensors where neither interiors nor steady values are given.
+
+    Args:
+        radial_mps2: (k, n) radial axis of each on the angle grid, positive inward.
+        phases: phase of each.
+        interiors: points in contact of each, where an AC-coupled signal is 0; None for one without a contact.
+        steady_mps2: (k,) R Omega^2 at the mean speed of each, restored to an AC-coupled signal.
+        gravity_mps2: acceleration of gravity.
+    """
     count, n = radial_mps2.shape
     theta = angle_grid(n)
     gain = _inverse_square_speed(phases, n)
     constant = np.zeros((count, 1))
-    closed = np.ones(count, np.bool_)
-    given = np.ones(count, np.bool_)
-    interiors: list[slice | None] | None = None
-    level = gravity_mps2 * _cosine(n)
-    shape = radial_mps2 - level
-    if ac_coupled and steady_mps2 is None:
-        interiors = [contact_interior(row, phase.samples) for row, phase in zip(shape, phases, strict=True)]
-        given = np.array([interior is not None for interior in interiors])
-        closed &= given
+    ac_coupled = interiors is not None or steady_mps2 is not None
+    given = np.array([interior is not None for interior in interiors or [slice(0)] * count])
+    closed = given.copy()
+    shape = radial_mps2 - gravity_mps2 * _cosine(n)
     angle, corrected = np.empty((2, count, n))
-    for iteration in range(_ITERATIONS if gravity_mps2 else 1):
+    for _ in range(_ITERATIONS if gravity_mps2 else 1):
         if interiors is not None:
             for place, interior in enumerate(interiors):
                 if interior is not None and closed[place]:
                     constant[place] = -float(shape[place, interior].mean())
-        elif ac_coupled and steady_mps2 is not None:
+        elif steady_mps2 is not None:
             restored = (steady_mps2 - (shape * gain).mean(axis=1)) / gain.mean(axis=1)
             constant[closed, 0] = restored[closed]
         corrected = (shape + constant) * gain if ac_coupled else np.multiply(shape, gain, out=corrected)
@@ -144,12 +165,7 @@ def normalise_revolutions(
         if not all_closed:
             angle[~closed] = theta
         if gravity_mps2:
-            if iteration == 0:
-                # Single precision takes a fifth of the time. The two iterations that follow divide its error by the
-                # square of R Omega^2 / g.
-                shape[:] = np.cos(angle.astype(np.float32))
-            else:
-                np.cos(angle, out=shape)
+            np.cos(angle, out=shape)
             shape *= -gravity_mps2
             shape += radial_mps2
     if ac_coupled:
@@ -158,6 +174,35 @@ def normalise_revolutions(
         gain[~given] = 1.0
     shape *= gain
     return NormalisedRevolutions(shape, constant[:, 0], angle, closed)
+
+
+def _normalised_by_core(
+    radial_mps2: FloatArray,
+    phases: Sequence[Phase],
+    interiors: Sequence[slice | None] | None,
+    steady_mps2: FloatArray | None,
+    gravity_mps2: float,
+) -> NormalisedRevolutions:
+    """As `_normalised_by_numpy`."""
+    assert core is not None
+    count, n = radial_mps2.shape
+    rows = np.zeros((count, 6))
+    rows[:, :3] = [(phase.rate, phase.acceleration, phase.samples) for phase in phases]
+    modes = np.full(count, _IS_DC if steady_mps2 is None else _BY_STEADY_VALUE)
+    if steady_mps2 is not None:
+        rows[:, 3] = steady_mps2
+    for place, interior in enumerate(interiors or ()):
+        modes[place] = _AS_IT_IS if interior is None else _BY_CONTACT
+        rows[place, 4:] = (0, 0) if interior is None else (interior.start, min(interior.stop, n))
+    shape, angle = np.empty((2, count, n))
+    gain, constant, closed = np.empty(n), np.zeros(count), np.empty(count)
+    radial = np.ascontiguousarray(radial_mps2)
+    grids = angle_grid(n), elapsed_angles(n)
+    core.normalise(radial, rows, modes, gravity_mps2, *grids, gain, shape, angle, constant, closed)
+    return NormalisedRevolutions(shape, constant, angle, closed != 0.0)
+
+
+normalised = _normalised_by_numpy if core is None else _normalised_by_core
 
 
 @cache

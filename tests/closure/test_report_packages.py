@@ -47,7 +47,7 @@ def test_views_import_no_heavy_packages():
 
 def test_wheel_contains_template_and_style(tmp_path):
     pytest.importorskip("hatchling", reason="hatchling (extra 'dev') is not installed")
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
+    for name in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, tmp_path)
     shutil.copytree(ROOT / "gateway", tmp_path / "gateway", ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(ROOT / "firmware_protocol", tmp_path / "firmware_protocol")

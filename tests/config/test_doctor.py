@@ -30,6 +30,16 @@ def device() -> Iterator[Path]:
     os.close(other)
 
 
+def test_the_core_that_is_not_built_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.compiled.core", None)
+    (check,) = checks.check_core()
+    assert check.level is Level.WARNING
+    assert "C compiler" in check.remedy
+    monkeypatch.setattr("gateway.compiled.core", object())
+    (check,) = checks.check_core()
+    assert check.level is Level.OK
+
+
 def test_python_version() -> None:
     (good,) = checks.check_python((3, 11, 0))
     (old,) = checks.check_python((3, 10, 14))

@@ -1,0 +1,23 @@
+"""The compiled core: inner loops that also stand in numpy, beside their only callers.
+
+`core` is None where it was not built, or where the environment variable TREADLINK_COMPILED is 0. Callers choose once,
+at import. Both agree to 1e-10; the functions in numpy are the reference.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+from types import ModuleType
+
+
+def _loaded() -> ModuleType | None:
+    if os.environ.get("TREADLINK_COMPILED") == "0":
+        return None
+    try:
+        return importlib.import_module("gateway.compiled._core")
+    except ImportError:
+        return None
+
+
+core = _loaded()
