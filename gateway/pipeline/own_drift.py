@@ -36,13 +36,15 @@ class OwnDrift:
 
         The change is counted from the oldest valid value within it.
         """
-        return tuple(self._widened(estimate) if estimate.name in self._memory else estimate for estimate in estimates)
+        return tuple([self._widened(estimate) if estimate.name in self._memory else estimate for estimate in estimates])
 
     def _widened(self, estimate: Estimate) -> Estimate:
-        if estimate.status is not Status.VALID:
+        name, value, std, status, reasons = estimate
+        if status is not Status.VALID:
             return estimate
-        values = self._valid.get(estimate.name)
+        values = self._valid.get(name)
         if values is None:
-            values = self._valid[estimate.name] = deque(maxlen=self._memory[estimate.name])
-        values.append(estimate.value)
-        return estimate._replace(std=math.hypot(estimate.std, _LAG * (estimate.value - values[0])))
+            values = self._valid[name] = deque(maxlen=self._memory[name])
+        values.append(value)
+        # Not by `_replace`, which takes four times as long.
+        return Estimate(name, value, math.hypot(std, _LAG * (value - values[0])), status, reasons)

@@ -34,7 +34,12 @@ def qualified(
         estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
     if sensor_doubt is not None:
         estimates = provisional_where(estimates, Basis.SAMPLES, sensor_doubt)
-    return tuple(map(_possible, estimates))
+    for name, value, *_ in estimates:
+        limits = _LIMITS.get(name)
+        # Hardly ever; not a number is neither within the limits nor beyond them.
+        if limits is not None and not limits[0] <= value <= limits[1]:
+            return tuple(map(_possible, estimates))
+    return estimates
 
 
 def provisional_where(estimates: Iterable[Estimate], basis: Basis, why: Reason) -> tuple[Estimate, ...]:

@@ -113,11 +113,8 @@ def axis_relations(
         along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, known[orders])
         late_along = along.late_rad(0.0, _LEFT_ALONG)
         if has_lateral:
-            other = _fit(spectra[_LATERAL, orders], factors, orders, known[orders])
-            is_swapped = (
-                other.without < _LEFT_ALONG * other.whole
-                and along.least * other.whole > _SWAPPED_FACTOR * other.without * along.whole
-            )
+            without, whole = _left(spectra[_LATERAL, orders], factors, known[orders])
+            is_swapped = without < _LEFT_ALONG * whole and along.least * whole > _SWAPPED_FACTOR * without * along.whole
     if has_lateral and not is_swapped:
         orders = np.arange(1, count + 1)
         lateral = _fit(spectra[_LATERAL, orders], _lateral_factors(axes_mps2[_RADIAL], belt, edges_rad, count), orders)
@@ -148,18 +145,35 @@ def _fit(
     spectrum: ComplexArray, factors: ComplexArray, orders: NDArray[np.intp], known: ComplexArray | None = None
 ) -> _Fit:
     """Return the best fit of a spectrum, (m,), by factors, (j, m), over all lags; `known` is not fitted."""
-    columns = np.concatenate([factors.real, factors.imag], axis=1).T
-    basis, triangle = np.linalg.qr(columns)
-    shifted = spectrum * _shifts(tuple(orders.tolist()))
+    basis, triangle = _basis(factors)
+    # The square of shifted - known and its products with the basis are sums of the spectrum times the factors of a lag.
+    columns = np.concatenate([spectrum * basis.conj().T, [spectrum * (0.0 if known is None else known.conj())]])
+    products = (_shifts(tuple(orders.tolist())) @ columns.T).real
+    whole = float(np.vdot(spectrum, spectrum).real)
+    explained, square = products[:, :-1], whole
     if known is not None:
-        shifted = shifted - known
-    rows = np.concatenate([shifted.real, shifted.imag], axis=1)
-    explained = rows @ basis
-    squares = np.maximum(np.sum(rows * rows, axis=1) - np.sum(explained * explained, axis=1), 0.0)
+        explained = explained - (known @ basis.conj()).real
+        square = whole + float(np.vdot(known, known).real)
+    squares = np.maximum(square - 2.0 * products[:, -1] - np.sum(explained * explained, axis=1), 0.0)
     best = int(squares.argmin())
-    whole = float(np.sum(np.abs(spectrum) ** 2))
     solution = np.linalg.lstsq(triangle, explained[best], rcond=None)[0]
     return _Fit(float(_LAGS_RAD[best]), float(squares[best]), float(squares[len(_LAGS_RAD) // 2]), whole, solution)
+
+
+def _left(spectrum: ComplexArray, factors: ComplexArray, known: ComplexArray) -> tuple[float, float]:
+    """Return the square that a fit without a lag leaves of a spectrum, and the square of the spectrum."""
+    basis, _ = _basis(factors)
+    rest = spectrum - known
+    explained = (rest @ basis.conj()).real
+    left = max(float(np.vdot(rest, rest).real - explained @ explained), 0.0)
+    return left, float(np.vdot(spectrum, spectrum).real)
+
+
+def _basis(factors: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Return orthonormal columns, (m, j), real part by real factors, and the triangle from these to the factors."""
+    count = factors.shape[1]
+    stacked, triangle = np.linalg.qr(np.concatenate([factors.real, factors.imag], axis=1).T)
+    return stacked[:count] + 1j * stacked[count:], triangle
 
 
 @lru_cache(maxsize=64)

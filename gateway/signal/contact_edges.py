@@ -120,12 +120,14 @@ def find_contact_edges(
         return _not_found(Reason(Code.AXIS_NOT_FINITE, axis=AXIS_NAMES[2]))
     if noise_coefficient_mps2 is None:
         noise_coefficient_mps2 = coefficient_std(radial_mps2, samples_per_revolution)
-    levels = contact_levels(radial_mps2, smoothing_order(samples_per_revolution))
+    width = smoothing_order(samples_per_revolution)
+    spectrum = np.fft.rfft(radial_mps2)
+    levels = _levels(radial_mps2, spectrum, width)
     contrast, reason = _contrast(levels, noise_coefficient_mps2)
     plateau, baseline = levels.plateau_mps2, levels.baseline_mps2
     if reason is not None:
         return _not_found(reason, plateau, baseline, contrast)
-    smoothed = [levels, *_smoothed_more(radial_mps2, levels.width)]
+    smoothed = [levels, *_smoothed_more(radial_mps2, spectrum, width)]
     ripple = _ripple(smoothed[0], smoothed[1], noise_coefficient_mps2) if len(smoothed) > 1 else 0.0
     places = [_places(smoothed, side, noise_coefficient_mps2, scatter_mps2) for side in (0, 1)]
     if not all(places):
@@ -167,8 +169,13 @@ class ContactLevels:
 
 def contact_levels(radial_mps2: FloatArray, width: float) -> ContactLevels:
     """Return the levels and slopes of a finite waveform (n,), smoothed to `width` orders."""
+    return _levels(radial_mps2, np.fft.rfft(radial_mps2), width)
+
+
+def _levels(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> ContactLevels:
+    """Return what `contact_levels` does, with the Fourier transform (n / 2 + 1,) of the waveform."""
     n = radial_mps2.shape[0]
-    smooth, slope = _smooth(radial_mps2, width)
+    smooth, slope = np.fft.irfft(spectrum * _smoothing(n, width).factors, n=n, axis=1)
     points_per_rad = n / (2.0 * math.pi)
     middle, reach, search = n // 2, round(_CENTRE_RAD * points_per_rad), round(_SEARCH_RAD * points_per_rad)
     beyond = math.ceil(_FREE_RAD * points_per_rad)
@@ -200,9 +207,9 @@ def _contrast(levels: ContactLevels, noise_coefficient_mps2: float) -> tuple[flo
     return contrast, None if contrast > _MIN_CONTRAST else Reason(Code.CONTACT_IN_NOISE)
 
 
-def _smoothed_more(radial_mps2: FloatArray, width: float) -> list[ContactLevels]:
+def _smoothed_more(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> list[ContactLevels]:
     """Return the levels of a waveform under stronger smoothing than to `width` orders, as far as it has a contact."""
-    wanted = (contact_levels(radial_mps2, one) for one in _STRONGER_ORDERS if one < _STRONGER_SHARE * width)
+    wanted = (_levels(radial_mps2, spectrum, one) for one in _STRONGER_ORDERS if one < _STRONGER_SHARE * width)
     return list(takewhile(lambda levels: levels.shapes is not None, wanted))
 
 
@@ -297,13 +304,6 @@ def _gaussian(n: int, width: float) -> tuple[FloatArray, FloatArray]:
     """Return the orders above 0 that a smoothing to `width` orders keeps, and their gains."""
     orders = np.arange(1.0, min(n // 2, math.ceil(3.5 * width)))
     return orders, np.exp(-0.5 * (orders / width) ** 2)
-
-
-def _smooth(waveform: FloatArray, width: float) -> FloatArray:
-    """Return the smoothed waveform and its derivative by angle, (2, n)."""
-    n = waveform.shape[0]
-    curves: FloatArray = np.fft.irfft(np.fft.rfft(waveform) * _smoothing(n, width).factors, n=n, axis=1)
-    return curves
 
 
 def _smear(shape: EdgeShape, scatter_mps2: FloatArray) -> float:
