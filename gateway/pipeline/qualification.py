@@ -35,9 +35,9 @@ def qualified(
     if sensor_doubt is not None:
         estimates = provisional_where(estimates, Basis.SAMPLES, sensor_doubt)
     for name, value, *_ in estimates:
-        limits = _LIMITS.get(name)
+        least, greatest = quantity_of(name).possible
         # Hardly ever; not a number is neither within the limits nor beyond them.
-        if limits is not None and not limits[0] <= value <= limits[1]:
+        if not least <= value <= greatest:
             return tuple(map(_possible, estimates))
     return estimates
 
