@@ -51,11 +51,6 @@ def _box(half_rad: float) -> FloatArray:
     return np.clip((half_rad - np.abs(_THETA)) / _STEP_RAD + 0.5, 0.0, 1.0)
 
 
-def _ramp(half_rad: float) -> FloatArray:
-    """Return a one-sided ramp: 0 at the first end, 1 at the last."""
-    return _box(half_rad) * np.clip(0.5 + 0.5 * _THETA / half_rad, 0.0, 1.0)
-
-
 def _arch(half_rad: float) -> FloatArray:
     return np.where(np.abs(_THETA) < half_rad, np.cos(0.5 * math.pi * _THETA / half_rad) ** 2, 0.0)
 
@@ -76,11 +71,9 @@ def _area(window: FloatArray) -> float:
 
 def belt_causes() -> tuple[BeltCause, ...]:
     """Return the changes of the belt that are simulated."""
-    stiff, wide = 0.25 * _box(0.04), -0.2 * _ramp(0.08)
     weight, ply = 0.4 * _box(0.04), 0.25 * _box(0.12)
     nail, strip = 6e-5 * _box(0.02), -4e-5 * _arch(0.09)
     return (
-        BeltCause("splice, box", "law: local bending stiffness", _area(stiff), LocalChange(bending=stiff)),
         BeltCause("weight, box", "law: local mass", _area(weight), LocalChange(mass=weight)),
         BeltCause("nail, box", "law: local tread height", _area(nail), LocalChange(tread_m=nail)),
         BeltCause("bent rim, arch", "law: bent rim", 1.5e-4 * 0.75 * 0.5, LocalChange(axle_m=_bump(1.5e-4, 0.5))),
@@ -91,7 +84,6 @@ def belt_causes() -> tuple[BeltCause, ...]:
             1.5e-4,
             LocalChange(axle_m=lambda angle: 1.5e-4 * np.cos(2.0 * angle)),
         ),
-        BeltCause("soft belt, ramp", "law: local bending stiffness", _area(wide), LocalChange(bending=wide)),
         BeltCause("worn tread, arch", "law: local tread height", _area(strip), LocalChange(tread_m=strip)),
     )
 

@@ -4,9 +4,9 @@ The belt is followed in the frame of the rim. A node of mass m at y obeys
 
     m (y'' + 2 Omega J y' - Omega^2 y) = F(y) - c y' + road,
 
-F the finite forces of tension, bending, pressure and sidewall; the road's normal turns round. A change is finite and
-acts on its own nodes. Newmark's method; the response to a change is the last revolution less that without it.
-Nothing here is linear, of a pattern, or of the first order, as the laws of the library are.
+F the finite forces of tension, bending, pressure and sidewall; the road's normal turns round. A change of mass,
+sidewall, tread or axle is finite and acts on its own nodes. Newmark's method; the response to a change is the last
+revolution less that without it. Nothing here is linear, of a pattern, or of the first order, as the library's laws are.
 """
 
 from __future__ import annotations
@@ -24,10 +24,7 @@ from gateway.physics.rolling_ring.equilibrium import _law
 from gateway.physics.rolling_ring.force_balance import (
     BeltLaw,
     belt_balance,
-    following,
-    preceding,
     ring_grid,
-    segment_turn,
 )
 from gateway.physics.rolling_ring.newton_solver import FoldedBand, folded_band
 from gateway.types import FloatArray, IntArray
@@ -37,7 +34,7 @@ STEPS: Final = 1080
 """Steps of a revolution: three for each two nodes that enter the contact."""
 
 _REVOLUTIONS: Final = 3
-_NEWTON: Final = 10
+_NEWTON: Final = 4
 _DONE_M: Final = 1e-8
 # Slight loss at frequencies that the grid does not resolve.
 _GAMMA, _BETA = 0.55, 0.2756
@@ -54,7 +51,6 @@ class LocalChange:
     """What differs at nodes, by the angle from the middle of the change, (N,) arrays; or of the axle, by the angle.
 
     Attributes:
-        bending: share of EI.
         mass: share of rho A.
         sidewall: share of kw and kv.
         tread_m: height of the tread.
@@ -62,7 +58,6 @@ class LocalChange:
         axle_m: height of the axle by the wheel's angle.
     """
 
-    bending: FloatArray = field(default_factory=lambda: np.zeros(NODES))
     mass: FloatArray = field(default_factory=lambda: np.zeros(NODES))
     sidewall: FloatArray = field(default_factory=lambda: np.zeros(NODES))
     tread_m: FloatArray = field(default_factory=lambda: np.zeros(NODES))
@@ -89,10 +84,7 @@ class _Belt:
         law = _law(ring, conditions.load_n, conditions.pressure_pa, omega, NODES, math.inf, None)
         self.omega, self.change, self.tread_npm2 = omega, change, law.tread_npm2
         # At rest in this frame: inertia is added here, the road too.
-        # The tangent is that of a stiffness halfway to the change, so that the iteration converges.
-        halfway = 1.0 + 0.5 * float(change.bending[np.argmax(np.abs(change.bending))])
-        self.bending = (1.0 + change.bending) / halfway - 1.0
-        self.law: BeltLaw = replace(law, omega_radps=0.0, bending_nm2=halfway * law.bending_nm2)
+        self.law: BeltLaw = replace(law, omega_radps=0.0)
         self.length_m = law.radius_m * self.grid.step_rad
         self.mass_kg = law.mass_kgpm * self.length_m * (1.0 + change.mass)
         self.damping = _DAMPING_NSPM2 * self.length_m
@@ -103,14 +95,6 @@ class _Belt:
         """Return the forces of the belt and its sidewall, (N, 2), and the tangent of the unchanged ones."""
         balance = belt_balance(self.law, self.grid, y, 10.0 * self.law.radius_m, 0.0)
         force, change = balance.residual.copy(), self.change
-        if change.bending.any():
-            span = following(y) - y
-            length = np.hypot(span[:, 0], span[:, 1])
-            turn = segment_turn(self.grid, span / length[:, None])
-            moment = self.bending * (self.law.bending_nm2 / self.length_m) * (turn - preceding(turn))
-            normal = np.stack([-span[:, 1], span[:, 0]], axis=1) / length[:, None]
-            shear = ((moment - following(moment)) / length)[:, None] * normal
-            force += shear - preceding(shear)
         if change.sidewall.any():
             out = y - self.law.radius_m * self.grid.radial
             for stiff, axis in ((self.law.radial_npm2, self.grid.radial), (self.law.tangential_npm2, self.grid.along)):
