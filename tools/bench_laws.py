@@ -213,22 +213,24 @@ def summary(found: list[dict[str, Any]]) -> tuple[Table, Table]:
             continue
         laws = [one for one in own if one["said"] and one["certain"]]
         clues = [one for one in own if one["said"] and not one["certain"]]
-        hits, hints = (sum(one["said"] == one["right"] for one in some) for some in (laws, clues))
+        right, hints = (sum(one["said"] == one["right"] for one in some) for some in (laws, clues))
         cpu = float(np.median([one["cpu_s"] for one in own]))
         nothing = len(own) - len(laws) - len(clues)
-        rows.append((title, *map(str, (len(own), len(laws), hits, len(clues), hints, nothing)), f"{cpu:.1f}"))
+        rows.append((title, *map(str, (len(own), len(laws), right, len(clues), hints, nothing)), f"{cpu:.1f}"))
     heads = ("part", "cases", "laws", "right in kind", "clues", "right", "nothing", "CPU s")
     parts = Table("Laws", "CPU is the median of the search.", heads, tuple(rows))
     kinds = []
     for law in sorted({one["right"] for one in found if one["right"]}):
         own = [one for one in found if one["right"] == law and one["part"] == 1]
-        laws = [one for one in own if one["said"] and one["certain"]]
-        right = [one for one in laws if one["said"] == law]
-        sized = [one for one in right if math.isfinite(one["truth"])]
+        certain = [one for one in own if one["said"] and one["certain"]]
+        hits = [one for one in certain if one["said"] == law]
+        sized = [one for one in hits if math.isfinite(one["truth"])]
         ratio = f"{np.median([one['size'] / one['truth'] for one in sized]):.3f}" if sized else "-"
         rms = f"{math.sqrt(np.mean([one['pull'] ** 2 for one in sized])):.2f}" if sized else "-"
-        clues = sum(bool(one["said"]) and not one["certain"] for one in own)
-        kinds.append((law.removeprefix("law: "), *map(str, (len(own), len(laws), len(right), clues)), ratio, rms))
+        clue_count = sum(bool(one["said"]) and not one["certain"] for one in own)
+        kinds.append(
+            (law.removeprefix("law: "), *map(str, (len(own), len(certain), len(hits), clue_count)), ratio, rms)
+        )
     by_kind = ("kind", "cases", "laws", "right", "clues", "size over truth", "rms of pulls")
     return parts, Table("Kinds", "Cases of part 1; sizes of right laws.", by_kind, tuple(kinds))
 

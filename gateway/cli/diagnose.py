@@ -232,7 +232,7 @@ def diagnose(
         say(clean(line))
     _write(diagnosis, json_path, html_path, effects_path, say, force=force)
     if plugin_path is not None:
-        _write_plugin(diagnosis, plugin_path, say)
+        write_plugin(diagnosis, plugin_path, say)
     say.finish()
 
 
@@ -348,7 +348,7 @@ def _write(
         raise failed[0]
 
 
-def _write_plugin(diagnosis: Diagnosis, path: Path, say: SummaryOutput) -> None:
+def write_plugin(diagnosis: Diagnosis, path: Path, say: Callable[[str], None]) -> None:
     """Write a law as a package.
 
     Raises:

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gateway.cli.diagnose import write_plugin
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, GroupConditions, ModelledBlock
@@ -26,6 +27,7 @@ from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
 from gateway.closure.transfer import transfer
+from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import PATTERNS, Change, loaded_belt, local_response
 from gateway.reasons import Code
 from gateway.types import ComplexArray, FloatArray
@@ -34,6 +36,7 @@ from gateway.views.report.html import diagnosis_html
 from gateway.views.report.terminal import closure_summary_lines
 from tests.closure.planted_campaign import RADIUS_M, Plant, campaign_of, conditions, evaluated, nothing, ring
 from tests.closure.test_transfer import table_of
+from tests.testkit.diagnosis_data import empty
 
 SPEEDS = (conditions(60.0), conditions(40.0), conditions(80.0))
 SPLICE, PLACE_RAD, WIDTH_RAD, LOSS_S = 0.012, 0.8, 0.06, 2e-5
@@ -200,6 +203,21 @@ def test_plug_in_of_a_law_passes_its_own_test(tmp_path: Path, monkeypatch: pytes
     for test in tests:
         test()
     assert 'splice = "treadlink_splice:EFFECTS"' in (tmp_path / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def test_command_writes_the_plug_in_of_a_law_alone(tmp_path: Path) -> None:
+    """A clue is none, and a directory that exists is left as it is."""
+    (law,) = splice_found().laws
+    said: list[str] = []
+    clue = replace(empty(), laws=(replace(law, certain=False),))
+    with pytest.raises(TreadlinkError, match="no law was found"):
+        write_plugin(clue, tmp_path / "splice of 7", said.append)
+    found = replace(empty(), laws=(law,))
+    write_plugin(found, tmp_path / "splice of 7", said.append)
+    assert (tmp_path / "splice of 7" / "treadlink_splice_of_7" / "__init__.py").is_file()
+    assert len(said) == 1
+    with pytest.raises(TreadlinkError, match="exists"):
+        write_plugin(found, tmp_path / "splice of 7", said.append)
 
 
 @pytest.mark.slow

@@ -69,8 +69,8 @@ class AxisDelay(_AxisLaw):
     def _spectrum(self, block: ModelledBlock) -> tuple[ComplexArray, ComplexArray]:
         spectrum = np.asarray(np.fft.rfft(block.signal_mps2[self.axis]), dtype=np.complex128)
         spectrum[-1] = 0.0
-        rate = np.asarray(1j * block.conditions.omega_radps * np.arange(len(spectrum)), dtype=np.complex128)
-        return spectrum, rate
+        order = np.arange(len(spectrum), dtype=np.float64)
+        return spectrum, np.asarray(1j * block.conditions.omega_radps * order, dtype=np.complex128)
 
 
 class Hysteresis(_AxisLaw):
