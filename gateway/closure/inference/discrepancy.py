@@ -19,18 +19,19 @@ import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.inference import criteria
+from gateway.closure.inference.axis_covariance import AxisGroups, Inverse, Rows, Scatter, inverse_of
 from gateway.closure.inference.discrepancy_kernels import Concentration, kernel, smooth_kernels
 from gateway.closure.inference.likelihood import REAL, Whitened
-from gateway.closure.inference.place_covariance import Inverse, Place, Rows, Scatter, inverse_of
 from gateway.types import FloatArray
 
 _AXES: Final = 3
 
 
 class Discrepancy:
-    """Places and kernels of the discrepancy of a campaign; amplitudes are kept apart.
+    """Axes and kernels of the discrepancy of a campaign; amplitudes are kept apart.
 
-    Amplitudes are mean squares, (m/s^2)^2, an array (places, parts, kernels); a place without a second part ignores it.
+    Amplitudes are mean squares, (m/s^2)^2, an array (axes of states, parts, kernels). One without a second part
+    ignores it.
     """
 
     def __init__(
@@ -40,7 +41,7 @@ class Discrepancy:
         lengths_rad: Sequence[float] = criteria.LENGTHS_RAD,
         concentrations: Sequence[Concentration] = (),
     ) -> None:
-        """Prepare the places of a campaign.
+        """Prepare the axes of every state of a campaign.
 
         Args:
             campaign: conditions.
@@ -53,7 +54,7 @@ class Discrepancy:
         self.reference_mps2 = float(
             np.mean([group.conditions.radius_m * group.conditions.omega_radps**2 for group in campaign.groups])
         )
-        self._places: list[tuple[int, int, Place]] = []
+        self._axis_groups: list[tuple[int, int, AxisGroups]] = []
         for state in range(campaign.states):
             groups = tuple(index for index, group in enumerate(campaign.groups) if group.state == state)
             if not groups:
@@ -70,21 +71,21 @@ class Discrepancy:
                 factors = tuple(data.factors[index][axis] for index in groups)
                 if not any(len(factor) for factor in factors):
                     continue
-                place = Place(groups, tuple(map(Scatter.of, factors)), np.stack(scales), kernels)
-                self._places.append((state, axis, place))
-        self.shape = len(self._places), 2, 2 * len(lengths_rad) + len(concentrations)
+                axis_groups = AxisGroups(groups, tuple(map(Scatter.of, factors)), np.stack(scales), kernels)
+                self._axis_groups.append((state, axis, axis_groups))
+        self.shape = len(self._axis_groups), 2, 2 * len(lengths_rad) + len(concentrations)
 
     def start(self, residual: Sequence[FloatArray]) -> FloatArray:
-        """Return amplitudes to start from: every place shares its residual's power beyond the scatter.
+        """Return amplitudes to start from: every axis of a state shares its residual's power beyond the scatter.
 
         Args:
             residual: real coefficients of each group, (3, REAL).
         """
         amplitudes = np.empty(self.shape)
         least = (criteria.START_SHARE * self.reference_mps2) ** 2
-        for number, (_, axis, place) in self.enumerate():
+        for number, (_, axis, axis_groups) in self.enumerate():
             powers = [0.0]
-            for index, scatter in zip(place.groups, place.scatters, strict=True):
+            for index, scatter in zip(axis_groups.groups, axis_groups.scatters, strict=True):
                 whitened = scatter.factor @ residual[index][axis]
                 # Whitened power beyond its expectation, in units of the smallest errors.
                 excess = max(0.0, float(whitened @ whitened) - len(whitened))
@@ -106,7 +107,9 @@ class Discrepancy:
     def thinned(self, share: float) -> Discrepancy:
         """Return the same discrepancy for data with a share of the revolutions."""
         thin = copy(self)
-        thin._places = [(state, axis, place.thinned(share)) for state, axis, place in self._places]
+        thin._axis_groups = [
+            (state, axis, axis_groups.thinned(share)) for state, axis, axis_groups in self._axis_groups
+        ]
         return thin
 
     def concentrated(self, also: Concentration) -> Discrepancy:
@@ -114,24 +117,24 @@ class Discrepancy:
         more = copy(self)
         more.concentrations = (*self.concentrations, also)
         added = kernel(also)[None]
-        more._places = [
-            (state, axis, replace(place, kernels=np.concatenate([place.kernels, added])))
-            for state, axis, place in self._places
+        more._axis_groups = [
+            (state, axis, replace(axis_groups, kernels=np.concatenate([axis_groups.kernels, added])))
+            for state, axis, axis_groups in self._axis_groups
         ]
         more.shape = self.shape[0], self.shape[1], self.shape[2] + 1
         return more
 
     def scales(self, state: int, axis: int, group: int) -> FloatArray:
         """Return the size of each part of the discrepancy in one group, (parts,)."""
-        for of, along, place in self._places:
+        for of, along, axis_groups in self._axis_groups:
             if (of, along) == (state, axis):
-                result: FloatArray = place.scales[:, place.groups.index(group)]
+                result: FloatArray = axis_groups.scales[:, axis_groups.groups.index(group)]
                 return result
         raise KeyError(f"no discrepancy on axis {axis} of state {state}")
 
-    def enumerate(self) -> list[tuple[int, tuple[int, int, Place]]]:
-        """Return every place with its index, state and axis."""
-        return list(enumerate(self._places))
+    def enumerate(self) -> list[tuple[int, tuple[int, int, AxisGroups]]]:
+        """Return the groups of every axis of a state, with their index, state and axis."""
+        return list(enumerate(self._axis_groups))
 
 
 @dataclass(frozen=True)
@@ -139,8 +142,8 @@ class Applied:
     """A discrepancy with its amplitudes.
 
     Attributes:
-        discrepancy: places and kernels.
-        amplitudes: (places, parts, kernels).
+        discrepancy: axes of states, and kernels.
+        amplitudes: (axes of states, parts, kernels).
     """
 
     discrepancy: Discrepancy
@@ -148,8 +151,11 @@ class Applied:
 
     @cached_property
     def inverses(self) -> tuple[Inverse, ...]:
-        """Of each place's covariance, up to ten megabytes each."""
-        return tuple(inverse_of(place, self.amplitudes[number]) for number, (*_, place) in self.discrepancy.enumerate())
+        """Of the covariance of each axis of a state, up to ten megabytes each."""
+        return tuple(
+            inverse_of(axis_groups, self.amplitudes[number])
+            for number, (*_, axis_groups) in self.discrepancy.enumerate()
+        )
 
     def release(self) -> None:
         """Release the memory of the inverses; they are worked out again where they are needed."""
@@ -176,10 +182,10 @@ class Applied:
         """
         size = next(len(row) for row in rows if row is not None)
         results = [np.zeros((size, _AXES, REAL)) for _ in rows]
-        for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
-            place_rows = _of_place(rows, place, axis)
-            if place_rows is not None:
-                for index, weighted in zip(place.groups, inverse.weighted(place_rows), strict=True):
+        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            axis_rows = _rows_of(rows, axis_groups, axis)
+            if axis_rows is not None:
+                for index, weighted in zip(axis_groups.groups, inverse.weighted(axis_rows), strict=True):
                     results[index][:, axis] = weighted
         return results
 
@@ -187,10 +193,10 @@ class Applied:
         """Return rows C^-1 rows' within equal batches of rows as for `weighted`, (batches, k, k)."""
         size = next(len(row) for row in rows if row is not None) // batches
         total = np.zeros((batches, size, size))
-        for (_, (_, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
-            place_rows = _of_place(rows, place, axis)
-            if place_rows is not None:
-                total += inverse.products(place_rows, batches)
+        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            axis_rows = _rows_of(rows, axis_groups, axis)
+            if axis_rows is not None:
+                total += inverse.products(axis_rows, batches)
         return total
 
     def mean(self, weighted: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray]]:
@@ -200,11 +206,11 @@ class Applied:
             weighted: C^-1 times the residual, (3, REAL) of each group.
 
         Returns:
-            for every place its state, its axis and the coefficients (parts, REAL).
+            for every axis of a state the state, the axis and the coefficients (parts, REAL).
         """
         means = []
-        for (_, (state, axis, place)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
-            seen = place.seen([weighted[index][axis][None] for index in place.groups])
+        for (_, (state, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+            seen = axis_groups.seen([weighted[index][axis][None] for index in axis_groups.groups])
             coefficients = [prior @ part[0] for prior, part in zip(inverse.priors, seen, strict=True)]
             means.append((state, axis, np.stack(coefficients)))
         return means
@@ -222,8 +228,8 @@ class Applied:
         amplitudes = self.amplitudes.copy()
         least = (criteria.LEAST_SHARE * self.discrepancy.reference_mps2) ** 2
         answers = self.answers(weighted, precision)
-        for (number, (_, _, place)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
-            kernels = place.kernels.reshape(len(place.kernels), -1)
+        for (number, (_, _, axis_groups)), parts in zip(self.discrepancy.enumerate(), answers, strict=True):
+            kernels = axis_groups.kernels.reshape(len(axis_groups.kernels), -1)
             for part, (answer, information) in enumerate(parts):
                 data = kernels @ np.outer(answer, answer).ravel()
                 trace = kernels @ information.ravel()
@@ -234,27 +240,29 @@ class Applied:
     def answers(
         self, weighted: Sequence[FloatArray], precision: FloatArray
     ) -> list[list[tuple[FloatArray, FloatArray]]]:
-        """Return C^-1 r and C^-1 as each part of each place sees them, what is fitted left out.
+        """Return C^-1 r and C^-1 as each part of each axis of a state sees them, what is fitted left out.
 
         Args:
             weighted: as for `improved`.
             precision: (p, p) inverse of the parameters' posterior covariance.
 
         Returns:
-            for every place and part, (REAL,) and (REAL, REAL).
+            for every axis of a state and part, (REAL,) and (REAL, REAL).
         """
         spread = np.linalg.inv(precision)
-        by_place = []
-        for number, (_, axis, place) in self.discrepancy.enumerate():
+        by_axis = []
+        for number, (_, axis, axis_groups) in self.discrepancy.enumerate():
             parts = []
-            for part, through in enumerate(place.seen([weighted[index][:, axis] for index in place.groups])):
+            for part, through in enumerate(
+                axis_groups.seen([weighted[index][:, axis] for index in axis_groups.groups])
+            ):
                 rows, answer = through[:-1], through[-1]
                 parts.append((answer, self.inverses[number].inside(part) - rows.T @ (spread @ rows)))
-            by_place.append(parts)
-        return by_place
+            by_axis.append(parts)
+        return by_axis
 
 
-def _of_place(rows: Rows, place: Place, axis: int) -> list[FloatArray | None] | None:
-    """Return the rows (k, REAL) of a place's groups, None if no group of it has any."""
-    given = [rows[index] for index in place.groups]
+def _rows_of(rows: Rows, axis_groups: AxisGroups, axis: int) -> list[FloatArray | None] | None:
+    """Return the rows (k, REAL) of an axis's groups, None if no group of it has any."""
+    given = [rows[index] for index in axis_groups.groups]
     return None if all(row is None for row in given) else [None if row is None else row[:, axis] for row in given]

@@ -32,7 +32,7 @@ class Evident:
 
     Attributes:
         concentration: order, band or place.
-        amplitudes: mean squares to start from, (m/s^2)^2, (places, parts).
+        amplitudes: mean squares to start from, (m/s^2)^2, (axes of states, parts).
         gain: of log evidence.
         log_odds: before the data, against no concentration.
         share: of the residual's power beyond noise and other concentrations that it takes.
@@ -65,13 +65,13 @@ def most_evident(fit: Fit, data: Whitened) -> Evident | None:
     # At PLACES in place of orders, where a burst is narrow.
     seen = [
         _Seen.of(answer, information, index, part, float(np.square(scale).sum()))
-        for (index, (_, _, place)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
-        for part, ((answer, information), scale) in enumerate(zip(parts, place.scales, strict=True))
+        for (index, (_, _, axis_groups)), parts in zip(fit.applied.discrepancy.enumerate(), answers, strict=True)
+        for part, ((answer, information), scale) in enumerate(zip(parts, axis_groups.scales, strict=True))
     ]
     power = sum(float(np.square(residual.rms_mps2()).sum()) for residual in group_residuals(fit, data))
     for number, concentration in enumerate(reversed(fit.applied.discrepancy.concentrations), 1):
         for each in seen:
-            weights = fit.applied.amplitudes[each.place, each.part, -number] * (
+            weights = fit.applied.amplitudes[each.index, each.part, -number] * (
                 concentration.curves().T @ each.at_places.answer
             )
             power -= each.power * float(np.square(concentration.curves() @ weights).mean())
@@ -102,33 +102,33 @@ class _Answer:
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """C^-1 r and C^-1 as one part of one place sees them.
+    """C^-1 r and C^-1 as one part of one axis of a state sees them.
 
     Attributes:
         by_order: in the real coefficients.
         at_places: at PLACES.
-        place: index.
+        index: of the axis of a state.
         part: index.
         power: sum over groups of the part's squared size.
     """
 
     by_order: _Answer
     at_places: _Answer
-    place: int
+    index: int
     part: int
     power: float
 
     @classmethod
-    def of(cls, answer: FloatArray, information: FloatArray, place: int, part: int, power: float) -> Self:
+    def of(cls, answer: FloatArray, information: FloatArray, index: int, part: int, power: float) -> Self:
         """Return them from C^-1 r (REAL,) and C^-1 (REAL, REAL) of the real coefficients."""
         at_places = _Answer(answer @ FROM_PLACES, FROM_PLACES.T @ information @ FROM_PLACES)
-        return cls(_Answer(answer, information), at_places, place, part, power)
+        return cls(_Answer(answer, information), at_places, index, part, power)
 
 
 def _evident(
     concentration: Concentration, seen: Sequence[_Seen], shape: tuple[int, ...], power: float, log_odds: float
 ) -> Evident:
-    """Return what a concentration gains: at every place the part of the larger gain."""
+    """Return what a concentration gains: on every axis of a state the part of the larger gain."""
     curves = concentration.curves()
     # An order has two coefficients, a band few orders, a burst few places.
     in_orders = not isinstance(concentration, Burst)
@@ -146,12 +146,12 @@ def _evident(
         tried = _POWERS[:, None] / values[-1]
         gained = 0.5 * (tried * np.square(along) / (1.0 + tried * values) - np.log1p(tried * values)).sum(axis=1)
         top = int(np.argmax(gained))
-        if gained[top] > gains[each.place]:
+        if gained[top] > gains[each.index]:
             amplitude = float(tried[top, 0])
-            gains[each.place] = gained[top]
-            amplitudes[each.place] = 0.0
-            amplitudes[each.place, each.part] = amplitude
+            gains[each.index] = gained[top]
+            amplitudes[each.index] = 0.0
+            amplitudes[each.index, each.part] = amplitude
             field = curves @ (vectors @ (along / (1.0 / amplitude + values)))
-            powers[each.place] = each.power * float(field @ field) / len(PLACES)
+            powers[each.index] = each.power * float(field @ field) / len(PLACES)
     share = float(powers.sum()) / power if power > 0.0 else 0.0
     return Evident(concentration, amplitudes, float(gains.sum()), log_odds, share)

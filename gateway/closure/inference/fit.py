@@ -9,9 +9,9 @@ from typing import Final, Self
 
 import numpy as np
 
+from gateway.closure.inference.axis_covariance import Rows
 from gateway.closure.inference.discrepancy import Applied
 from gateway.closure.inference.likelihood import REAL, Whitened, as_real
-from gateway.closure.inference.place_covariance import Rows
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.types import ComplexArray, FloatArray

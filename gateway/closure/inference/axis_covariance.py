@@ -74,7 +74,7 @@ class Scatter:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class AxisGroups:
     """Groups of one state of the tire, on one axis.
 
     Attributes:
@@ -94,8 +94,8 @@ class Place:
         """Number of parts: in proportion to omega^2, and constant."""
         return len(self.scales)
 
-    def thinned(self, share: float) -> Place:
-        """Return the same place for data with a share of the revolutions."""
+    def thinned(self, share: float) -> AxisGroups:
+        """Return the same groups for data with a share of the revolutions."""
         return replace(self, scatters=tuple(scatter.thinned(share) for scatter in self.scatters))
 
     def combined(self, matrices: FloatArray) -> FloatArray:
@@ -111,7 +111,7 @@ class Place:
 
 
 class Inverse(Protocol):
-    """Inverse C^-1 of the covariance of a place with amplitudes.
+    """Inverse C^-1 of the covariance of an axis with amplitudes.
 
     Attributes:
         log_determinant: of the covariance over that of the scatter.
@@ -122,7 +122,7 @@ class Inverse(Protocol):
     priors: tuple[FloatArray, ...]
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
-        """Return C^-1 rows' of rows (k, REAL) in each group of the place, (k, REAL) each; None stands for zeros."""
+        """Return C^-1 rows' of rows (k, REAL) in each group of the axis, (k, REAL) each; None stands for zeros."""
         ...
 
     def products(self, rows: Rows, batches: int) -> FloatArray:
@@ -134,28 +134,28 @@ class Inverse(Protocol):
         ...
 
 
-def inverse_of(place: Place, amplitudes: FloatArray) -> Inverse:
-    """Return the inverse of a place's covariance, by whichever of two equal ways inverts the smaller matrix.
+def inverse_of(axis_groups: AxisGroups, amplitudes: FloatArray) -> Inverse:
+    """Return the inverse of an axis's covariance, by whichever of two equal ways inverts the smaller matrix.
 
     Args:
-        place: scatter, scales and kernels.
+        axis_groups: scatter, scales and kernels.
         amplitudes: (parts, kernels) mean squares.
 
     Raises:
         LinAlgError: the covariance is singular.
     """
-    bare = place.combined(amplitudes[: place.parts])
-    whole = len(place.groups) <= place.parts
-    return _Whole(place, bare) if whole else _Shared(place, bare)
+    bare = axis_groups.combined(amplitudes[: axis_groups.parts])
+    whole = len(axis_groups.groups) <= axis_groups.parts
+    return _Whole(axis_groups, bare) if whole else _Shared(axis_groups, bare)
 
 
-def _own_covariance(place: Place, number: int, bare: FloatArray) -> FloatArray:
+def _unshared_covariance(axis_groups: AxisGroups, number: int, bare: FloatArray) -> FloatArray:
     """Return the covariance of what one group does not share, (m, m)."""
-    scatter = place.scatters[number]
-    if len(place.groups) == 1:
+    scatter = axis_groups.scatters[number]
+    if len(axis_groups.groups) == 1:
         # What is a group's own is no different there from what it shares.
         return scatter.covariance
-    unshared = np.tensordot(criteria.OWN_SHARE * np.square(place.scales[:, number]), bare, axes=1)
+    unshared = np.tensordot(criteria.OWN_SHARE * np.square(axis_groups.scales[:, number]), bare, axes=1)
     return np.asarray(scatter.covariance + _chosen(unshared, scatter.chosen, scatter.chosen), dtype=np.float64)
 
 
@@ -172,18 +172,18 @@ def _steadied(bare: FloatArray) -> tuple[FloatArray, ...]:
 class _Whole:
     """Inverse of the covariance of all groups' coefficients as one matrix."""
 
-    def __init__(self, place: Place, bare: FloatArray) -> None:
-        self._place = place
+    def __init__(self, axis_groups: AxisGroups, bare: FloatArray) -> None:
+        self._axis_groups = axis_groups
         self.priors = _steadied(bare)
-        scatters, scales = place.scatters, place.scales
-        numbers = range(len(place.groups))
+        scatters, scales = axis_groups.scatters, axis_groups.scales
+        numbers = range(len(axis_groups.groups))
         blocks = []
         for first in numbers:
             row = []
             for second in numbers:
                 shared = np.tensordot(scales[:, first] * scales[:, second], np.stack(self.priors), axes=1)
                 block = _chosen(shared, scatters[first].chosen, scatters[second].chosen)
-                row.append(block + _own_covariance(place, first, bare) if first == second else block)
+                row.append(block + _unshared_covariance(axis_groups, first, bare) if first == second else block)
             blocks.append(row)
         factor, log_determinant = inverse_factor(np.block(blocks))
         inverse = factor.T @ factor
@@ -210,7 +210,7 @@ class _Whole:
         return _products(self.weighted(rows), rows, batches)
 
     def inside(self, part: int) -> FloatArray:
-        scales = self._place.scales[part]
+        scales = self._axis_groups.scales[part]
         result: FloatArray = np.einsum("g,h,ghij->ij", scales, scales, self._inverse)
         return result
 
@@ -221,25 +221,25 @@ class _Shared:
     G is the inverse of the groups' own covariances, s the scales of the parts, and H = s' G s.
     """
 
-    def __init__(self, place: Place, bare: FloatArray) -> None:
-        self._place = place
+    def __init__(self, axis_groups: AxisGroups, bare: FloatArray) -> None:
+        self._axis_groups = axis_groups
         self.priors = _steadied(bare)
-        parts = range(place.parts)
+        parts = range(axis_groups.parts)
         self._lower = [_cholesky(prior) for prior in self.priors]
         self.log_determinant = 0.0
-        self._own = []
-        for number, scatter in enumerate(place.scatters):
-            factor, log_determinant = inverse_factor(_own_covariance(place, number, bare))
-            self._own.append(scatter.placed(factor.T @ factor))
+        self._unshared = []
+        for number, scatter in enumerate(axis_groups.scatters):
+            factor, log_determinant = inverse_factor(_unshared_covariance(axis_groups, number, bare))
+            self._unshared.append(scatter.placed(factor.T @ factor))
             self.log_determinant += log_determinant - scatter.log_determinant
         # H and L' H of each pair of parts, with the Cholesky factor L of P.
         self._information: list[list[FloatArray]] = [[] for _ in parts]
-        stacked = np.stack(self._own)
+        stacked = np.stack(self._unshared)
         for first in parts:
             for second in range(first + 1):
-                scales = place.scales[first] * place.scales[second]
+                scales = axis_groups.scales[first] * axis_groups.scales[second]
                 self._information[first].append(np.tensordot(scales, stacked, axes=1))
-        self._left = np.empty((place.parts * REAL, place.parts * REAL))
+        self._left = np.empty((axis_groups.parts * REAL, axis_groups.parts * REAL))
         inner = np.empty_like(self._left)
         for first in parts:
             for second in parts:
@@ -263,28 +263,30 @@ class _Shared:
         return lower_product(self._factor, self._left)
 
     def weighted(self, rows: Rows) -> list[FloatArray]:
-        unshared_rows = self._by_own(rows)
+        unshared_rows = self._by_unshared(rows)
         solved = self._solved(unshared_rows) @ self._factor
         shared = np.stack([solved[:, _of(part)] @ lower.T for part, lower in enumerate(self._lower)])
         return [
             group_rows - np.tensordot(scales, shared, axes=1) @ matrix
-            for group_rows, scales, matrix in zip(unshared_rows, self._place.scales.T, self._own, strict=True)
+            for group_rows, scales, matrix in zip(
+                unshared_rows, self._axis_groups.scales.T, self._unshared, strict=True
+            )
         ]
 
     def products(self, rows: Rows, batches: int) -> FloatArray:
-        unshared_rows = self._by_own(rows)
+        unshared_rows = self._by_unshared(rows)
         solved = self._solved(unshared_rows).reshape(batches, -1, len(self._factor))
         return _products(unshared_rows, rows, batches) - solved @ solved.transpose(0, 2, 1)
 
-    def _by_own(self, rows: Rows) -> list[FloatArray]:
+    def _by_unshared(self, rows: Rows) -> list[FloatArray]:
         """Return rows G of each group."""
         size = next(len(row) for row in rows if row is not None)
         zeros = np.zeros((size, REAL))
-        return [zeros if row is None else row @ matrix for row, matrix in zip(rows, self._own, strict=True)]
+        return [zeros if row is None else row @ matrix for row, matrix in zip(rows, self._unshared, strict=True)]
 
     def _solved(self, unshared_rows: Sequence[FloatArray]) -> FloatArray:
         """Return rows G s L times the inverse of the Cholesky factor of I + L' H L, (k, parts REAL)."""
-        seen = self._place.seen(unshared_rows)
+        seen = self._axis_groups.seen(unshared_rows)
         turned = np.concatenate([part @ lower for part, lower in zip(seen, self._lower, strict=True)], axis=1)
         result: FloatArray = turned @ self._factor.T
         return result
