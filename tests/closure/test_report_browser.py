@@ -136,9 +136,9 @@ def test_screenshot_shows_before_and_after_colours(chromium, report, tmp_path, w
     from matplotlib.image import imread
 
     picture = tmp_path / "page.png"
-    browse(chromium, report, tmp_path / "profile", f"--screenshot={picture}", f"--window-size={width},4000")
+    browse(chromium, report, tmp_path / "profile", f"--screenshot={picture}", f"--window-size={width},6000")
     pixels = np.round(imread(picture)[..., :3] * 255).astype(int)
-    assert pixels.shape == (4000, width, 3)
+    assert pixels.shape == (6000, width, 3)
     figures = pixels[2000:].reshape(-1, 3)
     for colour in ((0xC0, 0x4A, 0x00), (0x00, 0x62, 0xA8)):
         assert np.count_nonzero((np.abs(figures - colour) <= 2).all(axis=1)) > 500

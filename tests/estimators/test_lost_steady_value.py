@@ -14,7 +14,14 @@ from tests.testkit.simulated_wheel import last, restated, simulated
 SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
 ESTIMATORS = ("kinematic", "weak-form", "ply-steer", "self-calibration")
 AC = '[sensor]\nrange_g = 1000\ncoupling = "ac"\ncoupling_declared = false\n'
-TIMES = ("speed_mps", "angular_speed_radps", "leading_edge_rad", "trailing_edge_rad", "contact_length_m")
+TIMES = (
+    "speed_mps",
+    "angular_speed_radps",
+    "leading_edge_rad",
+    "trailing_edge_rad",
+    "contact_length_m",
+    "contact_fraction",
+)
 
 
 @pytest.mark.parametrize("corner_hz", [0.1, 1.0, 5.0])

@@ -18,11 +18,11 @@ from gateway import quantity_catalogue
 from gateway.cli.stop_signals import stop_request
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.plugin_estimator import PluginEstimator
-from gateway.exporting.result_columns import estimate_columns
 from gateway.pipeline.qualification import qualified
 from gateway.quantity import Basis, Quantity
 from gateway.quantity_catalogue import declare, quantities_of
 from gateway.reasons import Code, Reason
+from gateway.table_columns import estimate_columns
 from gateway.views import wording
 from gateway.views.numbers import split_name
 from tests.pipeline.test_qualification import NOTHING
@@ -177,7 +177,7 @@ def test_declared_quantities_of_a_plugin_have_units_limits_and_doubts() -> None:
     assert declare("scripted", (mine,)) is None
     assert quantities_of("scripted") == (mine,)
     assert split_name("squat_m") == ("rear squat", split_name("contact_length_m")[1])
-    value, *_ = estimate_columns("squat_m")
+    value, *_ = estimate_columns("squat_m", quantity_catalogue.quantity_of("squat_m").description)
     assert (value.unit, value.description) == ("m", "squat")
     (passed,) = qualified((Estimate("squat_m", -0.2, 0.01, Status.VALID),), NOTHING, None, None)
     assert (passed.status, passed.reasons[0].code) == (Status.PROVISIONAL, Code.NOT_POSSIBLE)

@@ -30,7 +30,8 @@ def test_stalled_receiver_does_not_hold_the_session() -> None:
     stalled.gate.clear()
     workers = [SinkWorker("stalled:x", stalled, clock, max_items=10), SinkWorker("good:x", good, clock)]
     publisher = Publisher(workers, clock)
-    source = open_source("sim:lab?speed=max&duration=8", clock)
+    # Long enough that alarms are reviewed after the first drop, however fast the machine is.
+    source = open_source("sim:lab?speed=max&duration=40", clock)
     vehicle = parse_vehicle(source.vehicle_toml, "lab")
     live = LiveSession([source], vehicle, clock, patient=[True], summary=ResultSummary(), publication=publisher)
     live.start()
