@@ -41,6 +41,10 @@ def step_for(left: Unexplained) -> str:
         (replace(ANGLE, lock="turns"), "every second turn"),
         (replace(TIME, lock="samples"), "repair or replace"),
         (replace(TIME, narrow=True, centre_hz=50.02), "a source of 50.0 Hz"),
+        (
+            replace(TIME, narrow=True, centre_hz=7.0, scaling=Scaling(ScalingStatus.ONE_SPEED)),
+            "record at a second speed: a source of 7.0 Hz keeps its frequency",
+        ),
         (replace(TIME, orders=(3, 4), centre_order=3.58), "3.58 times as fast as the wheel"),
         (TIME, "record at a second speed"),
         (replace(TIME, speeds=(2, 2)), "keeps its frequency"),

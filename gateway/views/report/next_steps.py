@@ -118,9 +118,10 @@ def _of_time_locked(residual: Unexplained) -> str:
             "another wheel"
         )
     if residual.narrow and math.isfinite(residual.centre_hz):
-        return (
-            f"look for a source of {residual.centre_hz:.1f} Hz: mains, a motor, a fan; switch it off and record again"
-        )
+        source = f"a source of {residual.centre_hz:.1f} Hz"
+        if residual.scaling.status in _UNSEEN:
+            return f"record at a second speed: {source} keeps its frequency, what turns with the wheel does not"
+        return f"look for {source}: mains, a motor, a fan; switch it off and record again"
     if residual.speeds is None:
         return "record at a second speed: a resonance keeps its frequency, what turns does not"
     return "it keeps its frequency: look for a resonance of suspension, rim, sensor or electronics"
