@@ -126,6 +126,14 @@ def test_splice_of_a_box_becomes_a_law_with_its_size() -> None:
     assert found.fit is not None
 
 
+def test_evidence_that_a_posterior_has_divided_changes_nothing() -> None:
+    """A posterior divides the evidence of its sets by what they leave; a law is compared with the whole."""
+    base, data = evaluated(campaign_of(SPEEDS, local(Change.BENDING, SPLICE), noise_mps2=0.5))
+    (law,) = propose_laws(base.tempered(13.0, 2.0), data, laws=(library()[NAME],)).laws
+    assert law.certain
+    assert law.log_odds == pytest.approx(splice_found().laws[0].log_odds, rel=0.05)
+
+
 def test_noise_has_no_law() -> None:
     assert not found_in(campaign_of(SPEEDS, nothing)).laws
 

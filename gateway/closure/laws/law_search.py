@@ -30,7 +30,7 @@ from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.posterior import Posterior
 from gateway.closure.inference.residual import POWER_SHARE, group_residuals, residual_ratio
-from gateway.closure.inference.set_evidence import Evaluated, evaluate
+from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence
 from gateway.closure.laws.law import Law
 from gateway.closure.laws.library import library
 from gateway.closure.laws.profile_scan import ProfileScan, Promise
@@ -125,6 +125,8 @@ def propose_laws(
     before = residual_ratio(base.fit, data)
     if before - 1.0 < _LEAST_LEFT or base.fit.model.core.model is not BaselineModel.EXACT:
         return LawsFound()
+    # The evidence of the posterior's sets is divided by what they leave; that of a law is not yet.
+    base = replace(base, log_evidence=log_evidence(base.fit))
     tried = list(laws if laws is not None else library().values())
     try:
         promises = ProfileScan(base.fit).promises(tried)
