@@ -27,15 +27,15 @@ def group(speed_kmh: float, count: int, state: int = 0, *, reverse: bool = False
     return Group(f"{speed_kmh}", 0, state, conditions, (block,), np.ones((3, ORDERS)), 0.24)
 
 
-def table(*groups: Group) -> CorrectionTable:
+def table(*groups: Group, laws: tuple[Any, ...] = (), found_rad: float = PITCH_RAD) -> CorrectionTable:
     """Return the table of a pitched sensor on recordings of these conditions."""
     campaign = Campaign("FL", ("synthetic",), groups, max(one.state for one in groups) + 1, {})
     model = ClosureModel(campaign, ExactCore(), [catalogue()["pitch tilt"]])  # type: ignore[list-item]
     vector, _ = model.layout.priors(model.core, model.effects)
     vector[model.layout.effect("pitch tilt")] = PITCH_RAD
-    fit: Any = SimpleNamespace(model=model, vector=vector)
-    found = Finding("pitch tilt", Verdict.NAMED, {"pitch_rad": Fitted(PITCH_RAD, 1e-3, "rad")}, 100.0, 90.0, 9.0, 5.0)
-    made = contribution_table(fit, (found,))
+    fit: Any = SimpleNamespace(model=model, vector=vector, covariance=1e-8 * np.eye(len(vector)))
+    found = Finding("pitch tilt", Verdict.NAMED, {"pitch_rad": Fitted(found_rad, 1e-3, "rad")}, 100.0, 90.0, 9.0, 5.0)
+    made = contribution_table(fit, (found,), laws)
     assert made is not None
     return made
 
@@ -62,3 +62,13 @@ def test_reverse_only_uses_sensor_axes() -> None:
     made = table(group(60.0, 20, reverse=True))
     # As glued, the radial axis leaks into +circumferential whichever way the wheel turns.
     assert leak(made) == pytest.approx(np.sin(PITCH_RAD), rel=0.02)
+
+
+@pytest.mark.parametrize(("certain", "saved_rad"), [(True, PITCH_RAD), (False, 0.03)])
+def test_effect_is_saved_as_it_is_beside_a_law(certain: bool, saved_rad: float) -> None:
+    """What an effect took of the law before that was found would be subtracted twice."""
+    law = SimpleNamespace(name="law: of a test", certain=certain, parameters={})
+    made = table(group(60.0, 20), laws=(law,), found_rad=0.03)
+    (effect,) = made.effects
+    assert effect.parameters[0].value == pytest.approx(saved_rad)
+    assert effect.parameters[0].std == pytest.approx(1e-3)

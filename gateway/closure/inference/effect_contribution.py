@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -13,7 +14,7 @@ from gateway.closure.effects.effect import CIRCUMFERENTIAL
 from gateway.closure.inference.fit import Fit
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
-from gateway.closure.result import Finding, Law, Verdict
+from gateway.closure.result import Finding, Fitted, Law, Verdict
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.types import ComplexArray
 
@@ -32,12 +33,23 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
     What other estimators measure (ply steer, conicity, carcass compliance) is left out. The table holds for that
     state's load and pressure: with another contact the same effects add something else; and for the way that a wheel
     rolls on the car, forward, unless all was recorded in reverse.
+
+    Args:
+        fit: of the identified effects, and of the certain law where there is one.
+        findings: the effects, with their parameters without a law.
+        laws: laws and clues.
     """
-    named: dict[str, Finding | Law] = {
-        finding.name: finding for finding in findings if finding.verdict is Verdict.NAMED
-    }
-    named |= {law.name: law for law in laws if law.certain}
-    effects = tuple(effect for effect in fit.model.effects if effect.name in named.keys() - MEASURED)
+    named = {finding.name: finding.parameters for finding in findings if finding.verdict is Verdict.NAMED}
+    certain = {law.name: law.parameters for law in laws if law.certain}
+    if certain:
+        # What an effect took of the law is not its own: a file that held both would subtract it twice.
+        named |= {
+            effect.name: _beside_law(fit, effect, named[effect.name])
+            for effect in fit.model.effects
+            if effect.name in named
+        }
+    told = named | certain
+    effects = tuple(effect for effect in fit.model.effects if effect.name in told.keys() - MEASURED)
     if not effects:
         return None
     campaign = fit.model.campaign
@@ -74,7 +86,7 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
         position=campaign.wheel,
         omega_radps=omegas,
         orders_mps2=orders,
-        effects=tuple(CorrectedEffect(effect.name, _told(named[effect.name])) for effect in effects),
+        effects=tuple(CorrectedEffect(effect.name, _told(told[effect.name])) for effect in effects),
         radius_m=group.conditions.radius_m,
         omega_range_radps=(low, high),
         load_range_n=_around(load, _LOAD_MARGIN) if group.load_known else None,
@@ -134,5 +146,15 @@ def _around(value: float, margin: float) -> tuple[float, float]:
     return value * (1.0 - margin), value * (1.0 + margin)
 
 
-def _told(finding: Finding | Law) -> tuple[EffectParameter, ...]:
-    return tuple(EffectParameter(name, p.value, p.std, p.unit) for name, p in finding.parameters.items())
+def _beside_law(fit: Fit, effect: AngleEffect, without: Mapping[str, Fitted]) -> dict[str, Fitted]:
+    """Return the parameters of an effect as the fit with a law has them, at least as uncertain as without it."""
+    where = fit.model.layout.effect(effect.name)
+    values, stds = fit.vector[where].tolist(), np.sqrt(np.diagonal(fit.covariance)[where]).tolist()
+    return {
+        parameter.name: replace(without[parameter.name], value=value, std=max(std, without[parameter.name].std))
+        for parameter, value, std in zip(effect.parameters, values, stds, strict=True)
+    }
+
+
+def _told(parameters: Mapping[str, Fitted]) -> tuple[EffectParameter, ...]:
+    return tuple(EffectParameter(name, p.value, p.std, p.unit) for name, p in parameters.items())
