@@ -633,6 +633,7 @@ class Code(StrEnum):
     ERROR_BY_POSSIBLE_EFFECT = "error_by_possible_effect"
     ERROR_BY_MISSING_EFFECT = "error_by_missing_effect"
     OTHER_OPTIMUM = "other_optimum"
+    LAW_MOVES_EFFECT = "law_moves_effect"
     NOT_ON_EXACT_RING = "not_on_exact_ring"
     LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
     SMALLER_THAN_LEFT = "smaller_than_left"

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from gateway.api.recording_access import Config, PathLike, Recording, chosen_vehicle
 from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained
+from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Unexplained
 from gateway.config.effects_file import effects_text
 from gateway.errors import TreadlinkError
 from gateway.recording.file_content import check_distinct
@@ -130,6 +130,11 @@ class DiagnosisReport:
         return self.result.unexplained
 
     @property
+    def laws(self) -> tuple[Law, ...]:
+        """A law, or a clue to one, for what no effect of the catalogue explains."""
+        return self.result.laws
+
+    @property
     def estimates_before(self) -> dict[str, Fitted]:
         """Estimates of the baseline model, by name."""
         return dict(self.result.estimates_before)
@@ -177,7 +182,7 @@ class DiagnosisReport:
         write_json(self.result, Path(path), force=force)
 
     def save_effects(self, path: PathLike, *, force: bool = False) -> None:
-        """Write the identified effects to a file, for `effects` of `open` and `live`.
+        """Write the identified effects and laws to a file, for `effects` of `open` and `live`.
 
         Raises:
             TreadlinkError: no effect was identified, or the baseline model is not the exact one.

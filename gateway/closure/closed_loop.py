@@ -16,7 +16,7 @@ from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers
 from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
-from gateway.closure.inference.effect_contribution import contribution_table
+from gateway.closure.inference.effect_contribution import contribution_table, moved_by_law
 from gateway.closure.inference.findings import apart_from, beside_more, confirmed, findings_of
 from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.hold_out import alignment_note, hold_out
@@ -223,6 +223,7 @@ def _diagnose(
             *_in_doubt(campaign),
             *_no_ring(campaign, strange),
             *alignment_note(held_out),
+            *(moved_by_law(explained.fit, findings, explained.laws[0].title) if explained.fit is not None else ()),
             *_notes(campaign, with_mean=core.mean),
             *(_cut_short(search, posterior) or _tempered(posterior)),
             *_open(considered, after),

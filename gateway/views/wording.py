@@ -1143,6 +1143,10 @@ TEMPLATES: Final[Mapping[Code, str]] = {
         "most of the error of {numbers} comes from the possible absence of {effect} (probability "
         "{probability:probability}, not identified); if it were certain the error would be {ratio:.2g} times smaller"
     ),
+    Code.LAW_MOVES_EFFECT: (
+        "{effect}: beside the law ({law}) its {parameter} is {value:.3g}{unit: }, not {without:.3g}{unit: }: decide on "
+        "the law first"
+    ),
     Code.OTHER_OPTIMUM: (
         "{effect}: nearly as good with {parameter} {value:.4g}{unit: } in place of {best:.4g}{unit: } (probability "
         "{probability:probability}), which makes up most of its error"

@@ -11,11 +11,12 @@ import pytest
 
 from gateway.closure.data.campaign_data import ORDERS, Block, Campaign, Group
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.inference.effect_contribution import contribution_table
+from gateway.closure.inference.effect_contribution import contribution_table, moved_by_law
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.result import Finding, Fitted, Verdict
 from gateway.signal.effect_correction import CorrectionTable
+from gateway.views import wording
 from tests.closure.belt_data import at
 
 PITCH_RAD = 0.02
@@ -27,15 +28,28 @@ def group(speed_kmh: float, count: int, state: int = 0, *, reverse: bool = False
     return Group(f"{speed_kmh}", 0, state, conditions, (block,), np.ones((3, ORDERS)), 0.24)
 
 
-def table(*groups: Group, laws: tuple[Any, ...] = (), found_rad: float = PITCH_RAD) -> CorrectionTable:
-    """Return the table of a pitched sensor on recordings of these conditions."""
+def pitched(*groups: Group, found_rad: float = PITCH_RAD) -> tuple[Any, Finding]:
+    """Return the fit of a pitched sensor on recordings of these conditions, and the finding."""
     campaign = Campaign("FL", ("synthetic",), groups, max(one.state for one in groups) + 1, {})
     model = ClosureModel(campaign, ExactCore(), [catalogue()["pitch tilt"]])  # type: ignore[list-item]
     vector, _ = model.layout.priors(model.core, model.effects)
     vector[model.layout.effect("pitch tilt")] = PITCH_RAD
     fit: Any = SimpleNamespace(model=model, vector=vector, covariance=1e-8 * np.eye(len(vector)))
-    found = Finding("pitch tilt", Verdict.NAMED, {"pitch_rad": Fitted(found_rad, 1e-3, "rad")}, 100.0, 90.0, 9.0, 5.0)
-    made = contribution_table(fit, (found,), laws)
+    found = Finding(
+        "pitch tilt",
+        Verdict.NAMED,
+        {"pitch_rad": Fitted(found_rad, 1e-3, "rad", 180.0 / np.pi, "deg")},
+        100.0,
+        90.0,
+        9.0,
+        5.0,
+    )
+    return fit, found
+
+
+def table(*groups: Group) -> CorrectionTable:
+    fit, found = pitched(*groups)
+    made = contribution_table(fit, (found,))
     assert made is not None
     return made
 
@@ -67,8 +81,17 @@ def test_reverse_only_uses_sensor_axes() -> None:
 @pytest.mark.parametrize(("certain", "saved_rad"), [(True, PITCH_RAD), (False, 0.03)])
 def test_effect_is_saved_as_it_is_beside_a_law(certain: bool, saved_rad: float) -> None:
     """What an effect took of the law before that was found would be subtracted twice."""
-    law = SimpleNamespace(name="law: of a test", certain=certain, parameters={})
-    made = table(group(60.0, 20), laws=(law,), found_rad=0.03)
+    law: Any = SimpleNamespace(name="law: of a test", certain=certain, parameters={})
+    fit, found = pitched(group(60.0, 20), found_rad=0.03)
+    made = contribution_table(fit, (found,), (law,))
+    assert made is not None
     (effect,) = made.effects
     assert effect.parameters[0].value == pytest.approx(saved_rad)
     assert effect.parameters[0].std == pytest.approx(1e-3)
+
+
+def test_effect_that_a_law_moves_is_noted() -> None:
+    fit, found = pitched(group(60.0, 20), found_rad=0.03)
+    (note,) = moved_by_law(fit, (found,), "delay")
+    assert wording.text(note).startswith("pitch tilt: beside the law (delay) its pitch_rad is 1.15 deg, not 1.72 deg")
+    assert not moved_by_law(fit, (pitched(group(60.0, 20), found_rad=PITCH_RAD + 2e-3)[1],), "delay")

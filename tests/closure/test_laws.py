@@ -29,14 +29,14 @@ from gateway.closure.model.sensor_signal import base_signal
 from gateway.closure.transfer import transfer
 from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import PATTERNS, Change, loaded_belt, local_response
-from gateway.reasons import Code
+from gateway.reasons import Code, Reason
 from gateway.types import ComplexArray, FloatArray
 from gateway.views.report.diagnosis_json import diagnosis_json
 from gateway.views.report.html import diagnosis_html
 from gateway.views.report.terminal import closure_summary_lines
 from tests.closure.planted_campaign import RADIUS_M, Plant, campaign_of, conditions, evaluated, nothing, ring
 from tests.closure.test_transfer import table_of
-from tests.testkit.diagnosis_data import empty
+from tests.testkit.diagnosis_data import empty, ordinary
 
 SPEEDS = (conditions(60.0), conditions(40.0), conditions(80.0))
 SPLICE, PLACE_RAD, WIDTH_RAD, LOSS_S = 0.012, 0.8, 0.06, 2e-5
@@ -164,7 +164,7 @@ def test_one_recording_gives_a_clue_at_most() -> None:
     (law,) = found_in(campaign_of(SPEEDS[:1], local(Change.BENDING, SPLICE), noise_mps2=0.5), some).laws
     assert law.name == NAME
     assert not law.certain
-    assert Code.LAW_UNTESTED in {reason.code for reason in law.reasons}
+    assert [reason.code for reason in law.reasons].count(Code.LAW_UNTESTED) == 1
 
 
 def test_size_that_differs_between_recordings_is_a_clue() -> None:
@@ -226,6 +226,18 @@ def test_command_writes_the_plug_in_of_a_law_alone(tmp_path: Path) -> None:
     assert len(said) == 1
     with pytest.raises(TreadlinkError, match="exists"):
         write_plugin(found, tmp_path / "splice of 7", said.append)
+
+
+def test_page_and_summary_tell_a_law_with_its_size() -> None:
+    (law,) = splice_found().laws
+    diagnosis = replace(empty(), recordings=("1", "2", "3"), laws=(law,), unexplained=ordinary().unexplained)
+    answer = diagnosis_html(diagnosis).partition('class="answer"')[2].partition("</p>")[0]
+    assert "A law explains" in answer
+    assert law.title in answer
+    lines = " ".join(line.strip() for line in closure_summary_lines(diagnosis))
+    assert "parameters" not in lines.partition(law.title)[2].partition(law.summary[:20])[0]
+    clue = replace(law, certain=False, reasons=(Reason(Code.LAW_UNTESTED),))
+    assert "A clue, which is not certain, explains" in diagnosis_html(replace(diagnosis, laws=(clue,)))
 
 
 @pytest.mark.slow

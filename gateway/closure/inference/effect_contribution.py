@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -15,6 +15,7 @@ from gateway.closure.inference.fit import Fit
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
 from gateway.closure.result import Finding, Fitted, Law, Verdict
+from gateway.reasons import Code, Reason
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable, EffectParameter
 from gateway.types import ComplexArray
 
@@ -23,6 +24,8 @@ _SPEEDS: Final = 9
 _SPEED_MARGIN: Final = 0.1
 _LOAD_MARGIN: Final = 0.05
 _PRESSURE_MARGIN: Final = 0.05
+# Standard errors by which a law moves an effect that stood for a part of it.
+_MOVED: Final = 3.0
 # The quantities that the lateral estimators measure stay in the signal.
 MEASURED: Final = frozenset({"ply steer", "conicity", "carcass compliance"})
 
@@ -97,6 +100,37 @@ def contribution_table(fit: Fit, findings: tuple[Finding, ...], laws: tuple[Law,
         vehicle=campaign.vehicle,
         tire=campaign.tire,
     )
+
+
+def moved_by_law(fit: Fit, findings: Sequence[Finding], law: str) -> tuple[Reason, ...]:
+    """Return the identified effects whose parameters a law moves by more than their errors: they held a part of it.
+
+    Args:
+        fit: with the law.
+        findings: the effects, with their parameters without it.
+        law: title.
+    """
+    effects = {effect.name: effect for effect in fit.model.effects}
+    reasons = []
+    for finding in findings:
+        if finding.verdict is not Verdict.NAMED or finding.name not in effects:
+            continue
+        beside = _beside_law(fit, effects[finding.name], finding.parameters)
+        for name, without in finding.parameters.items():
+            if abs(beside[name].value - without.value) > _MOVED * beside[name].std:
+                reasons.append(
+                    Reason(
+                        Code.LAW_MOVES_EFFECT,
+                        effect=finding.name,
+                        law=law,
+                        parameter=name,
+                        value=beside[name].value * without.factor,
+                        without=without.value * without.factor,
+                        unit=without.display_unit or without.unit,
+                    )
+                )
+                break
+    return tuple(reasons)
 
 
 def added_by(fit: Fit, effect: AngleEffect) -> list[ComplexArray]:

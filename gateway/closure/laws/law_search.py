@@ -197,7 +197,7 @@ def _judged(
     reasons += _against_sizes(fit.model.campaign.recordings, sizes)
     if rivals:
         reasons.append(Reason(Code.LAW_HAS_RIVALS, laws=tuple(rival.title for rival in rivals)))
-    proposed = _told(base, data, best, sizes, tuple(reasons))
+    proposed = _told(base, data, best, sizes, tuple(dict.fromkeys(reasons)))
     proposed = replace(
         proposed, log_odds=log_odds, share=share, unseen=unseen, rivals=tuple(rival.name for rival in rivals)
     )

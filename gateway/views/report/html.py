@@ -289,6 +289,9 @@ def _answer(diagnosis: Diagnosis) -> Iterator[str]:
         size = plain(first.rms_mps2, first.std_mps2)
         doubt = f" ({NON_STATIONARY})" if first.changes else "" if first.lock_known else " (lock not known)"
         yield f"Unexplained: {clean(first.axis)} axis, {place_text(first)}, {size} m/s² rms{doubt}{more}."
+        for law in diagnosis.laws:
+            what = "A law" if law.certain else "A clue, which is not certain,"
+            yield f"{what} explains {law.share:.0%} of what is left beyond noise: {clean(law.title)}."
     else:
         yield f"{no_residual(diagnosis, 'Nothing else')}."
 

@@ -48,6 +48,7 @@ _DECISIVE: Final = frozenset(
         Code.CONTACTS_CONTRADICT,
         Code.ERROR_BY_MISSING_EFFECT,
         Code.ERROR_BY_POSSIBLE_EFFECT,
+        Code.LAW_MOVES_EFFECT,
         Code.LOADS_CONTRADICT,
         Code.OTHER_OPTIMUM,
         Code.RECORDING_LEFT_OUT,
@@ -171,8 +172,8 @@ class _Lines:
             numbers = [show_fitted(name, fitted) for name, fitted in law.parameters.items()]
             cells = [f"{number.label} {number.joined()}".replace(" ± ", "±") for number in numbers]
             size = f"  {significant(law.rms_mps2)} m/s²"
-            label = "law" if law.certain else "clue"
-            yield self._row(label, _first_of(f"{clean(law.title)}: ", cells, self._room - width(size)), size)
+            yield self._row("law" if law.certain else "clue", clean(law.title), size)
+            yield from self._rows("", ", ".join(cells))
             yield from self._rows("", law_text(law))
 
     def _estimates(self, diagnosis: Diagnosis) -> Iterator[str]:
