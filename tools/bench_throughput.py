@@ -253,8 +253,8 @@ def run_child(tree: Path, case: Case, path: Path, *, by_stage: bool) -> dict[str
     """Measure one case in a process of its own, with the modules of a tree."""
     order = json.dumps([case.way, case.wheels, case.rate_hz, case.estimators, str(path), by_stage])
     environment = {**os.environ, "PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    # -P: the folder of this script, which belongs to the new version, is not searched for modules.
-    command = [sys.executable, "-P", str(Path(__file__).resolve()), "--child", order]
+    # The script of the tree itself, which knows its modules. -P: its folder is not searched for modules.
+    command = [sys.executable, "-P", str(tree / "tools" / "bench_throughput.py"), "--child", order]
     done = subprocess.run(command, env=environment, cwd=tree, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(done.stderr)
