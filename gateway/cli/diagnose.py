@@ -17,7 +17,7 @@ import click
 
 from gateway.cli.options import FiniteRange, config_option, force_option, given_command, keys_option
 from gateway.cli.summary_output import SummaryOutput
-from gateway.errors import TreadlinkError
+from gateway.errors import OutputError, TreadlinkError
 from gateway.security.key_file import default_key_file
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
 from gateway.views.text import clean
@@ -185,13 +185,15 @@ def diagnose(
         raise click.UsageError(
             "--effects states the wheel, and nothing is searched for: leave out --wheel and --budget."
         )
-    if effects_path is not None and model != "exact":
+    if (effects_path or plugin_path) is not None and model != "exact":
         raise TreadlinkError(
-            "--save-effects requires --model exact",
+            f"{'--save-effects' if effects_path is not None else '--law-plugin'} requires --model exact",
             f"Leave out --model {model}: live and estimate already use the exact ring model.",
         )
+    if plugin_path is not None:
+        _check_new_directory(plugin_path)
     check_outputs(
-        (json_path, html_path, effects_path),
+        (json_path, html_path, effects_path, plugin_path),
         (*recordings, *reverse, config_path, key_file or default_key_file()),
         force=force,
     )
@@ -230,9 +232,7 @@ def diagnose(
     say = SummaryOutput(err=outputs_to_stdout)
     for line in closure_summary_lines(diagnosis, columns, has_all_notes=not on_terminal):
         say(clean(line))
-    _write(diagnosis, json_path, html_path, effects_path, say, force=force)
-    if plugin_path is not None:
-        write_plugin(diagnosis, plugin_path, say)
+    _write(diagnosis, json_path, html_path, effects_path, plugin_path, say, force=force)
     say.finish()
 
 
@@ -316,7 +316,8 @@ def _write(
     json_path: Path | None,
     html_path: Path | None,
     effects_path: Path | None,
-    say: SummaryOutput,
+    plugin_path: Path | None,
+    say: Callable[[str], None],
     *,
     force: bool,
 ) -> None:
@@ -342,6 +343,11 @@ def _write(
                 continue
             held = f" with {saved_text(diagnosis)}" if path is effects_path else ""
             say(clean(f"written: {path}{held}"))
+    if plugin_path is not None:
+        try:
+            write_plugin(diagnosis, plugin_path, say)
+        except TreadlinkError as error:
+            failed.append(error)
     for other in failed[1:]:
         click.echo(clean(f"{other}. {other.remedy}"), err=True)
     if failed:
@@ -352,21 +358,34 @@ def write_plugin(diagnosis: Diagnosis, path: Path, say: Callable[[str], None]) -
     """Write a law as a package.
 
     Raises:
-        TreadlinkError: there is no law, or the directory exists.
+        TreadlinkError: there is no law, or the directory exists or cannot be written.
     """
     from gateway.closure.laws.law_plugin import plugin_files
 
     law = next((candidate for candidate in diagnosis.laws if candidate.certain), None)
     if law is None:
         raise TreadlinkError(f"'{path}' is not written: no law was found", "A clue is no law: see its reasons.")
-    if path.exists():
-        raise TreadlinkError(f"'{path}' exists", "Name a new directory: a plug-in is several files.")
-    name = re.sub(r"\W+", "_", path.name.lower()).strip("_")
+    _check_new_directory(path)
+    # Names of packages are ASCII.
+    name = re.sub(r"[^a-z0-9]+", "_", path.name.lower()).strip("_")
     for part, text in plugin_files(law, name or "law").items():
         target = path / part
-        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"'{path}' cannot be written: {error.strerror}", "Choose another directory.") from error
         write_whole(target, text)
     say(clean(f"written: {path}, a plug-in: pip install {path}"))
+
+
+def _check_new_directory(path: Path) -> None:
+    """Refuse a directory that exists.
+
+    Raises:
+        TreadlinkError: it does.
+    """
+    if path.exists():
+        raise TreadlinkError(f"'{path}' exists", "Name a new directory: a plug-in is several files.")
 
 
 def _save_effects(diagnosis: Diagnosis, path: Path, *, force: bool) -> None:

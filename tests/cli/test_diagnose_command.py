@@ -16,6 +16,7 @@ from gateway.clock import ManualClock
 from gateway.closure.closed_loop import SEARCHED
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.result import Fitted, Law
 from gateway.config.effects_file import effects_text, load_effects
 from gateway.errors import OutputError, TreadlinkError
 from gateway.reasons import Code, Reason
@@ -103,6 +104,27 @@ def test_result_names_command_and_recordings(closed, recording, tmp_path):
     (one,) = origin["recordings"]
     assert one["sha256"] == hashlib.sha256(Path(recording).read_bytes()).hexdigest()
     assert 0.0 < one["first_s"] < one["last_s"]
+
+
+def test_plug_in_is_refused_before_the_work(closed, recording, tmp_path):
+    asked, _ = closed
+    assert "exists" in refused(recording, "--law-plugin", tmp_path)[0]
+    assert "there is no folder" in refused(recording, "--law-plugin", tmp_path / "none" / "plugin")[0]
+    assert "requires --model exact" in refused(recording, "--model", "paper", "--law-plugin", tmp_path / "p")[0]
+    assert not asked
+
+
+def test_plug_in_is_written_where_another_file_fails(closed, recording, tmp_path):
+    """Its names are ASCII, as those of packages are."""
+    _, answer = closed
+    law = Law(
+        "law: delay of the lateral axis", "delay", True, (), "It is late.", "a(t - tau)", "none", "definition",
+        ("lateral",), {"delay_s": Fitted(4e-5, 1e-6, "s")}, 90.0, 0.9, 20.0,
+    )  # fmt: skip
+    answer[0] = replace(empty(), laws=(law,), correction=None)
+    message, _ = refused(recording, "--save-effects", tmp_path / "e.json", "--law-plugin", tmp_path / "Größe 7")
+    assert "e.json" in message
+    assert (tmp_path / "Größe 7" / "treadlink_gr_e_7" / "__init__.py").is_file()
 
 
 def test_search_ends_with_the_budget(closed, recording):
