@@ -34,7 +34,10 @@ def known_effects(
         TreadlinkError: an effect is neither in the catalogue nor a law, or stands twice, or its parameters are not
             those of the catalogue, in another unit or outside of their ranges.
     """
-    catalogue: dict[str, AngleEffect] = {**angle_effects(candidates(model)), **library()}
+    catalogue: dict[str, AngleEffect] = dict(angle_effects(candidates(model)))
+    if model is BaselineModel.EXACT:
+        # A law is the answer of the exact ring, or was found beside it.
+        catalogue |= library()
     effects: list[tuple[AngleEffect, FloatArray]] = []
     for corrected in table.effects:
         effect = catalogue.get(corrected.name)

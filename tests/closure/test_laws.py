@@ -19,6 +19,7 @@ from gateway.cli.diagnose import write_plugin
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, RADIAL, BaselineModel, GroupConditions, ModelledBlock
+from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law import Law
 from gateway.closure.laws.law_plugin import plugin_files
 from gateway.closure.laws.law_search import LawsFound, propose_laws
@@ -194,6 +195,12 @@ def test_law_is_judged_on_other_recordings() -> None:
     found = transfer(other, replace(table, effects=effects, radius_m=RADIUS_M))
     assert found.held_out.rms_after_mps2 < 0.5 * found.held_out.rms_before_mps2
     assert found.held_out.rms_after_mps2 < 1.3 * found.noise_floor_mps2
+
+
+def test_law_of_a_file_needs_the_exact_ring() -> None:
+    table = table_of({"law: delay of the lateral axis": {"delay_s": 4e-5}})
+    with pytest.raises(TreadlinkError, match="for this baseline model"):
+        known_effects(table, "file", BaselineModel.SERIES)
 
 
 def test_plug_in_of_a_law_passes_its_own_test(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
