@@ -84,8 +84,8 @@ RESULT_HEAD: Final = by_name(
     Column("recording", "file name of the recording", str),
     Column("position", "wheel position, such as FL", str),
     Column("revolution", "running number of the revolutions of the wheel", int),
-    Column("device_start_s", "begin of the revolution on the clock of the hub"),
-    Column("device_end_s", "end of the revolution on the clock of the hub"),
+    Column("device_start_s", "begin of the revolution, its first contact centre, on the clock of the hub"),
+    Column("device_end_s", "end of the revolution, its second contact centre, on the clock of the hub"),
     Column("host_utc", "end of the revolution on the clock of the computer, UTC", datetime),
     Column("host_ns", "end of the revolution on the clock of the computer, since 1970", int),
 )

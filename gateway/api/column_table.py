@@ -256,8 +256,11 @@ def _arrow_column(pyarrow: Any, values: NDArray[Any]) -> Any:
         values = np.stack((values.real, values.imag), axis=-1)
     if values.dtype.kind == "M":
         return pyarrow.array(values, pyarrow.timestamp("ns", tz="UTC"))
+    if values.dtype.kind == "O":
+        # Stated: without a row it would be null.
+        return pyarrow.array(values, pyarrow.string(), from_pandas=True)
     if values.ndim == 1:
-        return pyarrow.array(values, from_pandas=values.dtype.kind == "O")
+        return pyarrow.array(values)
     array = pyarrow.array(np.ascontiguousarray(values).ravel())
     for size in reversed(values.shape[1:]):
         array = pyarrow.FixedSizeListArray.from_arrays(array, int(size))

@@ -32,7 +32,8 @@ class Samples(ColumnTable):
     """Acceleration of one wheel, sample by sample.
 
     The axes turn with the sensor: circumferential is positive in the direction in which it travels, lateral to the left
-    of the vehicle, radial toward the wheel centre. Scale and zero are those that the sensor states.
+    of the vehicle, radial toward the wheel centre. Scale and zero are those that the sensor states. An axis that the
+    sensor lacks is NaN, a computer's time that is not known NaT.
 
     Attributes:
         wheel: position.
@@ -264,7 +265,8 @@ class AngleWaveforms(ColumnTable):
     """Acceleration of one wheel in the angle domain: one row per revolution, one value per angle.
 
     The angle is 0 at the contact centre; the sensor enters the contact at negative and leaves it at positive angles.
-    Angles from 0 on come from the first half of the revolution, negative ones from its second half.
+    Angles from 0 on come from the first half of the revolution, negative ones from its second half. Axes are
+    (n, m), one row per revolution.
 
     Attributes:
         wheel: position.

@@ -105,10 +105,12 @@ def check_packages() -> Iterator[Check]:
 
 def check_core() -> Iterator[Check]:
     """Check whether the compiled core is in use."""
-    from gateway.compiled import core
+    from gateway.compiled import core, is_switched_off
 
     if core is not None:
         yield Check("compiled core", Level.OK, "in use")
+    elif is_switched_off():
+        yield Check("compiled core", Level.OK, "not in use: TREADLINK_COMPILED is 0")
     else:
         remedy = "Optional. Install a C compiler and Python's headers, and then treadlink again."
         yield Check("compiled core", Level.WARNING, "not in use: estimation is slower", remedy)

@@ -11,8 +11,13 @@ import os
 from types import ModuleType
 
 
+def is_switched_off() -> bool:
+    """Return whether the environment asks for the functions in numpy."""
+    return os.environ.get("TREADLINK_COMPILED") == "0"
+
+
 def _loaded() -> ModuleType | None:
-    if os.environ.get("TREADLINK_COMPILED") == "0":
+    if is_switched_off():
         return None
     try:
         return importlib.import_module("gateway.compiled._core")

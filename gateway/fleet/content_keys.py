@@ -20,6 +20,9 @@ _ESTIMATING: Final = (
     "gateway.pipeline",
     "gateway.recording",
     "gateway.signal",
+    "gateway:constants.py",
+    "gateway:quantity.py",
+    "gateway:quantity_catalogue.py",
 )
 _ROWS: Final = (
     "gateway.session",
@@ -58,7 +61,10 @@ def _code_digest(packages: tuple[str, ...]) -> str:
     for name in packages:
         package, _, only = name.partition(":")
         root = Path(str(resources.files(package)))
-        for path in sorted(root.rglob(only or "*.py"), key=lambda source: source.relative_to(root).as_posix()):
+        paths = (
+            [root / only] if only else sorted(root.rglob("*.py"), key=lambda path: path.relative_to(root).as_posix())
+        )
+        for path in paths:
             digest.update(f"{package}/{path.relative_to(root).as_posix()}\n".encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:SETTINGS_DIGITS]

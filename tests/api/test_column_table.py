@@ -176,3 +176,8 @@ def test_missing_package_names_the_extra(recording, monkeypatch, package, extra)
     with pytest.raises(gateway.OutputError, match=package) as raised:
         getattr(recording["FL"].environment(), convert)()
     assert f"treadlink[{extra}]" in raised.value.remedy
+
+
+def test_text_without_a_row_is_text_in_arrow():
+    table = Alarms.of([], recording="r.mcap").to_arrow()
+    assert [str(table.schema.field(name).type) for name in ("subject", "name", "reason")] == ["string"] * 3

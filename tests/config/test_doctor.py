@@ -32,9 +32,14 @@ def device() -> Iterator[Path]:
 
 def test_the_core_that_is_not_built_is_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.compiled.core", None)
+    monkeypatch.delenv("TREADLINK_COMPILED", raising=False)
     (check,) = checks.check_core()
     assert check.level is Level.WARNING
     assert "C compiler" in check.remedy
+    monkeypatch.setenv("TREADLINK_COMPILED", "0")
+    (check,) = checks.check_core()
+    assert (check.level, check.remedy) == (Level.OK, "")
+    assert "TREADLINK_COMPILED" in check.text
     monkeypatch.setattr("gateway.compiled.core", object())
     (check,) = checks.check_core()
     assert check.level is Level.OK
