@@ -136,15 +136,15 @@ from gateway.closure.model.sensor_signal import base_signal
 
 
 def block():
-    here = GroupConditions(50.0, 0.0, 0.32, 4000.0, 2.2e5, 25.0, 25.0, 9600.0, 0.0)
+    conditions = GroupConditions(50.0, 0.0, 0.32, 4000.0, 2.2e5, 25.0, 25.0, 9600.0, 0.0)
     core = make_core(BaselineModel.EXACT)
     options = RingOptions(sensor_offset_m=0.004)
-    return base_signal(core, core.shape(core.prior_mean, here, options, 0.0), here)
+    return base_signal(core, core.shape(core.prior_mean, conditions, options, 0.0), conditions)
 
 
 def test_starts_within_its_range():
-    for value, one in zip(EFFECT.start_values[0], EFFECT.parameters, strict=True):
-        assert one.low <= value <= one.high
+    for value, parameter in zip(EFFECT.start_values[0], EFFECT.parameters, strict=True):
+        assert parameter.low <= value <= parameter.high
 
 
 def test_zero_size_adds_nothing():
@@ -154,11 +154,12 @@ def test_zero_size_adds_nothing():
 
 
 def test_derivative_is_that_of_the_contribution():
-    here, start = block(), np.array(EFFECT.start_values[0])
-    rows = EFFECT.derivative(here, start)
-    for place, one in enumerate(EFFECT.parameters):
+    signal, start = block(), np.array(EFFECT.start_values[0])
+    rows = EFFECT.derivative(signal, start)
+    for index, parameter in enumerate(EFFECT.parameters):
         step = np.zeros(len(start))
-        step[place] = one.step
-        slope = (EFFECT.contribution(here, start + step) - EFFECT.contribution(here, start - step)) / (2.0 * one.step)
-        assert np.abs(slope - rows[place]).max() <= 1e-3 * max(np.abs(slope).max(), 1e-9)
+        step[index] = parameter.step
+        change = EFFECT.contribution(signal, start + step) - EFFECT.contribution(signal, start - step)
+        slope = change / (2.0 * parameter.step)
+        assert np.abs(slope - rows[index]).max() <= 1e-3 * max(np.abs(slope).max(), 1e-9)
 '''
