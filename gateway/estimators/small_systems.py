@@ -35,8 +35,8 @@ def solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = Fa
         numpy.linalg.LinAlgError: a factor is singular.
     """
     solved = np.empty(right.shape)
-    for place, one in enumerate(right):
-        if not solved_lower(factors[min(place, len(factors) - 1)], one, transposed, solved[place]):
+    for index, one in enumerate(right):
+        if not solved_lower(factors[min(index, len(factors) - 1)], one, transposed, solved[index]):
             raise np.linalg.LinAlgError("a triangular factor is singular")
     return solved
 
@@ -69,8 +69,8 @@ def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
     """
     count = matrices.shape[2]
     solved = np.empty((len(right), count, right.shape[2]))
-    for place, both in enumerate(zip(matrices, right, strict=True)):
-        if not fitted(*both, solved[place]):
+    for index, both in enumerate(zip(matrices, right, strict=True)):
+        if not fitted(*both, solved[index]):
             raise np.linalg.LinAlgError("the columns are not independent")
     return solved
 

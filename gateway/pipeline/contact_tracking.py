@@ -137,7 +137,7 @@ def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, found: Cont
     least = _ROLLING_SHARE * shallower - _ROLLING_GRAVITY_MPS2
     one = (end - start) / turns
     edges = [round(start + (number + share) * one) for number in range(turns) for share in (0.2, 0.4, 0.6, 0.8)]
-    parts = [radial_mps2[lo:hi] for place, (lo, hi) in enumerate(pairwise(edges)) if place % 4 < 3]
+    parts = [radial_mps2[lo:hi] for index, (lo, hi) in enumerate(pairwise(edges)) if index % 4 < 3]
     # Medians, so that an impact does not count as a stop.
     return all(float(np.median(part)) - floor >= least for part in parts)
 
@@ -310,13 +310,13 @@ class ContactTrack:
             self.next_index = end + max(1, round(0.5 * self._width))
             return []
         fitting: list[tuple[float, int, Contact, int]] = []
-        for place, (at, width) in enumerate(candidates):
+        for index, (at, width) in enumerate(candidates):
             found = refine_contact(radial, at, width, prefix=prefix, first=first)
             if found is not None:
                 found = restore_lost_edge(found, width, missing)
             turns = self._turns_to(found, read) if found is not None else 0
             if found is not None and turns:
-                fitting.append((self._misfit(found, turns) if len(candidates) > 1 else 0.0, place, found, turns))
+                fitting.append((self._misfit(found, turns) if len(candidates) > 1 else 0.0, index, found, turns))
         if fitting:
             return self._accept(*min(fitting)[2:])
         if end < self._give_up_at:

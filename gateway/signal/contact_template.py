@@ -225,9 +225,9 @@ class ContactSamples:
         low, high = edges.leading_rad - _MIN_BEYOND_RAD, edges.trailing_rad + _MIN_BEYOND_RAD
         # Contacts by the points of the template that their samples cover; nearly always all of them.
         covered: dict[tuple[int, int], list[int]] = {}
-        for place, (begin, end) in enumerate(zip(begins, ends, strict=True)):
+        for index, (begin, end) in enumerate(zip(begins, ends, strict=True)):
             if end - begin >= _MIN_POINTS and angles[begin] <= low and angles[end - 1] >= high:
-                covered.setdefault((begin, end), []).append(place)
+                covered.setdefault((begin, end), []).append(index)
         self._groups = [(template.part(*points), np.array(places)) for points, places in covered.items()]
 
     def match(self, passages: Sequence[Phase], rates_hz: Sequence[float]) -> ContactMatches:

@@ -232,16 +232,16 @@ def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
     length = depth * dips.width[train] ** 2
     other_length = others.depth * others.width**2
     better = 0
-    for place, (before, after) in enumerate(pairwise(at.tolist())):
+    for index, (before, after) in enumerate(pairwise(at.tolist())):
         inside = (others.at >= before) & (others.at <= after)
-        inside &= others.depth >= _OUTDONE_DEPTH_RATIO * math.sqrt(depth[place] * depth[place + 1])
-        inside &= other_length >= _OUTDONE_LENGTH_SHARE * math.sqrt(length[place] * length[place + 1])
+        inside &= others.depth >= _OUTDONE_DEPTH_RATIO * math.sqrt(depth[index] * depth[index + 1])
+        inside &= other_length >= _OUTDONE_LENGTH_SHARE * math.sqrt(length[index] * length[index + 1])
         skipped = (
             (dips.at > before)
             & (dips.at < after)
-            & (dips.depth >= _SKIPPED_DEPTH_SHARE * depth[place : place + 2].min())
+            & (dips.depth >= _SKIPPED_DEPTH_SHARE * depth[index : index + 2].min())
         )
-        skipped &= np.abs(np.log(dips.depth * dips.width**2 / length[place])) < _SKIPPED_LENGTH_LOG
+        skipped &= np.abs(np.log(dips.depth * dips.width**2 / length[index])) < _SKIPPED_LENGTH_LOG
         better += bool(inside.any() or skipped.any())
     if better >= _OUTDONE_SHARE * (len(train) - 1):
         return True

@@ -269,8 +269,8 @@ def _rows_by_numpy(
     used = (np.arange(HIGHEST_ORDER + 1) < count[:, np.newaxis]).astype(np.float64)
     used[:, 0] = math.sqrt(0.5) if with_mean else 0.0
     hub = np.empty((len(left), HUB_SIZE))
-    for place, factor in enumerate((left, by_offset, by_tilt)):
-        hub[:, place], hub[:, place + 3] = factor[:, HUB_ORDER].real, factor[:, HUB_ORDER].imag
+    for index, factor in enumerate((left, by_offset, by_tilt)):
+        hub[:, index], hub[:, index + 3] = factor[:, HUB_ORDER].real, factor[:, HUB_ORDER].imag
     hub[:, -1] = 1.0
     used[:, HUB_ORDER] = 0.0
     left *= used

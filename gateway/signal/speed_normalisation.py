@@ -144,9 +144,9 @@ def _normalised_by_numpy(
     angle, corrected = np.empty((2, count, n))
     for _ in range(_ITERATIONS if gravity_mps2 else 1):
         if interiors is not None:
-            for place, interior in enumerate(interiors):
-                if interior is not None and closed[place]:
-                    constant[place] = -float(shape[place, interior].mean())
+            for index, interior in enumerate(interiors):
+                if interior is not None and closed[index]:
+                    constant[index] = -float(shape[index, interior].mean())
         elif steady_mps2 is not None:
             restored = (steady_mps2 - (shape * gain).mean(axis=1)) / gain.mean(axis=1)
             constant[closed, 0] = restored[closed]
@@ -191,9 +191,9 @@ def _normalised_by_core(
     modes = np.full(count, _IS_DC if steady_mps2 is None else _BY_STEADY_VALUE)
     if steady_mps2 is not None:
         rows[:, 3] = steady_mps2
-    for place, interior in enumerate(interiors or ()):
-        modes[place] = _AS_IT_IS if interior is None else _BY_CONTACT
-        rows[place, 4:] = (0, 0) if interior is None else (interior.start, min(interior.stop, n))
+    for index, interior in enumerate(interiors or ()):
+        modes[index] = _AS_IT_IS if interior is None else _BY_CONTACT
+        rows[index, 4:] = (0, 0) if interior is None else (interior.start, min(interior.stop, n))
     shape, angle = np.empty((2, count, n))
     gain, constant, closed = np.empty(n), np.zeros(count), np.empty(count)
     radial = np.ascontiguousarray(radial_mps2)
