@@ -63,12 +63,12 @@ class Check:
 
 def check_python(version: tuple[int, int, int] = sys.version_info[:3]) -> Iterator[Check]:
     """Check the interpreter's version."""
-    found = ".".join(map(str, version))
+    installed = ".".join(map(str, version))
     if version[:2] < PYTHON_MIN:
         wanted = ".".join(map(str, PYTHON_MIN))
-        yield Check("python", Level.FAULT, f"{found} is too old", f"Install Python {wanted} or newer.")
+        yield Check("python", Level.FAULT, f"{installed} is too old", f"Install Python {wanted} or newer.")
     else:
-        yield Check("python", Level.OK, found)
+        yield Check("python", Level.OK, installed)
 
 
 def check_packages() -> Iterator[Check]:
@@ -89,12 +89,12 @@ def check_packages() -> Iterator[Check]:
         if version is not None and (minimum is None or _release(version) >= _release(minimum)):
             versions.append(f"{name} {version}")
             continue
-        found = f"{name} is missing" if version is None else f"{name} {version} is older than {minimum}"
+        detail = f"{name} is missing" if version is None else f"{name} {version} is older than {minimum}"
         if extra:
-            missing.setdefault(extra, []).append(found)
+            missing.setdefault(extra, []).append(detail)
         else:
             missing[""] = []
-            yield Check("package", Level.FAULT, found, f"Run: pip install '{name}>={minimum or 0}'")
+            yield Check("package", Level.FAULT, detail, f"Run: pip install '{name}>={minimum or 0}'")
     if "" not in missing:
         yield Check("packages", Level.OK, ", ".join(dict.fromkeys(versions)))
     for extra, found_in_extra in missing.items():
@@ -146,13 +146,13 @@ def check_ports() -> Iterator[Check]:
     """Check the permissions of all serial ports."""
     from serial.tools import list_ports
 
-    found = False
+    any_port = False
     for port in sorted(list_ports.comports()):
-        found = True
+        any_port = True
         check = check_device(Path(port.device), port.description or "")
         # Many computers have unused ports. A port that the user needs is given as a SOURCE.
         yield check if check.level is Level.OK else replace(check, level=Level.WARNING)
-    if not found:
+    if not any_port:
         yield Check(
             "serial port", Level.WARNING, "none found", "Plug in the hub. Without a hub, try: treadlink live sim:demo"
         )
@@ -172,22 +172,22 @@ def check_bluetooth() -> Iterator[Check]:
 
 def check_device(device: Path, description: str = "") -> Check:
     """Check that a serial device can be read and written; the remedy names the group that may."""
-    known = f"{device} ({description})" if description and description != "n/a" else str(device)
+    label = f"{device} ({description})" if description and description != "n/a" else str(device)
     name = "serial port"
     if os.name != "posix":
-        return Check(name, Level.OK, known)
+        return Check(name, Level.OK, label)
     if not device.exists():
         return Check(name, Level.FAULT, f"there is no {device}", "Plug in the hub. `treadlink doctor` lists the ports.")
     if not device.is_char_device():
         return Check(name, Level.FAULT, f"{device} is not a serial port", "Check the name.")
     if os.access(device, os.R_OK | os.W_OK):
-        return Check(name, Level.OK, f"{known} can be read and written")
+        return Check(name, Level.OK, f"{label} can be read and written")
     group = device.group() if _has_group_name(device) else str(device.stat().st_gid)
     if group == "root" or not device.stat().st_mode & 0o060:
         remedy = f"Allow access with: sudo chmod a+rw {device}, or add a udev rule."
     else:
         remedy = f"Run: sudo usermod -aG {group} $USER, then log out and in again."
-    return Check(name, Level.FAULT, f"{known}: permission denied", remedy)
+    return Check(name, Level.FAULT, f"{label}: permission denied", remedy)
 
 
 def check_disk(folder: Path) -> Iterator[Check]:

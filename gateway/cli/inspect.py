@@ -39,7 +39,7 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
             )
         for name, link in inspection.links.items():
             watch.counters(name, link.counters)
-        notices = watch.found()
+        notices = watch.contradictions()
         if as_json:
             click.echo(json.dumps(inspection_json(inspection, notices)))
         else:

@@ -369,7 +369,7 @@ def _recording_rows(
     of_links = [alarm for alarm in alarms if alarm.position not in positions]
     sensors = {position: _sensor_text(estimation.sensors.at(vehicle, position)) for position in positions}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
-    statements = estimation.statements.found()
+    statements = estimation.statements.contradictions()
     with PartFile(path, recording_columns(names), RECORDINGS) as part:
         for position in positions:
             wheel = configured(vehicle, position)

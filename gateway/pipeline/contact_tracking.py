@@ -12,7 +12,14 @@ import numpy as np
 
 from gateway.compiled import core
 from gateway.signal.angle_resampling import MARGIN_SAMPLES
-from gateway.signal.contact_trains import INTERVAL_RATIO, LONGEST_PERIOD_S, TURN_RATIO, Known, least_level, turn_of
+from gateway.signal.contact_trains import (
+    INTERVAL_RATIO,
+    LONGEST_PERIOD_S,
+    TURN_RATIO,
+    WheelProperties,
+    least_level,
+    turn_of,
+)
 from gateway.signal.dips import box_offsets, dip_score
 from gateway.signal.segmentation import Contact, cumulative, refine_contact
 from gateway.types import FloatArray
@@ -116,27 +123,27 @@ def consistent(run: list[Contact], contact: Contact) -> bool:
     return 1.0 / _RUN_TURN_RATIO < after / before < _RUN_TURN_RATIO
 
 
-def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, found: Contact, turns: int) -> bool:
+def kept_rolling(radial_mps2: FloatArray, first: int, last: Contact, contact: Contact, turns: int) -> bool:
     """Return whether a slow wheel kept rolling from one contact to another without stopping or reversing.
 
     Args:
         radial_mps2: radial axis, positive inward, from within the one contact to within the other.
         first: number of its first sample.
         last: the earlier contact.
-        found: the later one.
+        contact: the later one.
         turns: revolutions between them.
     """
-    start, end = round(last.centre) - first, round(found.centre) - first
-    inside = round(0.2 * found.duration)
+    start, end = round(last.centre) - first, round(contact.centre) - first
+    inside = round(0.2 * contact.duration)
     floor = 0.5 * (
         float(radial_mps2[: 2 * start + 1].mean()) + float(radial_mps2[end - inside : end + inside + 1].mean())
     )
-    shallower = min(last.depth_mps2, found.depth_mps2)
+    shallower = min(last.depth_mps2, contact.depth_mps2)
     if float(radial_mps2[start:end].mean()) - floor < float(least_level(shallower)):
         return False
     least = _ROLLING_SHARE * shallower - _ROLLING_GRAVITY_MPS2
-    one = (end - start) / turns
-    edges = [round(start + (number + share) * one) for number in range(turns) for share in (0.2, 0.4, 0.6, 0.8)]
+    turn = (end - start) / turns
+    edges = [round(start + (number + share) * turn) for number in range(turns) for share in (0.2, 0.4, 0.6, 0.8)]
     parts = [radial_mps2[lo:hi] for index, (lo, hi) in enumerate(pairwise(edges)) if index % 4 < 3]
     # Medians, so that an impact does not count as a stop.
     return all(float(np.median(part)) - floor >= least for part in parts)
@@ -213,9 +220,9 @@ def _summits_by_numpy(
 summits = _summits_by_numpy if core is None else core.summits
 
 
-def _ratio(one: float, other: float) -> float:
+def _ratio(value: float, other: float) -> float:
     """Return the ratio of the larger of two positive numbers to the smaller."""
-    return one / other if one > other else other / one
+    return value / other if value > other else other / value
 
 
 def edge_jitter2(start: Contact, end: Contact, speed_ratio: float) -> float:
@@ -259,11 +266,11 @@ class ContactTrack:
         return turn_of(start.depth_mps2, end.depth_mps2, period_s)
 
     @property
-    def known(self) -> Known | None:
+    def properties(self) -> WheelProperties | None:
         """Properties of the wheel, None until they are certain."""
         if self._followed < _KNOWN_CONTACTS:
             return None
-        return Known(self._sign, self._turn, self._size / self._rate_hz)
+        return WheelProperties(self._sign, self._turn, self._size / self._rate_hz)
 
     def _plan(self) -> None:
         """Set when to search for the next contact."""
@@ -310,13 +317,13 @@ class ContactTrack:
             self.next_index = end + max(1, round(0.5 * self._width))
             return []
         fitting: list[tuple[float, int, Contact, int]] = []
-        for index, (at, width) in enumerate(candidates):
-            found = refine_contact(radial, at, width, prefix=prefix, first=first)
-            if found is not None:
-                found = restore_lost_edge(found, width, missing)
-            turns = self._turns_to(found, read) if found is not None else 0
-            if found is not None and turns:
-                fitting.append((self._misfit(found, turns) if len(candidates) > 1 else 0.0, index, found, turns))
+        for index, (centre, width) in enumerate(candidates):
+            contact = refine_contact(radial, centre, width, prefix=prefix, first=first)
+            if contact is not None:
+                contact = restore_lost_edge(contact, width, missing)
+            turns = self._turns_to(contact, read) if contact is not None else 0
+            if contact is not None and turns:
+                fitting.append((self._misfit(contact, turns) if len(candidates) > 1 else 0.0, index, contact, turns))
         if fitting:
             return self._accept(*min(fitting)[2:])
         if end < self._give_up_at:
@@ -339,7 +346,7 @@ class ContactTrack:
         if self.contact.depth_mps2 < _SLOW_MPS2:
             lowest = math.floor(2.0 * math.log2(self._nearest / self._period))
             stretches = [2.0 ** (half / 2.0) for half in range(lowest, 3)]
-        found: list[tuple[float, int, float, bool]] = []
+        ranked: list[tuple[float, int, float, bool]] = []
         for stretch in stretches:
             width = max(3.0, stretch * self._width)
             outer = box_offsets(width)[2]
@@ -348,100 +355,100 @@ class ContactTrack:
             band = _STRETCH_BAND if len(stretches) > 1 else _ANY_BAND
             band = band[0] * stretch, band[1] * stretch
             for top, score in summits(prefix, width, after, self._depth_period2, self._period, *band):
-                at = after + top
-                turn = min(max(round(at / self._period), 1), _MAX_UNSEEN + 1)
-                depth_off = math.log(score * (at / turn) ** 2 / self._depth_period2) / _DEPTH_LOG_STD
-                time_off = (at / (turn * self._period) - 1.0) / self._time_std
+                centre = after + top
+                turn = min(max(round(centre / self._period), 1), _MAX_UNSEEN + 1)
+                depth_off = math.log(score * (centre / turn) ** 2 / self._depth_period2) / _DEPTH_LOG_STD
+                time_off = (centre / (turn * self._period) - 1.0) / self._time_std
                 cost = depth_off**2 + time_off**2 + _UNSEEN_COST * (turn - 1.0)
                 near_end = top + _SCORE_SHARE * width >= len(prefix) - 1 - 2 * outer
-                found.append((cost, first + outer + top, width, near_end))
-        found.sort()
-        return [(at, width) for _, at, width, _ in found[:_MAX_CANDIDATES]], bool(found) and found[0][3]
+                ranked.append((cost, first + outer + top, width, near_end))
+        ranked.sort()
+        return [(centre, width) for _, centre, width, _ in ranked[:_MAX_CANDIDATES]], bool(ranked) and ranked[0][3]
 
-    def _turns_to(self, found: Contact, read: Read) -> int:
+    def _turns_to(self, contact: Contact, read: Read) -> int:
         """Return the number of revolutions from the last contact to this one; 0 when it is not one of this wheel's."""
         last = self.contact
-        period = found.centre - last.centre
-        if not 1.0 / _SIZE_RATIO < size(found) / self._size < _SIZE_RATIO or found.depth_mps2 < _MIN_DEPTH_MPS2:
+        period = contact.centre - last.centre
+        if not 1.0 / _SIZE_RATIO < size(contact) / self._size < _SIZE_RATIO or contact.depth_mps2 < _MIN_DEPTH_MPS2:
             return 0
-        own = self._turn_of(last, found) / self._turn
+        period_turns = self._turn_of(last, contact) / self._turn
         unlike = min(_ratio(period, self._period), _ratio(period, self.periods[-1]))
         turns = 1
-        if not (1.0 / TURN_RATIO < own < TURN_RATIO and unlike < INTERVAL_RATIO):
+        if not (1.0 / TURN_RATIO < period_turns < TURN_RATIO and unlike < INTERVAL_RATIO):
             limit = _UNSEEN_TURN_RATIO[last.depth_mps2 < _SLOW_MPS2]
-            for turns in range(2, _MAX_UNSEEN + 2 if self._may_go_unseen(found) else 2):
+            for turns in range(2, _MAX_UNSEEN + 2 if self._may_go_unseen(contact) else 2):
                 unlike = _ratio(period / turns, self._period)
-                if 1.0 / limit < own / turns < limit and unlike < _UNSEEN_PERIOD_RATIO:
+                if 1.0 / limit < period_turns / turns < limit and unlike < _UNSEEN_PERIOD_RATIO:
                     break
             else:
                 return 0
-        return turns if self._rolled_through(last, found, turns, read) else 0
+        return turns if self._rolled_through(last, contact, turns, read) else 0
 
-    def _misfit(self, found: Contact, turns: int) -> float:
+    def _misfit(self, contact: Contact, turns: int) -> float:
         """Return the cost of a contact `turns` revolutions later: deviations from the prediction, less its strength."""
-        late = (found.centre - self.contact.centre) / turns / self._period - 1.0
+        late = (contact.centre - self.contact.centre) / turns / self._period - 1.0
         return (
-            (math.log(self._turn_of(self.contact, found, turns) / self._turn) / _TURN_LOG_STD) ** 2
-            + (math.log(size(found) / self._size) / _SIZE_LOG_STD) ** 2
+            (math.log(self._turn_of(self.contact, contact, turns) / self._turn) / _TURN_LOG_STD) ** 2
+            + (math.log(size(contact) / self._size) / _SIZE_LOG_STD) ** 2
             + (0.5 * late / self._time_std) ** 2
             + _UNSEEN_COST * (turns - 1)
-            - math.log(found.depth_mps2 * math.sqrt(found.duration))
+            - math.log(contact.depth_mps2 * math.sqrt(contact.duration))
         )
 
-    def _may_go_unseen(self, found: Contact) -> bool:
+    def _may_go_unseen(self, contact: Contact) -> bool:
         """Return whether the wheel rolls so steadily that unobserved contacts can be interpolated."""
-        shallower, deeper = sorted((self.contact.depth_mps2, found.depth_mps2))
+        shallower, deeper = sorted((self.contact.depth_mps2, contact.depth_mps2))
         return shallower > _UNSEEN_DEPTH_MPS2 and deeper < _UNSEEN_DEPTH_RATIO * shallower
 
-    def _rolled_through(self, last: Contact, found: Contact, turns: int, read: Read) -> bool:
+    def _rolled_through(self, last: Contact, contact: Contact, turns: int, read: Read) -> bool:
         """Return whether the wheel kept rolling between two contacts; the signal is checked only where it is slow."""
-        if min(last.depth_mps2, found.depth_mps2) > _SLOW_MPS2:
+        if min(last.depth_mps2, contact.depth_mps2) > _SLOW_MPS2:
             return True
         first = round(last.centre - 0.35 * last.duration)
-        radial = read(first, round(found.centre + 0.2 * found.duration) + 1) * self._sign
-        return kept_rolling(radial, first, last, found, turns)
+        radial = read(first, round(contact.centre + 0.2 * contact.duration) + 1) * self._sign
+        return kept_rolling(radial, first, last, contact, turns)
 
-    def _accept(self, found: Contact, turns: int) -> list[ContactPair]:
+    def _accept(self, contact: Contact, turns: int) -> list[ContactPair]:
         last, decided_at = self.contact, self.next_index
-        period = (found.centre - last.centre) / turns
+        period = (contact.centre - last.centre) / turns
         expected = self._duty * period
-        excess = abs(found.duration - expected)
+        excess = abs(contact.duration - expected)
         if excess > _DISTURBED_SHARE * expected and excess**2 > 36.0 * self._jitter2:
-            found = found._replace(centre_std=max(found.centre_std, 0.5 * excess))
+            contact = contact._replace(centre_std=max(contact.centre_std, 0.5 * excess))
         elif turns == 1:
-            jitter2 = edge_jitter2(last, found, self.periods[-1] / period)
+            jitter2 = edge_jitter2(last, contact, self.periods[-1] / period)
             self._jitter2 += _JITTER_WEIGHT * (jitter2 - self._jitter2)
         pairs: list[ContactPair] = []
         start, previous = last, self.periods[-1]
-        for end in (*self._unseen(found, turns), found) if turns > 1 else (found,):
+        for end in (*self._unseen(contact, turns), contact) if turns > 1 else (contact,):
             pairs.append(ContactPair(start, end, self.period_std(start, end), previous, decided_at))
             previous = end.centre - start.centre
             start = end
-        if found.centre_std < 0.1 * expected:
-            self._depth_period2 += _PROPERTY_WEIGHT * (found.depth_mps2 * period**2 - self._depth_period2)
-            self._turn += _PROPERTY_WEIGHT * (self._turn_of(last, found, turns) - self._turn)
-            self._duty += _PROPERTY_WEIGHT * (found.duration / period - self._duty)
-            self._size += _PROPERTY_WEIGHT * (size(found) - self._size)
-            self._followed += found.depth_mps2 > _KNOWN_DEPTH_MPS2
+        if contact.centre_std < 0.1 * expected:
+            self._depth_period2 += _PROPERTY_WEIGHT * (contact.depth_mps2 * period**2 - self._depth_period2)
+            self._turn += _PROPERTY_WEIGHT * (self._turn_of(last, contact, turns) - self._turn)
+            self._duty += _PROPERTY_WEIGHT * (contact.duration / period - self._duty)
+            self._size += _PROPERTY_WEIGHT * (size(contact) - self._size)
+            self._followed += contact.depth_mps2 > _KNOWN_DEPTH_MPS2
         self.periods = (self.periods[-1] if turns == 1 else period, previous)
-        self.contact = found
-        self.recent.append(found)
+        self.contact = contact
+        self.recent.append(contact)
         self._plan()
         return pairs
 
-    def _unseen(self, found: Contact, turns: int) -> list[Contact]:
+    def _unseen(self, contact: Contact, turns: int) -> list[Contact]:
         """Return the unobserved contacts, interpolated at constant angular acceleration since the revolution before."""
         last, before = self.contact, self.periods[-1]
-        whole = found.centre - last.centre
+        whole = contact.centre - last.centre
         bend = (turns / whole - 1.0 / before) / (whole + before)
         slope = 1.0 / before + bend * before
         contacts: list[Contact] = []
         for number in range(1, turns):
             # number = slope x + bend x^2, without cancellation
             root = math.sqrt(max(slope**2 + 4.0 * bend * number, 0.0))
-            at = last.centre + min(2.0 * number / max(slope + root, 1e-12), whole * (number / turns + 0.2))
-            depth = 0.5 * (last.depth_mps2 + found.depth_mps2)
-            contacts.append(Contact(at, self._width, depth, 0.1 * self._width, predicted=True))
+            centre = last.centre + min(2.0 * number / max(slope + root, 1e-12), whole * (number / turns + 0.2))
+            depth = 0.5 * (last.depth_mps2 + contact.depth_mps2)
+            contacts.append(Contact(centre, self._width, depth, 0.1 * self._width, predicted=True))
         return contacts
 
     def period_std(self, start: Contact, end: Contact) -> float:

@@ -256,7 +256,7 @@ class MissingRevolutions:
         self._stretches = 0
         self._earlier_s = self._longest_s = self._waited_s = 0.0
         self._came = False
-        self._found: Counter[Code] = Counter()
+        self._causes: Counter[Code] = Counter()
         self._latest: dict[Code, tuple[Reason, ...]] = {}
         self._repeated: tuple[Code | None, int] = (None, 0)
 
@@ -301,7 +301,7 @@ class MissingRevolutions:
     def finish(self, head: int, read: Read, saturated_share: Callable[[int, int], float]) -> None:
         """Examine the last stretch, however short, when no more samples will come."""
         self._head = head
-        if not self._came and not self._found:
+        if not self._came and not self._causes:
             self._examine(head, read, saturated_share)
 
     def _examine(self, end: int, read: Read, saturated_share: Callable[[int, int], float]) -> None:
@@ -311,7 +311,7 @@ class MissingRevolutions:
         reasons = why_no_revolution(signal, longest_s, interrupted=self._stretches > 1)
         self._waited_s = (end - self._since) / self._rate_hz
         code = reasons[0].code
-        self._found[code] += 1
+        self._causes[code] += 1
         self._latest[code] = reasons
         before, count = self._repeated
         self._repeated = (code, count + 1 if code == before else 1)
@@ -333,10 +333,10 @@ class MissingRevolutions:
         A wheel that stood most of the time should have rolled in the rest of it: the commonest of the other reasons
         counts.
         """
-        if self._came or not self._found:
+        if self._came or not self._causes:
             return ()
-        worse = [code for code, _ in self._found.most_common() if code not in _QUIET]
-        return self._latest[worse[0] if worse else self._found.most_common(1)[0][0]]
+        worse = [code for code, _ in self._causes.most_common() if code not in _QUIET]
+        return self._latest[worse[0] if worse else self._causes.most_common(1)[0][0]]
 
     @property
     def present(self) -> tuple[Reason, ...]:

@@ -12,7 +12,7 @@ from typing import Final
 from gateway.pipeline.contact_tracking import ContactPair as ContactPair
 from gateway.pipeline.contact_tracking import ContactTrack, Missing, Read, consistent, restore_lost_edge
 from gateway.pipeline.results import WheelState
-from gateway.signal.contact_trains import LONGEST_PERIOD_S, Known
+from gateway.signal.contact_trains import LONGEST_PERIOD_S, WheelProperties
 from gateway.signal.segmentation import Contact, cumulative, find_contacts, is_still, refine_contact
 from gateway.types import FloatArray
 
@@ -53,7 +53,7 @@ class Segmenter:
         self._paired_until = float(origin)
         self._until_check = _FIRST_CHECK_CONTACTS
         self._check_interval = _CHECK_INTERVAL_CONTACTS[0]
-        self._known: Known | None = None
+        self._properties: WheelProperties | None = None
         self._look_ahead()
 
     def _look_ahead(self) -> None:
@@ -111,7 +111,7 @@ class Segmenter:
         self._search_at = end + (self._step if searched_s < SEARCH_WINDOW_S else 2 * self._step)
         radial = read(first, end)
         # The known properties may be wrong, so they are dropped after a time.
-        previous_track = self._known if searched_s < _TRUST_KNOWN_S else None
+        previous_track = self._properties if searched_s < _TRUST_KNOWN_S else None
         coarse, sign = find_contacts(radial, self._rate_hz, previous_track)
         contacts = self._latest_placed(coarse, radial * sign, first, missing)
         if len(contacts) < 3:
@@ -153,7 +153,7 @@ class Segmenter:
         """Search again from sample `resume` on; decisions continue from `now`."""
         self.state = WheelState.SEARCHING
         if self._track is not None:
-            self._known = self._track.known or self._known
+            self._properties = self._track.properties or self._properties
         self._track = None
         self._origin = max(resume, self._origin)
         self._searched_from = now
@@ -179,4 +179,4 @@ class Segmenter:
         ]
         if contacts and (sign != self.sign or not any(near)):
             self._lose(first, end)
-            self._known = None
+            self._properties = None

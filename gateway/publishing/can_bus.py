@@ -148,7 +148,7 @@ class CanSink:
         estimates = {estimate.name: estimate for estimate in result.estimates}
         position, conditions = result.position, result.conditions
         self._wheels |= {position}
-        known = {
+        physical_values = {
             "Pressure": conditions.pressure_pa,
             "Temperature": conditions.temperature_degc,
             "Load": conditions.load_n,
@@ -160,7 +160,7 @@ class CanSink:
         for layout in LAYOUTS.values():
             if layout is not ALARMS:
                 values |= _values(estimates, layout.estimates)
-                yield self._encoder.wheel(position, layout, values | _known(known))
+                yield self._encoder.wheel(position, layout, values | _known(physical_values))
 
     def _state(self, snapshot: SessionSnapshot) -> Iterator[Frame | None]:
         self._wheels = frozenset(wheel.position for wheel in snapshot.wheels)
@@ -187,10 +187,10 @@ class CanSink:
         yield self._encoder.wheel(
             wheel.position, MOTION, {"Revolution": revolution, "State": STATE_NUMBERS[wheel.state]}
         )
-        known = {"Load": wheel.load_n if wheel.silence is None else None}
+        values = {"Load": wheel.load_n if wheel.silence is None else None}
         if wheel.has_current_environment:
-            known |= {"Pressure": wheel.pressure_pa, "Temperature": wheel.temperature_degc}
-        yield self._encoder.wheel(wheel.position, CONDITIONS, _known(known))
+            values |= {"Pressure": wheel.pressure_pa, "Temperature": wheel.temperature_degc}
+        yield self._encoder.wheel(wheel.position, CONDITIONS, _known(values))
 
     def _alarm_bits(self, position: str) -> Frame | None:
         names = self._alarms.get(position, frozenset())

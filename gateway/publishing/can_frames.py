@@ -87,9 +87,9 @@ class FrameSignal:
         """Return the raw value, None when it is not finite or out of range."""
         if not math.isfinite(value):
             return None
-        found = round(value / self.scale)
+        raw = round(value / self.scale)
         low, high = self.limits
-        return found if low <= found <= high else None
+        return raw if low <= raw <= high else None
 
 
 def _number(name: str, bits: int, scale: float, unit: str, comment: str, *, signed: bool = False) -> FrameSignal:
@@ -261,14 +261,14 @@ class FrameEncoder:
             fields.append((signal, raw))
         counter = self._counters.get(can_id, 0)
         self._counters[can_id] = (counter + 1) % (1 << _COUNTER_BITS)
-        word, at = 0, 0
+        word, start_bit = 0, 0
         for signal, raw in (*fields, (_COUNTER, counter)):
             # A value beyond the range of its signal has no valid status.
             is_unknown = signal.name.removesuffix("Status") in unknown and signal.name.endswith("Status")
             if is_unknown and (signal.name in unknown or raw != Availability.INVALID):
                 raw = Availability.NOT_AVAILABLE
-            word |= (raw & ((1 << signal.bits) - 1)) << at
-            at += signal.bits
+            word |= (raw & ((1 << signal.bits) - 1)) << start_bit
+            start_bit += signal.bits
         return Frame(can_id, self._is_extended, word.to_bytes(8, "little"))
 
 
@@ -324,7 +324,7 @@ def _dbc_signals(layout: FrameLayout) -> list[Any]:
     from cantools.database.can import Signal
     from cantools.database.conversion import BaseConversion
 
-    signals, at = [], 0
+    signals, start_bit = [], 0
     for signal in (*layout.signals, _COUNTER):
         low, high = signal.limits
         choices: OrderedDict[int, Any] = OrderedDict(sorted((signal.choices or {}).items()))
@@ -333,7 +333,7 @@ def _dbc_signals(layout: FrameLayout) -> list[Any]:
         signals.append(
             Signal(
                 signal.name,
-                at,
+                start_bit,
                 signal.bits,
                 is_signed=signal.is_signed,
                 conversion=BaseConversion.factory(scale=signal.scale, choices=choices or None),
@@ -343,5 +343,5 @@ def _dbc_signals(layout: FrameLayout) -> list[Any]:
                 comment=signal.comment or None,
             )
         )
-        at += signal.bits
+        start_bit += signal.bits
     return signals

@@ -303,9 +303,9 @@ class MqttSink:
         if self._discovery is None or kind == "session" or topic in self._announced:
             return
         describe = wheel_discovery if kind == "wheel" else link_discovery
-        found: Discovery
-        for found in describe(self._discovery, self._prefix, payload[kind]):
-            self._publish(found.topic, encoded(found.payload), stop, retain=True)
+        discovery: Discovery
+        for discovery in describe(self._discovery, self._prefix, payload[kind]):
+            self._publish(discovery.topic, encoded(discovery.payload), stop, retain=True)
         self._announced.add(topic)
 
     def _publish(

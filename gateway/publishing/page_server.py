@@ -262,17 +262,21 @@ class PageSink:
 
     async def _send_waveform(self, page: _Page) -> None:
         snapshot = self._snapshot
-        wheel = next((one for one in snapshot.wheels if one.position == page.wheel), None) if snapshot else None
+        wheel = (
+            next((candidate for candidate in snapshot.wheels if candidate.position == page.wheel), None)
+            if snapshot
+            else None
+        )
         if wheel is None or page.waveform is wheel.last:
             return
-        known = self._waveforms.get(wheel.position)
-        if known is None or known[0] is not wheel.last:
+        cached = self._waveforms.get(wheel.position)
+        if cached is None or cached[0] is not wheel.last:
             waveform = page_waveform(wheel)
-            known = wheel.last, encoded(waveform) if waveform is not None else b""
-            self._waveforms[wheel.position] = known
+            cached = wheel.last, encoded(waveform) if waveform is not None else b""
+            self._waveforms[wheel.position] = cached
         page.waveform = wheel.last
-        if known[1]:
-            await page.connection.send(known[1], text=True)
+        if cached[1]:
+            await page.connection.send(cached[1], text=True)
 
     async def _send_trend(self, page: _Page) -> None:
         with self._lock:

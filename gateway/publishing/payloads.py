@@ -34,8 +34,8 @@ def messages(item: Item) -> Iterator[JsonObject]:
     elif isinstance(item, PublishedAlarm):
         yield alarm(item)
     else:
-        yield from (wheel(item, one) for one in item.snapshot.wheels)
-        yield from (link(item, one) for one in item.snapshot.links)
+        yield from (wheel(item, part) for part in item.snapshot.wheels)
+        yield from (link(item, part) for part in item.snapshot.links)
         yield session(item)
 
 
@@ -67,61 +67,61 @@ def alarm(item: PublishedAlarm) -> JsonObject:
     }
 
 
-def wheel(item: PublishedState, one: WheelSnapshot) -> JsonObject:
+def wheel(item: PublishedState, snapshot: WheelSnapshot) -> JsonObject:
     """Return the state of a wheel: what is silent has an age in place of its numbers."""
-    silence, old = one.silence, one.old_environment
-    counters = one.counters
-    is_current = one.has_current_environment
+    silence, old = snapshot.silence, snapshot.old_environment
+    counters = snapshot.counters
+    is_current = snapshot.has_current_environment
     numbers = {
-        "rate_hz": (one.rate_hz or None) if silence is None else None,
-        **{name: _last_estimate(one, name) for name in in_state()},
-        "pressure_pa": one.pressure_pa if is_current else None,
-        "temperature_degc": one.temperature_degc if is_current else None,
-        "load_n": one.load_n if silence is None else None,
+        "rate_hz": (snapshot.rate_hz or None) if silence is None else None,
+        **{name: _last_estimate(snapshot, name) for name in in_state()},
+        "pressure_pa": snapshot.pressure_pa if is_current else None,
+        "temperature_degc": snapshot.temperature_degc if is_current else None,
+        "load_n": snapshot.load_n if silence is None else None,
         "silent_s": silence.age_s if silence is not None else None,
         "environment_silent_s": old.age_s if old is not None else None,
     }
     return {
         "type": "wheel",
         "time_s": _seconds(item.host_ns),
-        "wheel": one.position,
-        "state": str(one.state),
-        **({"sensor_id": one.sensor_id} if one.sensor_id else {}),
+        "wheel": snapshot.position,
+        "state": str(snapshot.state),
+        **({"sensor_id": snapshot.sensor_id} if snapshot.sensor_id else {}),
         **finite(numbers),
         "revolutions": counters.revolutions,
         "revolutions_rejected": counters.revolutions_rejected,
         "samples": counters.samples,
         "samples_lost": counters.samples_lost,
         "samples_saturated": counters.samples_saturated,
-        "alarms": [found.name for found in item.snapshot.alarms if found.position == one.position],
+        "alarms": [alarm.name for alarm in item.snapshot.alarms if alarm.position == snapshot.position],
     }
 
 
-def link(item: PublishedState, one: LinkSnapshot) -> JsonObject:
+def link(item: PublishedState, snapshot: LinkSnapshot) -> JsonObject:
     """Return the health of a link: one that is silent or down has none of the numbers that its hub sends."""
     heard = {
-        "latency_s": one.latency_s,
-        "battery_percent": one.battery_percent,
-        "rssi_dbm": one.rssi_dbm,
-        "supply_w": one.supply_w,
+        "latency_s": snapshot.latency_s,
+        "battery_percent": snapshot.battery_percent,
+        "rssi_dbm": snapshot.rssi_dbm,
+        "supply_w": snapshot.supply_w,
     }
-    numbers = {**(heard if one.connected and one.silent_s is None else {}), "silent_s": one.silent_s}
+    numbers = {**(heard if snapshot.connected and snapshot.silent_s is None else {}), "silent_s": snapshot.silent_s}
     return {
         "type": "link",
         "time_s": _seconds(item.host_ns),
-        "link": one.link,
-        "connected": one.connected,
-        "note": text(one.note),
-        "bytes_received": one.bytes_received,
-        "frames": one.frames,
-        "frames_lost": one.frames_lost,
-        "crc_errors": one.crc_errors,
-        "noise_bytes": one.noise_bytes,
-        "duplicates": one.duplicates,
-        "reordered": one.reordered,
-        "dropped": sum(one.queue_dropped.values()),
+        "link": snapshot.link,
+        "connected": snapshot.connected,
+        "note": text(snapshot.note),
+        "bytes_received": snapshot.bytes_received,
+        "frames": snapshot.frames,
+        "frames_lost": snapshot.frames_lost,
+        "crc_errors": snapshot.crc_errors,
+        "noise_bytes": snapshot.noise_bytes,
+        "duplicates": snapshot.duplicates,
+        "reordered": snapshot.reordered,
+        "dropped": sum(snapshot.queue_dropped.values()),
         **finite(numbers),
-        "alarms": [found.name for found in item.snapshot.alarms if found.position == one.link],
+        "alarms": [alarm.name for alarm in item.snapshot.alarms if alarm.position == snapshot.link],
     }
 
 
@@ -134,7 +134,7 @@ def session(item: PublishedState) -> JsonObject:
         "elapsed_s": round(snapshot.elapsed_s, 3),
         "ended": snapshot.ended,
         "recording": snapshot.recording,
-        "alarms": [_alarm(found) for found in snapshot.alarms],
+        "alarms": [_alarm(alarm) for alarm in snapshot.alarms],
         "outputs": [_output(snapshot, index) for index in range(len(snapshot.sinks))],
     }
 
@@ -157,8 +157,8 @@ def _seconds(host_ns: int) -> float:
     return round(host_ns * 1e-9, 6)
 
 
-def _alarm(found: Alarm) -> JsonObject:
-    return {"subject": found.position, "name": str(found.name), "reason": as_json(found.reason)}
+def _alarm(alarm: Alarm) -> JsonObject:
+    return {"subject": alarm.position, "name": str(alarm.name), "reason": as_json(alarm.reason)}
 
 
 def _output(snapshot: SessionSnapshot, index: int) -> JsonObject:
@@ -166,8 +166,15 @@ def _output(snapshot: SessionSnapshot, index: int) -> JsonObject:
     return {"output": sink.sink, "state": str(sink.state), "published": sink.published, "dropped": sink.dropped}
 
 
-def _last_estimate(one: WheelSnapshot, name: str) -> float | None:
+def _last_estimate(snapshot: WheelSnapshot, name: str) -> float | None:
     """Return an estimate of the last revolution unless it is invalid or the wheel silent."""
-    if one.last is None or one.silence is not None:
+    if snapshot.last is None or snapshot.silence is not None:
         return None
-    return next((found.value for found in one.last.estimates if found.name == name and found.status != "invalid"), None)
+    return next(
+        (
+            estimate.value
+            for estimate in snapshot.last.estimates
+            if estimate.name == name and estimate.status != "invalid"
+        ),
+        None,
+    )

@@ -99,8 +99,8 @@ class _LastState(Collector):
             _add_numbers(metrics, message)
         yield from metrics.values()
         alarm = GaugeMetricFamily("treadlink_alarm", "1 while the alarm stands", labels=("subject", "name"))
-        for found in item.snapshot.alarms:
-            alarm.add_metric((found.position, str(found.name)), 1.0)
+        for active in item.snapshot.alarms:
+            alarm.add_metric((active.position, str(active.name)), 1.0)
         yield alarm
         yield from _estimates(item.snapshot.wheels)
 
@@ -130,8 +130,8 @@ def _estimates(wheels: Iterable[WheelSnapshot]) -> Iterator[Metric]:
         for estimate in wheel.last.estimates:
             if estimate.status is Status.INVALID:
                 continue
-            place = (wheel.position, estimate.name)
-            value.add_metric(place, estimate.value)
-            error.add_metric(place, estimate.std)
-            valid.add_metric(place, float(estimate.status is Status.VALID))
+            key = (wheel.position, estimate.name)
+            value.add_metric(key, estimate.value)
+            error.add_metric(key, estimate.std)
+            valid.add_metric(key, float(estimate.status is Status.VALID))
     yield from (value, error, valid)

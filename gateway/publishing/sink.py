@@ -138,18 +138,18 @@ class SinkAddress:
         """The URI without options, for views."""
         return self.uri.partition("?")[0]
 
-    def check_options(self, known: Collection[str]) -> None:
+    def check_options(self, options: Collection[str]) -> None:
         """Refuse options that the output does not have.
 
         Raises:
             SinkError: there is one.
         """
-        unknown = [name for name in self.options if name not in known]
+        unknown = [name for name in self.options if name not in options]
         if unknown:
             raise SinkError(
                 f"'{self.name}' has no option '{unknown[0]}'",
-                f"{did_you_mean(unknown[0], known)}Known options: {', '.join(sorted(known))}."
-                if known
+                f"{did_you_mean(unknown[0], options)}Known options: {', '.join(sorted(options))}."
+                if options
                 else "It has no options.",
             )
 
@@ -234,15 +234,15 @@ def sink_kind(scheme: str) -> SinkKind | None:
     """
     if scheme in SINKS:
         return SINKS[scheme]
-    found = load(PluginGroup.SINKS, scheme, SINKS, plugin_fault)
-    return found if isinstance(found, SinkKind) else None
+    kind = load(PluginGroup.SINKS, scheme, SINKS, plugin_fault)
+    return kind if isinstance(kind, SinkKind) else None
 
 
-def plugin_fault(_plugin: Plugin, found: object) -> Reason | None:
+def plugin_fault(_plugin: Plugin, sink: object) -> Reason | None:
     """Return why the object of a plug-in is no live output, None when it is one."""
-    if not isinstance(found, SinkKind):
+    if not isinstance(sink, SinkKind):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a gateway.publishing.sink.SinkKind")
-    return missing_factory(found.factory)
+    return missing_factory(sink.factory)
 
 
 def state_interval_s(uri: str) -> float:

@@ -52,7 +52,7 @@ class ReferenceReader(RecordingReader):
     def __init__(self, path: Path | str) -> None:
         """Read the recording's description; errors as for `RecordingReader`."""
         super().__init__(path)
-        self._found: dict[str, RecordedReference] = {}
+        self._references: dict[str, RecordedReference] = {}
         self._count = 0
 
     def items(self) -> Generator[LinkItem, None, None]:
@@ -66,7 +66,7 @@ class ReferenceReader(RecordingReader):
 
     def references(self) -> tuple[RecordedReference, ...]:
         """Return the references in order of appearance, complete after the last item."""
-        return tuple(self._found.values())
+        return tuple(self._references.values())
 
     def _take(self, message: RecordedMessage, position: str, name: str) -> None:
         topic = message.channel.topic
@@ -79,10 +79,10 @@ class ReferenceReader(RecordingReader):
             return
         if quantity not in _QUANTITIES or not all(map(math.isfinite, numbers)):
             return
-        if topic not in self._found:
-            if len(self._found) >= _MOST_REFERENCES:
+        if topic not in self._references:
+            if len(self._references) >= _MOST_REFERENCES:
                 return
-            self._found[topic] = RecordedReference(position, name, quantity, numbers[2])
+            self._references[topic] = RecordedReference(position, name, quantity, numbers[2])
         self._count += 1
-        self._found[topic].times_s.append(numbers[0])
-        self._found[topic].values.append(numbers[1])
+        self._references[topic].times_s.append(numbers[0])
+        self._references[topic].values.append(numbers[1])

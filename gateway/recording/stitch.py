@@ -128,13 +128,13 @@ class Stitcher:
             self.losses.topics_lost += 1
         else:
             # Link bytes with a damaged channel number.
-            yield from self._place(data, self._look_ahead(piece.end))
+            yield from self._positioned(data, self._look_ahead(piece.end))
 
     def _torn(self, piece: TornPlace, ahead: _Ahead) -> Iterator[Rescued]:
         data = bytes(piece.data)
         info = self._salvage.channels.get(piece.head.channel) if piece.head is not None else None
         if piece.head is None or info is None:
-            yield from self._place(data, ahead)
+            yield from self._positioned(data, ahead)
             return
         complete = piece.stated <= len(data)
         if info.encoding != RAW_ENCODING:
@@ -143,7 +143,7 @@ class Stitcher:
                 data = data[piece.stated :]
             else:
                 self.losses.topics_lost += 1
-            yield from self._place(data, ahead)
+            yield from self._positioned(data, ahead)
             return
         number = piece.head.channel
         self._sequences[number] = piece.head.sequence
@@ -152,8 +152,8 @@ class Stitcher:
         foreign = None if at_end else self._foreign(data, number, piece.stated, ahead)
         if foreign is not None:
             link, until, begin = foreign
-            yield self._kept(number, ahead, data[: min(until, piece.stated)])
-            yield self._kept(link, ahead, data[begin:])
+            yield self._piece(number, ahead, data[: min(until, piece.stated)])
+            yield self._piece(link, ahead, data[begin:])
         else:
             head = data[: piece.stated]
             parts = [head, *self._parts(number, head, data[piece.stated :], ahead)] if complete else [data]
@@ -161,7 +161,7 @@ class Stitcher:
             best, _ = self._best(number, [*parts, data, data[:keep], b""], ahead)
             self.losses.bytes_dropped += len(data) - len(best)
             if best:
-                yield self._kept(number, ahead, best)
+                yield self._piece(number, ahead, best)
 
     def _foreign(self, data: bytes, number: int, stated: int, ahead: _Ahead) -> tuple[int, int, int] | None:
         """Find the end of another link's message, whose header is lost, after the start of the message of `number`.
@@ -189,7 +189,7 @@ class Stitcher:
                 return link, len(data), before
         return None
 
-    def _place(self, data: bytes, ahead: _Ahead) -> Iterator[Rescued]:
+    def _positioned(self, data: bytes, ahead: _Ahead) -> Iterator[Rescued]:
         """Assign bytes of unknown origin to the link of their frames, without the rest of a header."""
         links = self._links_missing(ahead)
         runs = divide(frames_in(data), self._ticks_us(links, ahead)) if len(links) > 1 else []
@@ -197,7 +197,7 @@ class Stitcher:
             for index, run in enumerate(runs):
                 begin = runs[index - 1].end if index else 0
                 until = runs[index + 1].start if index + 1 < len(runs) else len(data)
-                yield self._kept(run.link, ahead, data[begin:until])
+                yield self._piece(run.link, ahead, data[begin:until])
             return
         candidates = [
             (gain, link, part)
@@ -207,7 +207,7 @@ class Stitcher:
         gain, link, part = max(candidates, default=(0, 0, b""), key=lambda entry: entry[0])
         self.losses.bytes_dropped += len(data) - len(part) if gain else len(data)
         if gain:
-            yield self._kept(link, ahead, part)
+            yield self._piece(link, ahead, part)
 
     def _parts(self, link: int, head: bytes, rest: bytes, ahead: _Ahead) -> list[bytes]:
         """Return the candidates for a link's part, when `rest` after `head` may contain bytes of no stream."""
@@ -277,7 +277,7 @@ class Stitcher:
         is_accounted = self._times_ns.get(channel) == ahead.before.time_ns and channel not in missing
         return [channel] if channel in links and not is_accounted else []
 
-    def _kept(self, number: int, ahead: _Ahead, data: bytes) -> Rescued:
+    def _piece(self, number: int, ahead: _Ahead, data: bytes) -> Rescued:
         link_data = without_foreign_frames(data, self._span(number, ahead))
         self.losses.bytes_kept += len(link_data)
         self.losses.bytes_dropped += len(data) - len(link_data)
@@ -293,7 +293,7 @@ class Stitcher:
             fitting = [link for link in self._links() if self._span(link, ahead).admits(frame)]
             if len(fitting) == 1 and not any(whole in message.data for message in rescued):
                 self.losses.bytes_dropped -= len(whole)
-                yield self._kept(fitting[0], ahead, whole)
+                yield self._piece(fitting[0], ahead, whole)
 
     def _link_bytes(self, number: int, time_ns: int, data: bytes) -> Rescued:
         self._history[number].append(data)

@@ -391,7 +391,7 @@ class SessionCore:
 
     def false_statements(self) -> list[Notice]:
         """Return what hubs stated against what they sent, with the present counts, for the summary."""
-        return self._statements.found()
+        return self._statements.contradictions()
 
     def _at_end(self, wheels: tuple[WheelSnapshot, ...]) -> tuple[WheelSnapshot, ...]:
         """Return wheels as they were at the end: a link that has ended as it should has not fallen silent."""

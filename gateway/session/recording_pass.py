@@ -216,7 +216,7 @@ class RecordingPass:
         # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
         of_guard = self._guard.take_notices() if self._guard is not None else []
         of_sensors = of_guard or self.sensors.mismatches(recording.vehicle, heard)
-        return [*of_sensors, *self.statements.found(), *effects_doubts(recording.effects, recording.vehicle)]
+        return [*of_sensors, *self.statements.contradictions(), *effects_doubts(recording.effects, recording.vehicle)]
 
     def missing(self) -> tuple[Notice, ...]:
         """Return the links without a frame and the wheels without a revolution, after the last result."""

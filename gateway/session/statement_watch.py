@@ -67,7 +67,7 @@ class _Blocks(NamedTuple):
     Samples are known by place, those of the chosen blocks only.
     """
 
-    place: NDArray[np.int64]
+    row: NDArray[np.int64]
     first: NDArray[np.int64]
     tick: NDArray[np.int64]
     axes: NDArray[np.int64]
@@ -120,15 +120,15 @@ class _Wheel:
             samples: steps of their sample numbers, (k,).
             jumped: whether the numbers begin anew among them.
         """
-        known = np.concatenate([self.recent, (blocks.first << 32) ^ blocks.tick])
+        counts = np.concatenate([self.recent, (blocks.first << 32) ^ blocks.tick])
         number = np.cumsum(samples) + self.below
         highest = np.maximum.accumulate(np.append(0, number))
         self.below = 0 if jumped else int(number[-1] - highest[-1])
         count = 0
         if (number <= highest[:-1]).any():
-            firsts = np.unique(known, return_index=True)[1]
+            firsts = np.unique(counts, return_index=True)[1]
             count = len(blocks.first) - int(np.count_nonzero(firsts >= len(self.recent)))
-        self.recent = known[-_RECENT_BLOCKS:].copy()
+        self.recent = counts[-_RECENT_BLOCKS:].copy()
         return count
 
 
@@ -198,16 +198,16 @@ class StatementWatch:
             self._limit.admits(link, hub, wheel)
         counts: dict[int, NDArray[np.int16]] = {}
         rest = self._blocks_of(link, batch, counts)
-        for at in np.flatnonzero(batch.type != MessageType.SAMPLES).tolist():
-            source = link, int(batch.hub[at]), int(batch.wheel[at])
+        for index in np.flatnonzero(batch.type != MessageType.SAMPLES).tolist():
+            source = link, int(batch.hub[index]), int(batch.wheel[index])
             if not self._limit.admits(*source):
                 continue
-            if batch.type[at] == MessageType.HELLO and source in rest:
+            if batch.type[index] == MessageType.HELLO and source in rest:
                 blocks = rest[source]
-                stop = int(np.searchsorted(blocks.place, at))
+                stop = int(np.searchsorted(blocks.row, index))
                 self._review(source, self._wheel(source), blocks.part(0, stop), counts)
-                rest[source] = blocks.part(stop, len(blocks.place))
-            self._slow(source, int(batch.type[at]), int(batch.tick_us[at]), batch.message(at))
+                rest[source] = blocks.part(stop, len(blocks.row))
+            self._slow(source, int(batch.type[index]), int(batch.tick_us[index]), batch.message(index))
         for source, blocks in rest.items():
             self._review(source, self._wheel(source), blocks, counts)
 
@@ -231,26 +231,26 @@ class StatementWatch:
         if not self._has_new and bool(self._limit.refused) == self._refusal_named:
             return []
         self._has_new = False
-        found: list[Notice] = []
+        notices: list[Notice] = []
         for (source, code), finding in self._findings.items():
             if not finding.named and finding.count >= _LEAST.get(code, 1):
                 finding.named = True
-                found.append(self._notice(source, code, finding))
+                notices.append(self._notice(source, code, finding))
         if self._limit.refused and not self._refusal_named:
             self._refusal_named = True
-            found.append(self._refusal())
-        return found
+            notices.append(self._refusal())
+        return notices
 
-    def found(self) -> list[Notice]:
+    def contradictions(self) -> list[Notice]:
         """Return all findings with their present counts."""
         for source, wheel in self._wheels.items():
             self._review_pending(source, wheel)
-        found = [
+        notices = [
             self._notice(source, code, finding)
             for (source, code), finding in sorted(self._findings.items(), key=lambda entry: entry[0])
             if finding.count >= _LEAST.get(code, 1)
         ]
-        return [*found, self._refusal()] if self._limit.refused else found
+        return [*notices, self._refusal()] if self._limit.refused else notices
 
     def _blocks_of(self, link: str, batch: FrameBatch, counts: dict[int, NDArray[np.int16]]) -> dict[_Source, _Blocks]:
         """Return the sample blocks of every admitted wheel; `counts` gets the samples of the chosen ones."""
@@ -297,16 +297,16 @@ class StatementWatch:
             self._find(source, Code.HUB_TIME_AGAINST_TICK, hub_us=float(message.hub_us), tick_us=float(tick_us))
 
     def _hello(self, source: _Source, wheel: _Wheel, hello: Hello) -> None:
-        known, hub = wheel.hello, source[:2]
+        previous, hub = wheel.hello, source[:2]
         boot_count = self._boot_counts.get(hub)
-        if known is None or known[3:7] != hello[3:7]:  # sensor, firmware, boot count, rate
+        if previous is None or previous[3:7] != hello[3:7]:  # sensor, firmware, boot count, rate
             wheel.restart()
-        if known is not None and known.boot_count == hello.boot_count != boot_count and boot_count is not None:
-            own, other = float(hello.boot_count), float(boot_count)
-            self._find((*hub, HUB_ITSELF), Code.HUB_BOOT_COUNTS_DIFFER, own=own, other=other)
+        if previous is not None and previous.boot_count == hello.boot_count != boot_count and boot_count is not None:
+            before, other = float(hello.boot_count), float(boot_count)
+            self._find((*hub, HUB_ITSELF), Code.HUB_BOOT_COUNTS_DIFFER, own=before, other=other)
         wheel.changes = wheel.changes << 1 & _LAST_HELLOS
-        if known is not None and known != hello and known.boot_count == hello.boot_count:
-            self._hello_changed(source, wheel, known, hello)
+        if previous is not None and previous != hello and previous.boot_count == hello.boot_count:
+            self._hello_changed(source, wheel, previous, hello)
         self._boot_counts[hub] = hello.boot_count
         wheel.hello = hello
         self._scale(source, hello)
@@ -315,11 +315,11 @@ class StatementWatch:
         if source[1] == EVERY_HUB:
             self._find((*hub, HUB_ITSELF), Code.HUB_NUMBER_RESERVED)
 
-    def _hello_changed(self, source: _Source, wheel: _Wheel, known: Hello, hello: Hello) -> None:
+    def _hello_changed(self, source: _Source, wheel: _Wheel, previous: Hello, hello: Hello) -> None:
         """Look at a hello that differs from the last one although the hub has not restarted."""
-        former, wheel.former_sensor = wheel.former_sensor, known.sensor_id
-        if known.sensor_id != hello.sensor_id == former:
-            sensors = f"{hello.sensor_id:08x}", f"{known.sensor_id:08x}"
+        former, wheel.former_sensor = wheel.former_sensor, previous.sensor_id
+        if previous.sensor_id != hello.sensor_id == former:
+            sensors = f"{hello.sensor_id:08x}", f"{previous.sensor_id:08x}"
             self._find(source, Code.HELLO_SENSORS_ALTERNATE, sensor=sensors[0], other=sensors[1])
             return
         wheel.changes |= 1
@@ -368,7 +368,7 @@ class StatementWatch:
         hello = wheel.hello
         if hello is None or not len(blocks.first):
             return
-        for place in blocks.place[chosen(blocks.first) & (blocks.axes == hello.axes)].tolist():
+        for place in blocks.row[chosen(blocks.first) & (blocks.axes == hello.axes)].tolist():
             for code, values in wheel.content.block(hello, counts[place]):
                 self._find(source, code, 1, **values)
         other = blocks.axes[blocks.axes != hello.axes]
@@ -409,9 +409,9 @@ class StatementWatch:
         reached = np.maximum.accumulate(number)
         span = _RATE_SPAN_S * rate_hz
         begin = begin_us = 0
-        while (at := int(np.searchsorted(reached, begin + span))) < len(number):
-            took_us = int(time_us[at]) - begin_us
-            measured_hz = (int(number[at]) - begin) * _US / took_us if took_us > 0 else 0.0
+        while (index := int(np.searchsorted(reached, begin + span))) < len(number):
+            took_us = int(time_us[index]) - begin_us
+            measured_hz = (int(number[index]) - begin) * _US / took_us if took_us > 0 else 0.0
             if took_us <= 0:
                 self._find(source, Code.HUB_CLOCK_STILL, duration_s=_RATE_SPAN_S)
             elif abs(measured_hz / rate_hz - 1.0) > _RATE_TOLERANCE:
@@ -422,7 +422,7 @@ class StatementWatch:
                     measured_hz=measured_hz,
                     duration_s=_RATE_SPAN_S,
                 )
-            begin, begin_us = int(number[at]), int(time_us[at])
+            begin, begin_us = int(number[index]), int(time_us[index])
         wheel.since = int(number[-1]) - begin, int(time_us[-1]) - begin_us
 
     def _find(self, source: _Source, code: Code, count: int = 1, **values: Value) -> None:

@@ -108,12 +108,12 @@ def axis_relations(
     is_swapped, roll_rad = False, math.nan
     if has_along:
         orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
-        known = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
+        predicted = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
         factors = np.array([square_radps2 * belt.along[orders], spectra[_RADIAL, orders]])
-        along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, known[orders])
+        along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, predicted[orders])
         late_along = along.late_rad(0.0, _LEFT_ALONG)
         if has_lateral:
-            without, whole = _left(spectra[_LATERAL, orders], factors, known[orders])
+            without, whole = _remainder(spectra[_LATERAL, orders], factors, predicted[orders])
             is_swapped = without < _LEFT_ALONG * whole and along.least * whole > _SWAPPED_FACTOR * without * along.whole
     if has_lateral and not is_swapped:
         orders = np.arange(1, count + 1)
@@ -142,31 +142,31 @@ def _lateral_factors(
 
 
 def _fit(
-    spectrum: ComplexArray, factors: ComplexArray, orders: NDArray[np.intp], known: ComplexArray | None = None
+    spectrum: ComplexArray, factors: ComplexArray, orders: NDArray[np.intp], predicted: ComplexArray | None = None
 ) -> _Fit:
     """Return the best fit of a spectrum, (m,), by factors, (j, m), over all lags; `known` is not fitted."""
     basis, triangle = _basis(factors)
     # The square of shifted - known and its products with the basis are sums of the spectrum times the factors of a lag.
-    columns = np.concatenate([spectrum * basis.conj().T, [spectrum * (0.0 if known is None else known.conj())]])
+    columns = np.concatenate([spectrum * basis.conj().T, [spectrum * (0.0 if predicted is None else predicted.conj())]])
     products = (_shifts(tuple(orders.tolist())) @ columns.T).real
     whole = float(np.vdot(spectrum, spectrum).real)
     explained, square = products[:, :-1], whole
-    if known is not None:
-        explained = explained - (known @ basis.conj()).real
-        square = whole + float(np.vdot(known, known).real)
+    if predicted is not None:
+        explained = explained - (predicted @ basis.conj()).real
+        square = whole + float(np.vdot(predicted, predicted).real)
     squares = np.maximum(square - 2.0 * products[:, -1] - np.sum(explained * explained, axis=1), 0.0)
     best = int(squares.argmin())
     solution = np.linalg.lstsq(triangle, explained[best], rcond=None)[0]
     return _Fit(float(_LAGS_RAD[best]), float(squares[best]), float(squares[len(_LAGS_RAD) // 2]), whole, solution)
 
 
-def _left(spectrum: ComplexArray, factors: ComplexArray, known: ComplexArray) -> tuple[float, float]:
+def _remainder(spectrum: ComplexArray, factors: ComplexArray, predicted: ComplexArray) -> tuple[float, float]:
     """Return the square that a fit without a lag leaves of a spectrum, and the square of the spectrum."""
     basis, _ = _basis(factors)
-    rest = spectrum - known
+    rest = spectrum - predicted
     explained = (rest @ basis.conj()).real
-    left = max(float(np.vdot(rest, rest).real - explained @ explained), 0.0)
-    return left, float(np.vdot(spectrum, spectrum).real)
+    remainder = max(float(np.vdot(rest, rest).real - explained @ explained), 0.0)
+    return remainder, float(np.vdot(spectrum, spectrum).real)
 
 
 def _basis(factors: ComplexArray) -> tuple[ComplexArray, FloatArray]:

@@ -111,19 +111,19 @@ class BridgedGaps:
 
     def result(self) -> Bridging | None:
         """Return the lines that chance does not make; None without any. Lines at the very end are left out."""
-        found = np.concatenate(self._lines) if self._lines else np.empty((0, 2), dtype=np.int64)
+        gaps = np.concatenate(self._lines) if self._lines else np.empty((0, 2), dtype=np.int64)
         counts = [self._total, *self._counts.tolist()]
         # Outside of lines, most differences show the noise.
-        outside = self._total - int((found[:, 1] - found[:, 0]).sum())
+        outside = self._total - int((gaps[:, 1] - gaps[:, 0]).sum())
         first = _FIRST if 2 * self._noisy > outside else _FIRST_QUIET
-        for place in range(first, len(_LENGTHS)):
+        for index in range(first, len(_LENGTHS)):
             # By chance, the next class has at most the same share of the one before as that has of one still shorter.
-            below = counts[place] + 1
-            shorter = next(count for count in reversed(counts[:place]) if count > 0 or place == 0) + 1
+            below = counts[index] + 1
+            shorter = next(count for count in reversed(counts[:index]) if count > 0 or index == 0) + 1
             ratio = below / shorter
             limit = min(ratio, _LARGEST_RATIO)
             expected = below * max(ratio, 1.0) * limit / (1.0 - limit)
-            lines = found[found[:, 1] - found[:, 0] + 1 >= _LENGTHS[place]]
+            lines = gaps[gaps[:, 1] - gaps[:, 0] + 1 >= _LENGTHS[index]]
             if len(lines) and float(pdtrc(len(lines) - 1, expected)) < _CHANCE:
                 return Bridging(lines, int((lines[:, 1] - lines[:, 0]).sum()), self._total)
         return None
@@ -132,9 +132,9 @@ class BridgedGaps:
         """Return (channels,) by how much differences on a line differ: the least step of the values so far."""
         for channel in range(values.shape[1]):
             sizes = np.abs(values[:, channel])
-            known = sizes[np.isfinite(sizes)]
-            if len(known):
-                self._peak[channel] = max(self._peak[channel], float(known.max()))
+            finite = sizes[np.isfinite(sizes)]
+            if len(finite):
+                self._peak[channel] = max(self._peak[channel], float(finite.max()))
             steps = np.abs(differences[:, channel])
             steps = steps[steps > _ROUNDING * self._peak[channel]]
             if len(steps):

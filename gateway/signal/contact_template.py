@@ -247,13 +247,13 @@ class ContactSamples:
             of_group = slice(None) if len(places) == count else places
             lines, last = self._coefficients[of_group], self._last[of_group]
             result[of_group] = matched(lines, last, values[of_group], rates[of_group], region)
-            gain, left = 1.0 + result[of_group, 2], result[of_group, 3] + result[of_group, 4]
+            gain, remainder = 1.0 + result[of_group, 2], result[of_group, 3] + result[of_group, 4]
             limit = len(region.angles_rad) * (_MAX_RESIDUAL_SHARE * template.span) ** 2
-            fits[of_group] = (_GAIN_RANGE[0] < gain) & (gain < _GAIN_RANGE[1]) & (left < limit)
+            fits[of_group] = (_GAIN_RANGE[0] < gain) & (gain < _GAIN_RANGE[1]) & (remainder < limit)
             halves[of_group] = region.middle, len(region.angles_rad) - region.middle
             highest = np.minimum(np.ceil(math.pi / values[of_group, 2]), len(region.covariances_rad2) - 1)
-            for place, order in zip(places.tolist(), highest.astype(np.int64).tolist(), strict=True):
-                covariances[place] = region.covariances_rad2[order]
+            for index, order in zip(places.tolist(), highest.astype(np.int64).tolist(), strict=True):
+                covariances[index] = region.covariances_rad2[order]
         return ContactMatches(result[:, :2], np.sqrt(result[:, 3:] / halves), fits, covariances)
 
     @property
@@ -358,10 +358,10 @@ def _region(
 
 def _extended_variance(variance: FloatArray, orders: int) -> FloatArray:
     """Return the variance of order coefficients 0 to `orders` - 1; order 0 is absorbed by the fitted offset."""
-    known = variance[np.isfinite(variance)]
-    extended = np.full(orders, float(known[-1]) if len(known) else math.nan)
-    count = min(orders, len(known))
-    extended[:count] = known[:count]
+    finite = variance[np.isfinite(variance)]
+    extended = np.full(orders, float(finite[-1]) if len(finite) else math.nan)
+    count = min(orders, len(finite))
+    extended[:count] = finite[:count]
     extended[0] = 0.0
     return extended
 

@@ -65,7 +65,7 @@ _NEAR_DEPTH_RATIO: Final = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class WheelProperties:
     """Properties of a wheel learnt by tracking it.
 
     Attributes:
@@ -95,7 +95,7 @@ def least_level(depth: FloatArray | float) -> FloatArray:
 
 
 def best_train(
-    dips: Dips, prefix: FloatArray, rate_hz: float, *, clipped_span: float = 0.0, known: Known | None = None
+    dips: Dips, prefix: FloatArray, rate_hz: float, *, clipped_span: float = 0.0, prior: WheelProperties | None = None
 ) -> tuple[list[int], float]:
     """Find the strongest train of three or more dips that one rolling wheel can have made.
 
@@ -104,7 +104,7 @@ def best_train(
         prefix: (n + 1,) cumulative sum of the signal in which they were found.
         rate_hz: its sampling rate.
         clipped_span: range of the signal when it is clipped, so that depths may be too small by any factor; else 0.
-        known: properties of the wheel, if known.
+        prior: properties of the wheel from earlier contacts, if any.
 
     Returns:
         indices into `dips` in time order, empty without such a train; and the strength of the train.
@@ -112,56 +112,58 @@ def best_train(
     places = _undominated(dips)[-_MAX_DIPS:]
     if len(places) < 3:
         return [], 0.0
-    at, depth, width, floor = (values[places] for values in (dips.at, dips.depth, dips.width, dips.floor))
+    centre, depth, width, floor = (values[places] for values in (dips.centre, dips.depth, dips.width, dips.floor))
     least = _CLIPPED_TURN2_M if clipped_span else _TURN2_M[0]
-    before, after, turns = _possible_pairs(at, depth, width / rate_hz, floor, prefix, rate_hz, least)
+    before, after, turns = _possible_pairs(centre, depth, width / rate_hz, floor, prefix, rate_hz, least)
     good = np.minimum(depth[before], depth[after]) >= _CLIPPED_DEPTH_SHARE * clipped_span
-    if known is not None:
+    if prior is not None:
         size = 0.5 * (width * np.sqrt(depth))[np.stack((before, after))].sum(axis=0) / rate_hz
-        good &= (turns < _KNOWN_TURN_RATIO * known.turn) & (known.turn < _KNOWN_TURN_RATIO * turns)
-        good &= (size < _KNOWN_SIZE_RATIO * known.size) & (known.size < _KNOWN_SIZE_RATIO * size)
+        good &= (turns < _KNOWN_TURN_RATIO * prior.turn) & (prior.turn < _KNOWN_TURN_RATIO * turns)
+        good &= (size < _KNOWN_SIZE_RATIO * prior.size) & (prior.size < _KNOWN_SIZE_RATIO * size)
     before, after, turns = before[good], after[good], turns[good]
-    train, strength = _strongest(before.tolist(), after.tolist(), turns.tolist(), at.tolist(), depth * np.sqrt(width))
-    return [int(places[place]) for place in train], strength
+    train, strength = _strongest(
+        before.tolist(), after.tolist(), turns.tolist(), centre.tolist(), depth * np.sqrt(width)
+    )
+    return [int(places[index]) for index in train], strength
 
 
 def _undominated(dips: Dips) -> NDArray[np.int64]:
     """Return the indices of dips that are not hidden by a deeper and longer one nearer than a period can be."""
-    near = np.abs(dips.at[:, None] - dips.at[None, :]) < _SHADOW_SHARE * dips.width[None, :] / DUTY[1]
+    near = np.abs(dips.centre[:, None] - dips.centre[None, :]) < _SHADOW_SHARE * dips.width[None, :] / DUTY[1]
     ratio = dips.depth[None, :] / dips.depth[:, None]
     near &= (ratio > 1.0) & (ratio < _SHADOW_DEPTH_RATIO) & (dips.width[None, :] > 0.7 * dips.width[:, None])
     return np.flatnonzero(~near.any(axis=1))
 
 
 def _strongest(
-    before: list[int], after: list[int], turns: list[float], at: list[float], energy: FloatArray
+    before: list[int], after: list[int], turns: list[float], centre: list[float], energy: FloatArray
 ) -> tuple[list[int], float]:
     """Join pairs into the train of three or more dips with the greatest sum of energies."""
     energies = energy.tolist()
     # Trains that end with each dip, by their last pair: value, index into `history`, interval, turn, number of dips.
-    ending: list[list[tuple[float, int, float, float, int]]] = [[] for _ in at]
+    ending: list[list[tuple[float, int, float, float, int]]] = [[] for _ in centre]
     history: list[tuple[int, int, int]] = []
     best, best_value, latest = -1, 0.0, -1
-    for i, j, own in zip(before, after, turns, strict=True):
+    for i, j, turn in zip(before, after, turns, strict=True):
         if j != latest:
             # All pairs that end with the previous dip are known; sort its trains, best first.
             if latest >= 0:
                 ending[latest].sort(reverse=True)
             latest = j
-        interval = at[j] - at[i]
+        interval = centre[j] - centre[i]
         value, source, count = energies[i], -1, 2
-        for earlier_value, place, earlier, earlier_turn, earlier_count in ending[i]:
+        for earlier_value, index, earlier, earlier_turn, earlier_count in ending[i]:
             if (
                 interval < INTERVAL_RATIO * earlier
                 and earlier < INTERVAL_RATIO * interval
-                and own < _TRAIN_TURN_RATIO * earlier_turn
-                and earlier_turn < _TRAIN_TURN_RATIO * own
+                and turn < _TRAIN_TURN_RATIO * earlier_turn
+                and earlier_turn < _TRAIN_TURN_RATIO * turn
             ):
-                value, source, count = earlier_value, place, earlier_count + 1
+                value, source, count = earlier_value, index, earlier_count + 1
                 break
         value += energies[j]
         history.append((i, j, source))
-        ending[j].append((value, len(history) - 1, interval, own, count))
+        ending[j].append((value, len(history) - 1, interval, turn, count))
         if count >= 3 and value > best_value:
             best, best_value = len(history) - 1, value
     train: list[int] = []
@@ -174,7 +176,7 @@ def _strongest(
 
 
 def _possible_pairs(
-    at: FloatArray,
+    centre: FloatArray,
     depth: FloatArray,
     width_s: FloatArray,
     floor: FloatArray,
@@ -183,24 +185,24 @@ def _possible_pairs(
     least_turn2_m: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], FloatArray]:
     """Return pairs of dips that may be neighbouring contacts: indices of both, ordered by the later, and their turn."""
-    at_s = at / rate_hz
+    at_s = centre / rate_hz
     i, j = np.nonzero(_period_fits_width(at_s, width_s))
     # Sorted by the later dip, then by the earlier one, so that trains grow in time order.
     order = np.lexsort((i, j))
     i, j = i[order], j[order]
     period = at_s[j] - at_s[i]
-    own = turn(depth[i], depth[j], period)
+    turns = turn(depth[i], depth[j], period)
     size = width_s * np.sqrt(depth)
     size_ratio, depth_ratio = size[i] / size[j], depth[i] / depth[j]
     duty = np.sqrt(width_s[i] * width_s[j]) / period
-    good = (own**2 >= least_turn2_m) & (own**2 <= _TURN2_M[1])
+    good = (turns**2 >= least_turn2_m) & (turns**2 <= _TURN2_M[1])
     good &= (size_ratio < _SIZE_RATIO) & (size_ratio > 1.0 / _SIZE_RATIO)
     good &= (depth_ratio < _DEPTH_RATIO) & (depth_ratio > 1.0 / _DEPTH_RATIO)
     good &= (duty > DUTY[0]) & (duty < DUTY[1])
-    first, last = at[i].astype(np.int64), at[j].astype(np.int64)
+    first, last = centre[i].astype(np.int64), centre[j].astype(np.int64)
     level = (prefix[last] - prefix[first]) / np.maximum(last - first, 1) - 0.5 * (floor[i] + floor[j])
     good &= level >= least_level(np.minimum(depth[i], depth[j]))
-    return i[good], j[good], own[good]
+    return i[good], j[good], turns[good]
 
 
 def _period_fits_width(at_s: FloatArray, width_s: FloatArray) -> BoolArray:
@@ -226,19 +228,19 @@ def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
         dips: dips of the train's own sign.
         others: dips of the other sign.
     """
-    depth, at = dips.depth[train], dips.at[train]
+    depth, centre = dips.depth[train], dips.centre[train]
     if float(np.median(depth)) < _MIN_DEPTH_MPS2:
         return True
     length = depth * dips.width[train] ** 2
     other_length = others.depth * others.width**2
     better = 0
-    for index, (before, after) in enumerate(pairwise(at.tolist())):
-        inside = (others.at >= before) & (others.at <= after)
+    for index, (before, after) in enumerate(pairwise(centre.tolist())):
+        inside = (others.centre >= before) & (others.centre <= after)
         inside &= others.depth >= _OUTDONE_DEPTH_RATIO * math.sqrt(depth[index] * depth[index + 1])
         inside &= other_length >= _OUTDONE_LENGTH_SHARE * math.sqrt(length[index] * length[index + 1])
         skipped = (
-            (dips.at > before)
-            & (dips.at < after)
+            (dips.centre > before)
+            & (dips.centre < after)
             & (dips.depth >= _SKIPPED_DEPTH_SHARE * depth[index : index + 2].min())
         )
         skipped &= np.abs(np.log(dips.depth * dips.width**2 / length[index])) < _SKIPPED_LENGTH_LOG
@@ -247,10 +249,14 @@ def doubtful(train: list[int], dips: Dips, others: Dips) -> bool:
         return True
     if len(train) > _SHORT_TRAIN:
         return False
-    reach = 1.5 * float(np.diff(at).max())
+    reach = 1.5 * float(np.diff(centre).max())
     longest = float(np.median(length))
     for near in (dips, others):
-        beside = (near.at > at[0] - reach) & (near.at < at[-1] + reach) & (near.depth > _NEAR_DEPTH_RATIO * depth.max())
+        beside = (
+            (near.centre > centre[0] - reach)
+            & (near.centre < centre[-1] + reach)
+            & (near.depth > _NEAR_DEPTH_RATIO * depth.max())
+        )
         if (near.depth[beside] * near.width[beside] ** 2 > _OUTDONE_LENGTH_SHARE * longest).any():
             return True
     return False

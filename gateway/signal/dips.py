@@ -39,15 +39,15 @@ _CLIPPED_SHARE: Final = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Dips:
-    """Dips in time order, (k,) each: `at` in samples, `depth` and `floor` in the signal's unit, `width` in samples."""
+    """Dips in time order, (k,) each; `centre` and `width` in samples, `depth` and `floor` in the unit of the signal."""
 
-    at: FloatArray
+    centre: FloatArray
     depth: FloatArray
     width: FloatArray
     floor: FloatArray
 
     def __len__(self) -> int:
-        return len(self.at)
+        return len(self.centre)
 
 
 def box_offsets(width: float) -> tuple[int, int, int]:
@@ -82,8 +82,8 @@ def dip_score(prefix: FloatArray, width: float) -> tuple[FloatArray, int]:
     Returns:
         scores in the signal's unit and the sample number of the first score; no scores when n is too small.
     """
-    centre, left, right, first = _boxes(prefix, width)
-    flanks = np.minimum(left, right, out=left)
+    centre, leading, trailing, first = _boxes(prefix, width)
+    flanks = np.minimum(leading, trailing, out=leading)
     flanks -= centre
     return flanks, first
 
@@ -117,19 +117,19 @@ class _Scale(NamedTuple):
     score: FloatArray
     centre: FloatArray
 
-    def highest(self, of: NDArray[np.intp], place: NDArray[np.intp]) -> FloatArray:
+    def highest(self, of: NDArray[np.intp], index: NDArray[np.intp]) -> FloatArray:
         """Return the highest scores within half a duration of places, (k,); -inf where there are none.
 
         Args:
             of: (k,) 0 for the signal, 1 for its negative.
-            place: (k,) numbers of scores, may lie outside.
+            index: (k,) numbers of scores, may lie outside.
         """
         n = self.score.shape[1]
-        around = place[:, np.newaxis] + np.arange(-self.reach, self.reach + 1)
+        around = index[:, np.newaxis] + np.arange(-self.reach, self.reach + 1)
         np.minimum(np.maximum(around, 0, out=around), n - 1, out=around)
         around += (of * n)[:, np.newaxis]
         values: FloatArray = self.score.reshape(-1).take(around).max(axis=1)
-        values[(place < 0) | (place >= n)] = -math.inf
+        values[(index < 0) | (index >= n)] = -math.inf
         return values
 
 
@@ -171,13 +171,13 @@ def find_dips(signal: FloatArray, rate_hz: float) -> dict[int, Dips]:
         best = depth >= scale.highest(of, top)
         best &= depth * (scale.width / rate_hz) ** 2 <= DEPTH_DURATION2_M[1]
         of, top, depth = of[best], top[best], depth[best]
-        at = scale.first + top * float(scale.step)
+        centres = scale.first + top * float(scale.step)
         best = np.ones(len(top), np.bool_)
         for other in scales[max(number - 1, 0) : number] + scales[number + 1 : number + 2]:
-            best &= depth >= other.highest(of, np.rint((at - other.first) / other.step).astype(np.intp))
+            best &= depth >= other.highest(of, np.rint((centres - other.first) / other.step).astype(np.intp))
         sign = 1.0 - 2.0 * of[best]
         width = np.full(len(sign), scale.width)
-        parts.append(np.stack((at[best], depth[best], width, sign * scale.centre[top[best]], sign)))
+        parts.append(np.stack((centres[best], depth[best], width, sign * scale.centre[top[best]], sign)))
     dips = np.concatenate(parts, axis=1)
     return {sign: _without_duplicates(dips[:4, dips[4] == sign]) for sign in (1, -1)}
 
@@ -197,17 +197,17 @@ def _scales(signal: FloatArray, rate_hz: float) -> list[_Scale]:
         while width > _MAX_DURATION_SAMPLES * step:
             # Blocks end where the signal ends; samples that do not fill a block are dropped at the beginning.
             step *= 2
-            kept = (len(signal) // step) * step
-            start = len(signal) - kept
+            length = (len(signal) // step) * step
+            start = len(signal) - length
             prefix = np.concatenate(([0.0], np.cumsum(signal[start:].reshape(-1, step).mean(axis=1))))
         look_back = round(max(_LOOK_BACK_S * rate_hz, _LOOK_BACK_DURATIONS * width) / step)
         skip = max(0, len(prefix) - 1 - look_back)
-        centre, left, right, first = _boxes(prefix[skip:], width / step)
+        centre, leading, trailing, first = _boxes(prefix[skip:], width / step)
         if not len(centre):
             break
         score = np.empty((2, len(centre)))
-        np.subtract(np.minimum(left, right), centre, out=score[0])
-        np.subtract(centre, np.maximum(left, right), out=score[1])
+        np.subtract(np.minimum(leading, trailing), centre, out=score[0])
+        np.subtract(centre, np.maximum(leading, trailing), out=score[1])
         reach = max(1, round(0.5 * width / step))
         scales.append(_Scale(width, start + (skip + first + 0.5) * step - 0.5, step, reach, score, centre))
         width *= _SCALE_RATIO
@@ -217,13 +217,13 @@ def _scales(signal: FloatArray, rate_hz: float) -> list[_Scale]:
 def _without_duplicates(parts: FloatArray) -> Dips:
     """Return the deepest of dips that overlap by more than half."""
     order = np.argsort(-parts[1], kind="stable")
-    at, _, width, _ = parts[:, order]
-    kept: list[int] = []
-    free = np.ones(len(at), bool)
-    for place in range(len(at)):
-        if free[place]:
-            kept.append(place)
-            free &= np.abs(at - at[place]) > 0.5 * np.maximum(width, width[place])
-    chosen = parts[:, order[kept]]
+    centre, _, width, _ = parts[:, order]
+    unique: list[int] = []
+    free = np.ones(len(centre), bool)
+    for index in range(len(centre)):
+        if free[index]:
+            unique.append(index)
+            free &= np.abs(centre - centre[index]) > 0.5 * np.maximum(width, width[index])
+    chosen = parts[:, order[unique]]
     chosen = chosen[:, np.argsort(chosen[0], kind="stable")]
     return Dips(chosen[0], chosen[1], chosen[2], chosen[3])

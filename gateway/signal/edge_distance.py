@@ -143,25 +143,25 @@ def edge_shape(
     n = len(slope_mps2)
     spacing = 2.0 * math.pi / n
     outward = slope_mps2 * direction
-    at = _climb(outward, index)
-    left, here, right = (outward.item((at + step) % n) for step in (-1, 0, 1))
-    bend = 2.0 * here - left - right
-    position = at + 0.5 * (right - left) / bend if bend > 0.0 else float(at)
-    outside = outward[(at + direction * np.arange(reach + 2)) % n]
+    edge = _climb(outward, index)
+    preceding, middle, following = (outward.item((edge + step) % n) for step in (-1, 0, 1))
+    bend = 2.0 * middle - preceding - following
+    position = edge + 0.5 * (following - preceding) / bend if bend > 0.0 else float(edge)
+    outside = outward[(edge + direction * np.arange(reach + 2)) % n]
     falling = np.flatnonzero(outside <= 0.0)
     top = max(int(falling[0]), 1) if len(falling) else len(outside) - 1
     before, after = float(outside[top - 1]), float(outside[top])
     share = before / (before - after) if before > after else 1.0
     contact, free = levels_mps2
-    height = float(smooth_mps2[(at + direction * top) % n]) - free
+    height = float(smooth_mps2[(edge + direction * top) % n]) - free
     return EdgeShape(
         steepest_rad=-math.pi + position * spacing,
-        slope_mps2=here,
+        slope_mps2=middle,
         bend_mps2=max(bend, 0.0) / spacing**2,
-        to_top_rad=spacing * (top - 1 + share - direction * (position - at)),
+        to_top_rad=spacing * (top - 1 + share - direction * (position - edge)),
         overshoot=height / (free - contact),
         top_bend_mps2=(before - after) / spacing,
-        transition_rad=(free - contact) / here if here > 0.0 else math.inf,
+        transition_rad=(free - contact) / middle if middle > 0.0 else math.inf,
     )
 
 
@@ -187,9 +187,9 @@ def edge_distance(
         trust = 0.0
         if math.isfinite(feature) and math.isfinite(noise):
             trust = spread**2 / (spread**2 + noise**2)
-            known, limit = smooth * factor * trust, _MAX_DEPARTURE * spread
-            distance += known * min(max(feature - mean, -limit), limit)
-            noise2 += (known * noise) ** 2
+            resolved, limit = smooth * factor * trust, _MAX_DEPARTURE * spread
+            distance += resolved * min(max(feature - mean, -limit), limit)
+            noise2 += (resolved * noise) ** 2
         unknown2 += (smooth * factor * spread) ** 2 * (1.0 - trust)
     smeared_std = math.sqrt(1.0 - smooth) * model.spread_rad
     return EdgeDistance(distance, math.sqrt(noise2), math.hypot(model.std_rad, math.sqrt(unknown2), smeared_std))
@@ -218,25 +218,25 @@ def edge_among_waves(places: Sequence[EdgePlace], ripple: float) -> EdgePlace:
         places: the usual smoothing first, at least one.
         ripple: rms of the waves of the free belt, over the step from contact to free belt.
     """
-    found, left = places[-1], _WAVES_LEFT
+    edge, waves_remaining = places[-1], _WAVES_LEFT
     for index in range(len(places) - 2, -1, -1):
-        place, stronger = places[index], places[index + 1]
-        difference = place.angle_rad - found.angle_rad
+        position, stronger = places[index], places[index + 1]
+        difference = position.angle_rad - edge.angle_rad
         # The error of the stronger smoothing contains that of the weaker one.
-        variance = model_std_rad(stronger.width) ** 2 - model_std_rad(place.width) ** 2
-        variance += place.noise_std_rad**2 + found.noise_std_rad**2
+        variance = model_std_rad(stronger.width) ** 2 - model_std_rad(position.width) ** 2
+        variance += position.noise_std_rad**2 + edge.noise_std_rad**2
         waves = (difference / _HALF_TRUST_DIFFERENCE) ** 2 / variance
         trust = 1.0 / (1.0 + waves * waves + (ripple / _HALF_TRUST_RIPPLE) ** 4 * (index == 0))
         other = 1.0 - trust
-        model = trust * place.model_std_rad + other * found.model_std_rad
-        found = EdgePlace(
-            place.width,
-            found.angle_rad + trust * difference,
-            trust * place.noise_std_rad + other * found.noise_std_rad,
-            math.sqrt(model**2 + (trust * other + left * left) * difference**2),
+        model = trust * position.model_std_rad + other * edge.model_std_rad
+        edge = EdgePlace(
+            position.width,
+            edge.angle_rad + trust * difference,
+            trust * position.noise_std_rad + other * edge.noise_std_rad,
+            math.sqrt(model**2 + (trust * other + waves_remaining * waves_remaining) * difference**2),
         )
-        left = 0.0
-    return found
+        waves_remaining = 0.0
+    return edge
 
 
 class _LinearModel(NamedTuple):

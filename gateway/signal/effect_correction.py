@@ -131,21 +131,21 @@ class CorrectionTable:
 
     def differences(self, signal: CorrectedSignal) -> tuple[Reason, ...]:
         """Return what differs between a signal and the recordings of the table, as far as both state it."""
-        found: list[Reason] = []
-        here, there = signal.sensor_id, self.sensor_id
-        if here is not None and there is not None and here != there:
-            found.append(Reason(Code.EFFECTS_OF_OTHER_SENSOR, found_on=f"{there:08x}", sensor=f"{here:08x}"))
+        reasons: list[Reason] = []
+        recorded, expected = signal.sensor_id, self.sensor_id
+        if recorded is not None and expected is not None and recorded != expected:
+            reasons.append(Reason(Code.EFFECTS_OF_OTHER_SENSOR, found_on=f"{expected:08x}", sensor=f"{recorded:08x}"))
         if "" not in (signal.vehicle, self.vehicle) and signal.vehicle != self.vehicle:
-            found.append(Reason(Code.EFFECTS_OF_OTHER_VEHICLE, found_on=self.vehicle, vehicle=signal.vehicle))
+            reasons.append(Reason(Code.EFFECTS_OF_OTHER_VEHICLE, found_on=self.vehicle, vehicle=signal.vehicle))
         if "" not in (signal.tire, self.tire) and signal.tire != self.tire:
-            found.append(Reason(Code.EFFECTS_OF_OTHER_TIRE, found_on=self.tire, tire=signal.tire))
-        radii_m = [one for one in signal.radii_m if abs(one / self.radius_m - 1.0) > RADIUS_TOLERANCE]
+            reasons.append(Reason(Code.EFFECTS_OF_OTHER_TIRE, found_on=self.tire, tire=signal.tire))
+        radii_m = [value for value in signal.radii_m if abs(value / self.radius_m - 1.0) > RADIUS_TOLERANCE]
         if radii_m:
-            found.append(Reason(Code.EFFECTS_OF_OTHER_RADIUS, found_m=self.radius_m, radius_m=max(radii_m)))
-        offsets_m = [one for one in signal.offsets_m if abs(one - self.sensor_offset_m) > OFFSET_TOLERANCE_M]
+            reasons.append(Reason(Code.EFFECTS_OF_OTHER_RADIUS, found_m=self.radius_m, radius_m=max(radii_m)))
+        offsets_m = [value for value in signal.offsets_m if abs(value - self.sensor_offset_m) > OFFSET_TOLERANCE_M]
         if offsets_m:
-            found.append(Reason(Code.EFFECTS_OF_OTHER_OFFSET, found_m=self.sensor_offset_m, offset_m=max(offsets_m)))
-        return tuple(found)
+            reasons.append(Reason(Code.EFFECTS_OF_OTHER_OFFSET, found_m=self.sensor_offset_m, offset_m=max(offsets_m)))
+        return tuple(reasons)
 
     def contribution_mps2(self, omega_radps: float, n: int = GRID_SIZE, *, ac_coupled: bool = False) -> FloatArray:
         """Return the contribution at a speed on the angle grid theta = -pi + 2 pi k / n, (3, n).
@@ -157,13 +157,13 @@ class CorrectionTable:
             n: size of the grid, even, above twice the table's highest order.
             ac_coupled: True omits order 0, which such a sensor does not pass.
         """
-        square, at = np.square(self.omega_radps), omega_radps * omega_radps
-        above = int(np.clip(np.searchsorted(square, at), 1, max(1, len(square) - 1)))
+        square, speed_squared = np.square(self.omega_radps), omega_radps * omega_radps
+        above = int(np.clip(np.searchsorted(square, speed_squared), 1, max(1, len(square) - 1)))
         below = above - 1
         if above >= len(square):
             orders = self.orders_mps2[0]
         else:
-            share = min(1.0, max(0.0, float((at - square[below]) / (square[above] - square[below]))))
+            share = min(1.0, max(0.0, float((speed_squared - square[below]) / (square[above] - square[below]))))
             orders = (1.0 - share) * self.orders_mps2[below] + share * self.orders_mps2[above]
         count = orders.shape[-1]
         spectrum = np.zeros((3, n // 2 + 1), dtype=np.complex128)

@@ -115,17 +115,17 @@ def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[L
     floor = median_filter(power, 2 * _FLOOR_BINS + 1, mode="mirror") / (1.0 - 2.0 / (9.0 * freedom)) ** 3
     limit = floor * (1.0 - 2.0 / (9.0 * freedom) + _NORMAL_QUANTILE * math.sqrt(2.0 / (9.0 * freedom))) ** 3
     lines = []
-    left = np.where(power > limit, power, 0.0)
-    while (peak := int(np.argmax(left))) or left[0] > 0.0:
-        if not left[peak] > 0.0:
+    excess = np.where(power > limit, power, 0.0)
+    while (peak := int(np.argmax(excess))) or excess[0] > 0.0:
+        if not excess[peak] > 0.0:
             break
         first, last = _extent(power, floor, peak)
         part = slice(first, last + 1)
-        left[max(0, first - 1) : last + 2] = 0.0
-        own = np.maximum(power[part] - floor[part], 0.0)
-        total = float(own.sum())
-        centre = float(own @ frequency[part]) / total
-        spread2 = float(own @ np.square(frequency[part] - centre)) / total
+        excess[max(0, first - 1) : last + 2] = 0.0
+        excess = np.maximum(power[part] - floor[part], 0.0)
+        total = float(excess.sum())
+        centre = float(excess @ frequency[part]) / total
+        spread2 = float(excess @ np.square(frequency[part] - centre)) / total
         rms = math.sqrt(total * spectrum.step_hz)
         # Both standard errors are those of a narrow band of noise; the errors of a steady tone are smaller.
         variance = _HANN_NOISE_BINS * float(np.square(power[part]).sum()) / spectrum.averages
@@ -137,13 +137,13 @@ def _extent(power: FloatArray, floor: FloatArray, peak: int) -> tuple[int, int]:
     """Return the first and last bin of the line around a peak; at least two on either side belong to the window."""
     ends = []
     for step in (-1, 1):
-        at = peak
+        index = peak
         for distance in range(1, _LINE_BINS + 1):
-            following = at + step
+            following = index + step
             if not 0 <= following < len(power):
                 break
             if distance > 2 and power[following] < _LINE_END_RATIO * floor[following]:
                 break
-            at = following
-        ends.append(at)
+            index = following
+        ends.append(index)
     return ends[0], ends[1]

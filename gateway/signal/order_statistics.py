@@ -98,9 +98,9 @@ class _Squares:
         self.added = 0
 
     def add(self, amplitude_mps2: FloatArray) -> None:
-        known = np.isfinite(amplitude_mps2)
-        self._sum += np.where(known, np.square(amplitude_mps2), 0.0)
-        self.count += known
+        finite = np.isfinite(amplitude_mps2)
+        self._sum += np.where(finite, np.square(amplitude_mps2), 0.0)
+        self.count += finite
         self.added += 1
 
     def root(self) -> FloatArray:
@@ -191,10 +191,10 @@ class OrderAccumulator:
         orders = order_coefficients(axes_mps2, order_max)
         amplitude: FloatArray = np.abs(orders)
         self._all.add(amplitude)
-        self._speeds.setdefault(self._place(omega_radps), _Squares(ORDER_COUNT)).add(amplitude)
-        known = np.isfinite(amplitude)
-        self._repeated += np.where(known, orders, 0.0) * omega_radps**2
-        self._fourth += known * omega_radps**4
+        self._speeds.setdefault(self._bin_index(omega_radps), _Squares(ORDER_COUNT)).add(amplitude)
+        finite = np.isfinite(amplitude)
+        self._repeated += np.where(finite, orders, 0.0) * omega_radps**2
+        self._fourth += finite * omega_radps**4
         self._range = min(self._range[0], omega_radps), max(self._range[1], omega_radps)
         self._add_to_block(index, axes_mps2, omega_radps, order_max)
 
@@ -216,8 +216,8 @@ class OrderAccumulator:
             amplitude_mps2=self._all.root(),
             repeated_mps2=repeated,
             speeds=tuple(
-                self._speed_bin(place, squares, fine_speeds.get(place, _Spectra(fine.revolutions)))
-                for place, squares in sorted(self._speeds.items())
+                self._speed_bin(index, squares, fine_speeds.get(index, _Spectra(fine.revolutions)))
+                for index, squares in sorted(self._speeds.items())
             ),
             blocks=fine.blocks,
             block_revolutions=fine.revolutions,
@@ -228,14 +228,14 @@ class OrderAccumulator:
             block_mps2=block,
         )
 
-    def _place(self, omega_radps: float) -> int:
+    def _bin_index(self, omega_radps: float) -> int:
         return min(int(omega_radps / self._step), _MOST_SPEEDS)
 
-    def _speed_bin(self, place: int, squares: _Squares, spectra: _Spectra) -> SpeedBin:
+    def _speed_bin(self, index: int, squares: _Squares, spectra: _Spectra) -> SpeedBin:
         share, std = spectra.share()
         return SpeedBin(
-            low_radps=place * self._step,
-            high_radps=(place + 1) * self._step,
+            low_radps=index * self._step,
+            high_radps=(index + 1) * self._step,
             revolutions=squares.added,
             amplitude_mps2=squares.root(),
             blocks=spectra.blocks,
@@ -253,12 +253,12 @@ class OrderAccumulator:
         if len(self._block) < BLOCK_REVOLUTIONS:
             return
         block, self._block = self._block, []
-        found = _block_spectrum(block)
-        if found is None:
+        spectrum = _block_spectrum(block)
+        if spectrum is None:
             return
-        curve, amplitude = found
+        curve, amplitude = spectrum
         self._fine.add(amplitude)
-        self._fine_speeds.setdefault(self._median_place(block), _Spectra()).add(amplitude)
+        self._fine_speeds.setdefault(self._median_bin_index(block), _Spectra()).add(amplitude)
         if not self._first_block.size:
             self._first_block = curve
 
@@ -271,17 +271,17 @@ class OrderAccumulator:
     def _short_spectrum(self) -> tuple[_Spectra, dict[int, _Spectra], FloatArray]:
         """Return the spectrum of the longest run below a block, by speed too, and its curve."""
         run = max(self._longest, self._block, key=len)
-        found = _block_spectrum(run) if len(run) >= _LEAST_REVOLUTIONS else None
-        if found is None:
+        spectrum = _block_spectrum(run) if len(run) >= _LEAST_REVOLUTIONS else None
+        if spectrum is None:
             return self._fine, self._fine_speeds, self._first_block
-        curve, amplitude = found
+        curve, amplitude = spectrum
         spectra = _Spectra(len(run))
         spectra.add(amplitude)
-        return spectra, {self._median_place(run): spectra}, curve
+        return spectra, {self._median_bin_index(run): spectra}, curve
 
-    def _median_place(self, block: list[_Turn]) -> int:
+    def _median_bin_index(self, block: list[_Turn]) -> int:
         """Return the range of speed of a block; a revolution of it lies there."""
-        return self._place(sorted(turn.omega_radps for turn in block)[len(block) // 2])
+        return self._bin_index(sorted(turn.omega_radps for turn in block)[len(block) // 2])
 
 
 def _block_spectrum(block: list[_Turn]) -> tuple[FloatArray, FloatArray] | None:

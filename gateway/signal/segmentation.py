@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.compiled import core
-from gateway.signal.contact_trains import Known, best_train, doubtful
+from gateway.signal.contact_trains import WheelProperties, best_train, doubtful
 from gateway.signal.dips import box_offsets, find_dips, is_at_range_end, noise_std_mps2
 from gateway.types import FloatArray
 
@@ -54,14 +54,14 @@ class Contact(NamedTuple):
 
 
 def find_contacts(
-    radial_mps2: FloatArray, rate_hz: float, known: Known | None = None
+    radial_mps2: FloatArray, rate_hz: float, prior: WheelProperties | None = None
 ) -> tuple[list[tuple[float, float, float]], int]:
     """Find the contacts of a rolling wheel without knowing its speed, coupling or the sensor's direction.
 
     Args:
         radial_mps2: (n,) radial axis, nominally positive inward.
         rate_hz: sampling rate.
-        known: properties of the wheel, if known.
+        prior: properties of the wheel from earlier contacts, if any.
 
     Returns:
         (sample, depth, duration in samples) of the latest train of at least three consecutive contacts, in time order
@@ -76,15 +76,18 @@ def find_contacts(
     clipped_span = float(np.ptp(signal)) if is_at_range_end(signal) else 0.0
     best: list[int] = []
     best_sign, best_strength = 1, 0.0
-    for sign in (1, -1) if known is None else (known.sign,):
+    for sign in (1, -1) if prior is None else (prior.sign,):
         dips = both[sign]
-        train, strength = best_train(dips, sign * prefix, rate, clipped_span=clipped_span, known=known)
+        train, strength = best_train(dips, sign * prefix, rate, clipped_span=clipped_span, prior=prior)
         strength *= _SIGN_PREFERENCE if sign > 0 else 1.0
-        if strength > best_strength and (known is not None or not doubtful(train, dips, both[-sign])):
+        if strength > best_strength and (prior is not None or not doubtful(train, dips, both[-sign])):
             best, best_sign, best_strength = train, sign, strength
-    half, found = 0.5 * (decimation - 1), both[best_sign]
-    coarse = [(found.at[i] * decimation + half, found.depth[i], found.width[i] * decimation) for i in best]
-    return [(float(at), float(depth), float(width)) for at, depth, width in coarse], best_sign
+    half, dips_of_sign = 0.5 * (decimation - 1), both[best_sign]
+    coarse = [
+        (dips_of_sign.centre[i] * decimation + half, dips_of_sign.depth[i], dips_of_sign.width[i] * decimation)
+        for i in best
+    ]
+    return [(float(centre), float(depth), float(width)) for centre, depth, width in coarse], best_sign
 
 
 def refine_contact(
@@ -134,7 +137,7 @@ def _refined_by_numpy(
     below, beyond = sums.item(before + 1), sums.item(before)
     leading = before + (beyond - level) / (beyond - below)
     # Timing error of a crossing: noise after smoothing, divided by the slope over the smoothing length.
-    slopes = [max(_mean_slope(sums, place, smooth) / smooth, sys.float_info.min) for place in (after, before)]
+    slopes = [max(_mean_slope(sums, index, smooth) / smooth, sys.float_info.min) for index in (after, before)]
     centre_std = 0.5 * noise / smooth**0.5 * math.hypot(1.0 / slopes[0], 1.0 / slopes[1])
     centre_std = math.hypot(centre_std, _SAMPLING_STD * min(1.0, _SAMPLING_WIDTH / width))
     return Contact(first + begin + shift + 0.5 * (leading + trailing), trailing - leading, depth, centre_std)
@@ -180,15 +183,15 @@ def _dip_levels(prefix: FloatArray, begin: int, middle: int, end: int, width: fl
         return (prefix.item(last) - prefix.item(first)) / (last - first)
 
     low = mean(middle - centre, middle + centre + 1)
-    left = mean(middle - outer, middle - inner + 1)
-    right = mean(middle + inner, middle + outer + 1)
-    depth = min(left, right) - low
+    before = mean(middle - outer, middle - inner + 1)
+    after = mean(middle + inner, middle + outer + 1)
+    depth = min(before, after) - low
     return (low, depth) if depth > 0.0 else None
 
 
-def _mean_slope(values: FloatArray, place: int, span: int) -> float:
+def _mean_slope(values: FloatArray, index: int, span: int) -> float:
     """Return the absolute slope over `span` values on either side of a place, within the array."""
-    lo, hi = max(place - span, 0), min(place + span, len(values) - 1)
+    lo, hi = max(index - span, 0), min(index + span, len(values) - 1)
     return abs(values.item(hi) - values.item(lo)) / max(hi - lo, 1)
 
 

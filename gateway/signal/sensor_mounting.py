@@ -99,23 +99,25 @@ class MountingRows:
         bands = len(_BANDS)
         products = self._products
         tilt_zero, zero_zero, zero_right, count = self.sums[:, 6 * bands :].T
-        solution, right, inverse, known = self._solution()
-        size = known.sum(axis=1)
+        solution, right, inverse, determined = self._solution()
+        size = determined.sum(axis=1)
         with np.errstate(invalid="ignore"):
             square = products[:, 5].sum(axis=1)
             white = np.maximum(square - np.sum(solution * right, axis=1), 0.0) / np.maximum(count - size, 1.0)
             offset, tilt, zero = solution.T[:, :, np.newaxis]
             # What the solution leaves of the right-hand sides, by band; order 0 alone has a zero-g offset.
-            left = np.empty((len(known), 3, bands))
-            left[:, :2] = products[:, 3:5] - products[:, :2] * offset[:, np.newaxis]
-            left[:, :2] -= products[:, 1:3] * tilt[:, np.newaxis]
-            left[:, 1, 0] -= tilt_zero * zero[:, 0]
-            left[:, 2] = 0.0
-            left[:, 2, 0] = zero_right - tilt_zero * tilt[:, 0] - zero_zero * zero[:, 0]
-            clustered = np.square(inverse @ left).sum(axis=2) * (bands / np.maximum(bands - size, 1))[:, np.newaxis]
+            remainder = np.empty((len(determined), 3, bands))
+            remainder[:, :2] = products[:, 3:5] - products[:, :2] * offset[:, np.newaxis]
+            remainder[:, :2] -= products[:, 1:3] * tilt[:, np.newaxis]
+            remainder[:, 1, 0] -= tilt_zero * zero[:, 0]
+            remainder[:, 2] = 0.0
+            remainder[:, 2, 0] = zero_right - tilt_zero * tilt[:, 0] - zero_zero * zero[:, 0]
+            clustered = (
+                np.square(inverse @ remainder).sum(axis=2) * (bands / np.maximum(bands - size, 1))[:, np.newaxis]
+            )
             variance = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) * white[:, np.newaxis], clustered)
             stds = np.sqrt(variance)
-        solution[~known] = stds[~known] = math.nan
+        solution[~determined] = stds[~determined] = math.nan
         return solution, stds
 
     def squared_residuals(self) -> FloatArray:
@@ -139,9 +141,9 @@ class MountingRows:
         tilt_zero, zero_zero, zero_right, _ = self.sums[:, -4:].T
         offset_offset, offset_tilt, tilt_tilt, offset_right, tilt_right, _ = self._products.sum(axis=2).T
         diagonal = np.array([offset_offset, tilt_tilt, zero_zero])
-        known = diagonal > 0.0
+        determined = diagonal > 0.0
         # Without equations all products with an unknown are 0, so any scale of it gives 0.
-        scale = 1.0 / np.sqrt(np.where(known, diagonal, 1.0))
+        scale = 1.0 / np.sqrt(np.where(determined, diagonal, 1.0))
         # Inverse of the scaled normal matrix: order 0 has no factor of e, so one correlation is zero.
         with_tilt = offset_tilt * scale[0] * scale[1]
         with_zero = tilt_zero * scale[1] * scale[2]
@@ -158,7 +160,7 @@ class MountingRows:
         right = np.array([offset_right, tilt_right, zero_right]).T
         matrices = np.ascontiguousarray(inverse.transpose(2, 0, 1))
         solution: FloatArray = (matrices @ right[:, :, np.newaxis])[:, :, 0]
-        return solution, right, matrices, known.T
+        return solution, right, matrices, determined.T
 
 
 def _solutions_by_numpy(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -169,9 +171,9 @@ def _solutions_by_numpy(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _solutions_by_core(sums: FloatArray) -> tuple[FloatArray, FloatArray]:
     """As `_solutions_by_numpy`."""
     assert core is not None
-    found, stds = np.empty((2, len(sums), 3))
-    core.mounting_solutions(np.ascontiguousarray(sums), found, stds)
-    return found, stds
+    solutions, stds = np.empty((2, len(sums), 3))
+    core.mounting_solutions(np.ascontiguousarray(sums), solutions, stds)
+    return solutions, stds
 
 
 solutions = _solutions_by_numpy if core is None else _solutions_by_core
@@ -261,32 +263,38 @@ def _rows_by_numpy(
 ) -> MountingRows:
     """Return the equations, as `mounting_rows`."""
     reaction = (omega_dot_radps2 * radius_m)[:, np.newaxis] * belt.known_spectra[1]
-    left = spectra_mps2[:, 0] - STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] - reaction
+    remainder = spectra_mps2[:, 0] - STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] - reaction
     by_tilt = spectra_mps2[:, 1].copy()
     by_offset = np.square(omega_radps)[:, np.newaxis] * belt.along
     # The mean is one equation; every other order is two, of the same weight.
     count = np.minimum(HIGHEST_ORDER, order_max) + 1
     used = (np.arange(HIGHEST_ORDER + 1) < count[:, np.newaxis]).astype(np.float64)
     used[:, 0] = math.sqrt(0.5) if with_mean else 0.0
-    hub = np.empty((len(left), HUB_SIZE))
-    for index, factor in enumerate((left, by_offset, by_tilt)):
+    hub = np.empty((len(remainder), HUB_SIZE))
+    for index, factor in enumerate((remainder, by_offset, by_tilt)):
         hub[:, index], hub[:, index + 3] = factor[:, HUB_ORDER].real, factor[:, HUB_ORDER].imag
     hub[:, -1] = 1.0
     used[:, HUB_ORDER] = 0.0
-    left *= used
+    remainder *= used
     by_tilt *= used
     by_offset = by_offset * used
-    pairs = ((by_offset, by_offset), (by_offset, by_tilt), (by_tilt, by_tilt), (by_offset, left), (by_tilt, left))
-    products = np.empty((len(left), 6, HIGHEST_ORDER + 1))
-    for row, (one, other) in enumerate((*pairs, (left, left))):
-        products[:, row] = one.real * other.real
-        products[:, row] += one.imag * other.imag
-    sums = np.empty((len(left), MOUNTING_SIZE))
-    sums[:, :-4] = np.add.reduceat(products, _BANDS, axis=2).reshape(len(left), -1)
+    pairs = (
+        (by_offset, by_offset),
+        (by_offset, by_tilt),
+        (by_tilt, by_tilt),
+        (by_offset, remainder),
+        (by_tilt, remainder),
+    )
+    products = np.empty((len(remainder), 6, HIGHEST_ORDER + 1))
+    for row, (first, other) in enumerate((*pairs, (remainder, remainder))):
+        products[:, row] = first.real * other.real
+        products[:, row] += first.imag * other.imag
+    sums = np.empty((len(remainder), MOUNTING_SIZE))
+    sums[:, :-4] = np.add.reduceat(products, _BANDS, axis=2).reshape(len(remainder), -1)
     by_zero = 2.0 * used[:, 0]
     sums[:, -4] = by_tilt[:, 0].real * by_zero
     sums[:, -3] = by_zero**2
-    sums[:, -2] = left[:, 0].real * by_zero
+    sums[:, -2] = remainder[:, 0].real * by_zero
     sums[:, -1] = 2 * count - 1 - (not with_mean) - 2 * (count > HUB_ORDER)
     return MountingRows(sums, hub)
 
@@ -304,12 +312,14 @@ def _rows_by_core(
     assert core is not None
     count = len(spectra_mps2)
     sums, hub = np.empty((count, MOUNTING_SIZE)), np.empty((count, HUB_SIZE))
-    spectra, along, known = (
-        np.ascontiguousarray(one).view(np.float64) for one in (spectra_mps2, belt.along, belt.known_spectra)
+    spectra, along, predicted = (
+        np.ascontiguousarray(spectrum).view(np.float64) for spectrum in (spectra_mps2, belt.along, belt.known_spectra)
     )
     highest = order_max.astype(np.float64)
     rates = np.ascontiguousarray(omega_radps), np.ascontiguousarray(omega_dot_radps2)
-    core.mounting_rows(spectra, along, known, *rates, radius_m, highest, with_mean, STANDARD_GRAVITY_MPS2, sums, hub)
+    core.mounting_rows(
+        spectra, along, predicted, *rates, radius_m, highest, with_mean, STANDARD_GRAVITY_MPS2, sums, hub
+    )
     return MountingRows(sums, hub)
 
 
@@ -354,8 +364,8 @@ def hub_motion_mps2(hub: FloatArray, offset_m: FloatArray, tilt: FloatArray) -> 
         offset_m: (k,) sensor below the neutral layer.
         tilt: (k,) tangent of the pitch.
     """
-    left = hub[:, [0, 3]] - offset_m[:, np.newaxis] * hub[:, [1, 4]] - tilt[:, np.newaxis] * hub[:, [2, 5]]
-    result: FloatArray = np.hypot(left[:, 0], left[:, 1]) / np.maximum(hub[:, 6], 1.0)
+    remainder = hub[:, [0, 3]] - offset_m[:, np.newaxis] * hub[:, [1, 4]] - tilt[:, np.newaxis] * hub[:, [2, 5]]
+    result: FloatArray = np.hypot(remainder[:, 0], remainder[:, 1]) / np.maximum(hub[:, 6], 1.0)
     return result
 
 

@@ -35,7 +35,7 @@ def streamed(hub: HubFrames) -> list[Notice]:
     for data in hub.stream:
         watch.frames("x", decoder.feed(data))
     watch.counters("x", decoder.counters)
-    return watch.found()
+    return watch.contradictions()
 
 
 def batched(hub: HubFrames, block_bytes: int) -> list[Notice]:
@@ -45,7 +45,7 @@ def batched(hub: HubFrames, block_bytes: int) -> list[Notice]:
         watch.batch("x", decoder.feed(data[at : at + block_bytes]))
     watch.batch("x", decoder.finish())
     watch.counters("x", decoder.counters)
-    return watch.found()
+    return watch.contradictions()
 
 
 def raw_hello(**changes: object) -> bytes:
@@ -265,7 +265,7 @@ def test_new_connection_begins_anew() -> None:
     hub.stream.clear()
     hub.samples(1.0, first=10**6, start_us=5.0)
     watch.frames("x", decoder.feed(b"".join(hub.stream)))
-    assert watch.found() == []
+    assert watch.contradictions() == []
 
 
 def session(hub: HubFrames, toml: str | None = None) -> tuple[SessionCore, list[Notice]]:
@@ -319,7 +319,7 @@ def test_two_links_are_told_apart() -> None:
         hub = HubFrames()
         absurd_scale(hub)
         watch.frames(link, FrameDecoder().feed(b"".join(hub.stream)))
-    assert [notice.subject for notice in watch.found()] == ["a, hub0.wheel0", "b, hub0.wheel0"]
+    assert [notice.subject for notice in watch.contradictions()] == ["a, hub0.wheel0", "b, hub0.wheel0"]
     assert [notice.reason.code for notice in watch.new()] == [Code.HELLO_SCALE_ABSURD] * 2
     assert watch.new() == []
 

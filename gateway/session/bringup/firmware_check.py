@@ -250,7 +250,7 @@ class FirmwareCheck:
         self._judge_noise()
         self._counters.finish()
         self._signal.finish()
-        for notice in self._watch.found():
+        for notice in self._watch.contradictions():
             clause, count = CLAUSE_OF.get(notice.reason.code), dict(notice.reason.values).get("count")
             if clause is not None and isinstance(count, int | float):
                 self.ledger.restate(clause, notice.subject, notice.reason, int(count))
