@@ -384,6 +384,33 @@ class Recording(Mapping[str, "Wheel"]):
         )
         return target
 
+    def report_html(self, path: PathLike | None = None, *, force: bool = False) -> str:
+        """Return the page of `treadlink estimate --html`, and write it to a file if one is given.
+
+        Args:
+            path: new file.
+            force: overwrite an existing one.
+
+        Raises:
+            OutputError: a package is missing, the file exists, or it cannot be written.
+        """
+        from gateway.views.drive_page.drive import Drive
+        from gateway.views.drive_page.drive_page import check_page, drive_page
+        from gateway.views.output_file import write_whole
+
+        if path is not None:
+            check_page(Path(path), force=force)
+        recording, drive = self._opened(), Drive(self.name)
+        estimation = RecordingPass(recording, self._settings.estimators, signals=recording.signals())
+        for result in estimation:
+            drive.add(result)
+        notices = (*estimation.notices(list(drive.wheels)), *estimation.missing())
+        drive.finish(estimation.wheels, estimation.alarms(), notices)
+        page = drive_page([drive])
+        if path is not None:
+            write_whole(Path(path), page, force=force)
+        return page
+
     def close(self) -> None:
         """Free what is kept in memory; may be called twice. Tables stay valid."""
         self._closed = True

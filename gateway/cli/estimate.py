@@ -20,6 +20,7 @@ def _output_option(name: str, help_text: str) -> Callable[[Callable[..., None]],
 @_output_option("csv", "Write a CSV table to this file, one row per revolution.")
 @_output_option("json", "Write JSON lines to this file, one object per revolution.")
 @_output_option("parquet", "Write a Parquet table to this file; needs treadlink[parquet].")
+@_output_option("html", "Write a page with wheels, means and quantities over time to this file; needs treadlink[plot].")
 @force_option
 @keys_option
 @estimator_option
@@ -36,6 +37,7 @@ def estimate(
     csv_path: Path | None,
     json_path: Path | None,
     parquet_path: Path | None,
+    html_path: Path | None,
     force: bool,
     key_file: Path | None,
     estimators: tuple[str, ...],
@@ -44,10 +46,10 @@ def estimate(
 ) -> None:
     """Estimate RECORDING... in one pass, with the same results as `treadlink live`.
 
-    A summary of each recording is printed. Output files get one row per revolution and wheel: times, speed, contact
-    edges and estimates with their standard errors and status. The recordings are estimated independently of each
-    other, each with the vehicle configuration it contains, unless --config gives another. Several recordings are
-    estimated at the same time. Their summaries and rows come in the order given, whatever --jobs is.
+    A summary of each recording is printed. Tables get one row per revolution and wheel: times, speed, contact edges and
+    estimates with their standard errors and status. The page of --html shows each recording at a glance. Recordings are
+    estimated independently of each other and several at the same time, each with the vehicle configuration it contains,
+    unless --config gives another. Their summaries and rows come in the order given, whatever --jobs is.
 
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error. The exit status is 1 if a recording has no frames, or a wheel that sent samples has no revolution.
@@ -62,9 +64,13 @@ def estimate(
     given = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
     outputs = {kind: path for kind, path in given.items() if path is not None}
     read = (*recordings, config_path, *effects_paths, key_file or default_key_file())
-    check_outputs(outputs.values(), read, force=force)
+    check_outputs([*outputs.values(), html_path], read, force=force)
+    if html_path is not None:
+        from gateway.views.drive_page.drive_page import check_page
+
+        check_page(html_path, force=force)
     orders = [
         EstimateOrder(path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {})
         for path in recordings
     ]
-    run_estimate(orders, outputs, force=force, jobs=jobs)
+    run_estimate(orders, outputs, page=html_path, force=force, jobs=jobs)

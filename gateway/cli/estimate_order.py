@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gateway.reasons import Reason
+    from gateway.views.drive_page.drive import Drive
     from gateway.views.tables.result_table import TableFormat
 
 
@@ -23,6 +24,7 @@ class EstimateOrder:
         key_file: keys of signed frames, None for the user's.
         estimators: names from the registry.
         spools: file for the rows of each table, when another process writes the tables.
+        is_drawn: whether the answer has what a page shows.
     """
 
     path: Path
@@ -31,6 +33,7 @@ class EstimateOrder:
     key_file: Path | None
     estimators: tuple[str, ...]
     spools: Mapping[TableFormat, Path]
+    is_drawn: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +44,10 @@ class RecordingEstimated:
         lines: summary.
         missing: number of links and wheels without a result.
         damage: unreadable parts, None without any.
+        drive: what a page shows of it, None where none is made.
     """
 
     lines: tuple[str, ...]
     missing: int
     damage: Reason | None
+    drive: Drive | None = None

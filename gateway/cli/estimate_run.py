@@ -29,13 +29,19 @@ _BYTES_WORTH_A_PROCESS: Final = 8_000_000
 
 
 def run_estimate(
-    orders: Sequence[EstimateOrder], outputs: Mapping[TableFormat, Path], *, force: bool, jobs: int | None
+    orders: Sequence[EstimateOrder],
+    outputs: Mapping[TableFormat, Path],
+    *,
+    page: Path | None = None,
+    force: bool,
+    jobs: int | None,
 ) -> None:
-    """Estimate recordings, write their tables and print their summaries, in order.
+    """Estimate recordings, write their tables and page and print their summaries, in order.
 
     Args:
         orders: one per recording, without spools.
         outputs: file of each table.
+        page: HTML file for all of them, None for none.
         force: overwrite existing files.
         jobs: maximum number of processes; None to choose it.
 
@@ -49,10 +55,12 @@ def run_estimate(
     from gateway.views.wording import text
 
     # A table on standard output must not be mixed with other lines.
-    say = SummaryOutput(err=any(map(is_stdout, outputs.values())))
+    written = [*outputs.values(), *([page] if page is not None else [])]
+    say = SummaryOutput(err=any(map(is_stdout, written)))
     sizes = [order.path.stat().st_size if order.path.is_file() else 0 for order in orders]
     jobs = min(jobs or _default_jobs(sum(sizes)), len(orders))
-    missing, damaged = 0, []
+    missing, damaged, drives = 0, [], []
+    orders = [replace(order, is_drawn=page is not None) for order in orders]
     with contextlib.ExitStack() as stack:
         tables = {kind: stack.enter_context(open_table(path, kind, force=force)) for kind, path in outputs.items()}
         view = stack.enter_context(progress_view())
@@ -65,12 +73,18 @@ def run_estimate(
             with view.hidden():
                 for line in estimated.lines:
                     say(line)
-            if not outputs:
+            if not written:
                 say.finish()
             missing += estimated.missing
+            if estimated.drive is not None:
+                drives.append(estimated.drive)
             if estimated.damage is not None:
                 damaged.append(text(estimated.damage))
-    for path in outputs.values():
+    if page is not None:
+        from gateway.views.drive_page.drive_page import write_drive_page
+
+        write_drive_page(drives, page, force=force)
+    for path in written:
         if not is_stdout(path):
             say(f"written: {path}")
     if damaged:

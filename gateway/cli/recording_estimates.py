@@ -12,6 +12,7 @@ from gateway.reasons import Code
 from gateway.recording.reference_topic import ReferenceReader
 from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.session.reference_check import ReferenceCheck
+from gateway.views.drive_page.drive import Drive
 from gateway.views.reference_lines import reference_lines
 from gateway.views.session_summary import ResultSummary, effects_line, removed_line, summary_lines
 from gateway.views.tables.result_table import RowMaker
@@ -54,11 +55,14 @@ def estimate_recording(
         on_position=on_position,
     )
     vehicle = recording.vehicle
+    drive = Drive(order.path.name) if order.is_drawn else None
     summary, check, name = ResultSummary(), ReferenceCheck(reader, vehicle), order.path.name
     estimation = RecordingPass(recording, order.estimators, signals=recording.signals())
     for result in estimation:
         check.add(result)
         summary.add(result)
+        if drive is not None:
+            drive.add(result)
         for rows in tables:
             rows.write(result, name)
     on_position(reader.info.size_bytes)
@@ -88,7 +92,9 @@ def estimate_recording(
         if notice.reason.code is Code.NO_REVOLUTION:
             for rows in tables:
                 rows.write_missing(notice.subject, notice.reason, name)
-    return RecordingEstimated(tuple(lines), len(missing), reader.damage)
+    if drive is not None:
+        drive.finish(estimation.wheels, alarms, (*notices, *missing))
+    return RecordingEstimated(tuple(lines), len(missing), reader.damage, drive)
 
 
 def _link_lines(counters: Mapping[str, LinkCounters]) -> Iterator[str]:

@@ -27,7 +27,7 @@ _ESTIMATING: Final = (
 _ROWS: Final = (
     "gateway.session",
     "gateway.fleet:recording_estimation.py",
-    "gateway.fleet:wheel_rows.py",
+    "gateway.views.tables:wheel_rows.py",
     "gateway:table_columns.py",
 )
 _DIAGNOSING: Final = ("gateway.closure",)

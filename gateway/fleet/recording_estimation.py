@@ -21,7 +21,6 @@ from gateway.estimators.estimator import Revolution
 from gateway.estimators.revolution_block import RevolutionArrays
 from gateway.fleet.content_keys import settings_key
 from gateway.fleet.parquet_parts import PartFile
-from gateway.fleet.wheel_rows import WheelRow
 from gateway.pipeline.results import RevolutionResult
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import (
@@ -52,6 +51,7 @@ from gateway.table_columns import (
 from gateway.views.numbers import distinct_name
 from gateway.views.tables.result_table import alarm_fields, row_of
 from gateway.views.tables.table_sinks import Cell
+from gateway.views.tables.wheel_rows import WheelRow
 from gateway.views.text import storable
 from gateway.views.wording import as_json
 

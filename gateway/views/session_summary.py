@@ -214,12 +214,12 @@ def summary_lines(
     """Return a summary as aligned lines: a block for each wheel, the alarms, then a line for each link and output."""
     blocks = [_wheel_lines(wheel) for wheel in wheels] or [["no revolution was completed"]]
     if alarms:
-        blocks.append(["alarms", *map(_alarm_line, alarms)])
+        blocks.append(["alarms", *map(alarm_line, alarms)])
     lines = [line for block in blocks for line in (*block, "")]
     return [*lines, *map(_link_line, links), *map(_sink_line, sinks)] if links else lines[:-1]
 
 
-def _alarm_line(alarm: AlarmRecord) -> str:
+def alarm_line(alarm: AlarmRecord) -> str:
     """Return what was wrong, when and for how long."""
     end = "the end" if alarm.is_standing else f"{fixed(alarm.last_s, 1)} s"
     times = f"from {fixed(alarm.first_s, 1)} s to {end}"

@@ -384,3 +384,12 @@ def test_text_forms_state_units(recording):
     revolution = next(recording.stream("kinematic"))
     assert repr(revolution).startswith("<Revolution 0 of FL: speed ")
     assert "km/h" in revolution._repr_html_()
+
+
+def test_page_is_that_of_estimate(recorded, recording, tmp_path):
+    by_command, by_program = tmp_path / "command.html", tmp_path / "program.html"
+    assert CliRunner().invoke(treadlink, ["estimate", str(recorded), "--html", str(by_command)]).exit_code == 0
+    assert recording.report_html(by_program) == by_command.read_text(encoding="utf-8")
+    assert by_program.read_bytes() == by_command.read_bytes()
+    with pytest.raises(gateway.OutputError, match="already exists"):
+        recording.report_html(by_program)

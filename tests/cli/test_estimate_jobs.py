@@ -9,7 +9,7 @@ from gateway.cli import treadlink
 from gateway.errors import RecordingError
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
-TABLES = ("csv", "json", "parquet")
+TABLES = ("csv", "json", "parquet", "html")
 
 
 @pytest.fixture(scope="module")

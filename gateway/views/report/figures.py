@@ -47,9 +47,10 @@ AFTER: Final = "#101112"
 NOISE: Final = "#131415"
 RESIDUAL: Final = "#161718"
 PAPER: Final = "#191a1b"
+GOOD: Final = "#1c1d1e"
 _VARIABLES: Final = {
     INK: "--ink", QUIET: "--quiet", GRID: "--grid", MEASURED: "--measured", BEFORE: "--before", AFTER: "--after",
-    NOISE: "--noise", RESIDUAL: "--left", PAPER: "--paper",
+    NOISE: "--noise", RESIDUAL: "--left", PAPER: "--paper", GOOD: "--good",
 }  # fmt: skip
 
 _COLOUR: Final = re.compile("|".join(_VARIABLES))

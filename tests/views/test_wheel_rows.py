@@ -7,9 +7,9 @@ import pytest
 from firmware_protocol.messages import Environment
 from gateway.estimators.estimator import Estimate, Status
 from gateway.fleet.recording_estimation import _concerns
-from gateway.fleet.wheel_rows import _Quantity
 from gateway.pipeline.possible_readings import possible_reading
 from gateway.reasons import Code, Reason
+from gateway.views.tables.wheel_rows import _Quantity
 
 DOUBT = Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=15.0)
 

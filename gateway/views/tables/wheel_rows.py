@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Final
 
@@ -15,7 +15,7 @@ from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
 from gateway.table_columns import RECORDING_HEAD, RECORDING_PARTS, RECORDING_TAIL
-from gateway.views.numbers import distinct_name
+from gateway.views.numbers import RENAMED, distinct_name
 from gateway.views.tables.table_sinks import Cell
 from gateway.views.wording import as_json, joined
 
@@ -171,6 +171,11 @@ class WheelRow:
         }
         cells["other_estimates"] = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
         return cells
+
+    def quantities(self) -> Iterator[tuple[str, tuple[Cell, ...]]]:
+        """Yield the name of each estimate, and its cells in the order of RECORDING_PARTS."""
+        for name, collected in self._estimates.items():
+            yield name.removeprefix(RENAMED), collected.cells()
 
     def _stated(self) -> dict[str, Cell]:
         """Return what the configuration states of the tire, and when the hub's clock was zero."""

@@ -1,0 +1,242 @@
+"""A drive as one self-contained HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from gateway import __version__
+from gateway.estimators.estimator import Status
+from gateway.table_columns import RECORDING_PARTS
+from gateway.views.drive_page.drive import Drive, DriveWheel
+from gateway.views.drive_page.drive_figures import Line, begin_ns, drawn_quantities, lines_of, quantity_figure
+from gateway.views.html_template import html_template
+from gateway.views.numbers import MISSING, STATUS_MARKS, duration, fixed, round_to_error, split_name
+from gateway.views.output_file import check_target, write_whole
+from gateway.views.readout import DISTANCE
+from gateway.views.report.figures import inline_svg, report_style, require_report_packages
+from gateway.views.session_summary import alarm_line
+from gateway.views.tables.result_table import iso_utc
+from gateway.views.tables.table_sinks import Cell
+from gateway.views.text import clean, counted
+from gateway.views.wording import notice_text
+
+if TYPE_CHECKING:
+    import jinja2
+
+_PACKAGE: Final = "gateway.views.drive_page"
+_TEMPLATE: Final = "drive_page.html.j2"
+# Scatter over the standard error from which one number does not describe the drive.
+_VARIES: Final = 5.0
+# Times before it are no dates: the clock of a hub counts from its start.
+_FIRST_DATE_NS: Final = 10**17
+_STYLE: Final = ("gateway.views.report", "closure_report.css")
+
+
+class _Value(NamedTuple):
+    """A cell of the table of means: text, second line, and whether it is to be used with care."""
+
+    text: str
+    small: str
+    is_doubtful: bool
+
+
+class _Section(NamedTuple):
+    """What the page shows of one recording; the template escapes all text except drawings."""
+
+    id: str
+    title: str
+    facts: str
+    wheels: list[str]
+    glance: list[tuple[str, list[str]]]
+    means: list[tuple[str, str, list[_Value]]]
+    notes: list[tuple[str, str, str]]
+    messages: list[str]
+    drawings: list[tuple[Any, str]]
+    drawn: str
+
+
+def check_page(path: Path, *, force: bool = False) -> None:
+    """Fail before the work if a page cannot be made.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing, the file exists and `force` is not set, or it cannot be written.
+    """
+    require_report_packages()
+    check_target(path, force=force)
+
+
+def write_drive_page(drives: Sequence[Drive], path: Path, *, force: bool = False) -> None:
+    """Write recordings as one HTML file, whole or not at all.
+
+    Raises:
+        OutputError: as `check_page`.
+    """
+    write_whole(path, drive_page(drives), force=force)
+
+
+def drive_page(drives: Sequence[Drive]) -> str:
+    """Return recordings as an HTML page without scripts and external resources; deterministic.
+
+    Raises:
+        OutputError: matplotlib or jinja2 is missing.
+    """
+    from markupsafe import Markup
+
+    require_report_packages()
+    package, name = _STYLE
+    style = Markup(resources.files(package).joinpath(name).read_text(encoding="utf-8"))  # our own file
+    with report_style():
+        sections = [_section(f"r{number}", drive) for number, drive in enumerate(drives)]
+    title = drives[0].name if len(drives) == 1 else counted(len(drives), "recording")
+    return _template().render(version=__version__, style=style, title=title, sections=sections)
+
+
+@cache
+def _template() -> jinja2.Template:
+    return html_template(_PACKAGE, _TEMPLATE)
+
+
+def _section(identity: str, drive: Drive) -> _Section:
+    wheels = list(drive.wheels)
+    rows = {position: wheel.row.cells(wheel.state, ()) for position, wheel in drive.wheels.items()}
+    means, notes = _means(drive)
+    return _Section(
+        id=identity,
+        title=drive.name,
+        facts=_facts(drive),
+        wheels=wheels,
+        glance=[
+            (label, [text(rows[position]) for position in wheels])
+            for label, text in _GLANCE
+            if any(text(row) != MISSING for row in rows.values())
+        ],
+        means=means,
+        notes=notes,
+        messages=[
+            *(clean(notice_text(notice)) for notice in drive.notices),
+            *(clean(alarm_line(alarm).strip()) for alarm in drive.alarms),
+        ],
+        drawings=list(_drawings(identity, drive)),
+        drawn=_drawn(drive.wheels.values()),
+    )
+
+
+def _facts(drive: Drive) -> str:
+    parts = [counted(len(drive.wheels), "wheel")]
+    if drive.wheels:
+        first_ns, last_ns = begin_ns(drive), max(wheel.points[-1].time_ns for wheel in drive.wheels.values())
+        if first_ns > _FIRST_DATE_NS:
+            parts.append(f"{iso_utc(first_ns)[:19].replace('T', ' ')} UTC")
+        parts.append(duration((last_ns - first_ns) * 1e-9))
+    return " · ".join(parts)
+
+
+def _number(cells: dict[str, Cell], name: str) -> float:
+    value = cells.get(name)
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _stated(cells: dict[str, Cell], name: str) -> str:
+    """Return a condition with its error and unit."""
+    unit = split_name(name)[1]
+    stem, _, suffix = name.rpartition("_")
+    value, std = (_number(cells, column) * unit.factor for column in (name, f"{stem}_std_{suffix}"))
+    text = round_to_error(value, std).joined()
+    return text if text == MISSING else f"{text} {unit.symbol}"
+
+
+def _spread(cells: dict[str, Cell], names: Sequence[str]) -> str:
+    """Return the mean of a quantity with its least and its greatest value."""
+    unit = split_name(names[0])[1]
+    mean, least, most = (fixed(_number(cells, name), 1, unit.factor) for name in names)
+    return mean if mean == MISSING else f"{mean} {unit.symbol}, {least} to {most}"
+
+
+def _revolutions(cells: dict[str, Cell]) -> str:
+    count, valid = cells["revolutions"], cells["revolutions_valid"]
+    return str(count) if count == valid else f"{count}, {valid} without a fault"
+
+
+def _lost(cells: dict[str, Cell]) -> str:
+    samples, lost = _number(cells, "samples"), _number(cells, "samples_lost")
+    return MISSING if not samples + lost > 0.0 else f"{100.0 * lost / (samples + lost):.3g} %"
+
+
+_PARTS: Final = ("mean", "min", "max")
+_TEMPERATURES: Final = ("temperature_degc", "temperature_min_degc", "temperature_max_degc")
+_GLANCE: Final[tuple[tuple[str, Callable[[dict[str, Cell]], str]], ...]] = (
+    ("revolutions", _revolutions),
+    ("distance", lambda cells: f"{fixed(_number(cells, 'distance_m'), 1)} m"),
+    ("speed, mean and span", lambda cells: _spread(cells, [f"speed_{part}_mps" for part in _PARTS])),
+    ("load, stated", lambda cells: _stated(cells, "load_n")),
+    ("pressure", lambda cells: _stated(cells, "pressure_pa")),
+    ("temperature, mean and span", lambda cells: _spread(cells, _TEMPERATURES)),
+    ("belt radius", lambda cells: _stated(cells, "radius_m")),
+    ("samples lost", _lost),
+)
+
+
+def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tuple[str, str, str]]]:
+    """Return rows of quantity, unit and the wheels' means, and notes of wheels, quantities and reason."""
+    rows: dict[str, dict[str, _Value]] = {}
+    reasons: dict[str, dict[str, list[str]]] = {}
+    for position, wheel in drive.wheels.items():
+        for name, values in wheel.row.quantities():
+            if name == DISTANCE:
+                continue
+            label, unit = split_name(name)
+            cells: dict[str, Cell] = dict(zip(RECORDING_PARTS, values, strict=True))
+            status, reason = Status(str(cells["_status"])), str(cells["_reason"])
+            value, std, scatter = (_number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
+            rows.setdefault(name, {})[position] = _value(value, std, scatter, status)
+            if reason:
+                reasons.setdefault(reason, {}).setdefault(position, []).append(label)
+    absent = _Value(MISSING, "", False)
+    table = [
+        (*(split_name(name)[0], split_name(name)[1].symbol), [row.get(position, absent) for position in drive.wheels])
+        for name, row in rows.items()
+    ]
+    return table, list(_notes(reasons))
+
+
+def _value(value: float, std: float, scatter: float, status: Status) -> _Value:
+    """Return the mean and the scatter of a quantity; what driving changes has no mean that describes it."""
+    if status is Status.INVALID:
+        return _Value(MISSING, "", True)
+    size = round_to_error(scatter, scatter)
+    small = f"scatter {size.error}{size.power}" if size.error else ""
+    if scatter > _VARIES * std:
+        return _Value("varies", small, False)
+    text = f"{round_to_error(value, std).joined()} {STATUS_MARKS[status]}".strip()
+    return _Value(text, small, status is not Status.VALID)
+
+
+def _notes(reasons: dict[str, dict[str, list[str]]]) -> Iterator[tuple[str, str, str]]:
+    """Yield the wheels and the quantities of each reason."""
+    for reason, of_wheels in reasons.items():
+        alike: dict[tuple[str, ...], list[str]] = {}
+        for position, labels in of_wheels.items():
+            alike.setdefault(tuple(labels), []).append(position)
+        for labels, wheels in alike.items():
+            yield clean(", ".join(wheels)), ", ".join(labels), clean(reason)
+
+
+def _drawings(identity: str, drive: Drive) -> Iterator[tuple[Any, str]]:
+    from markupsafe import Markup
+
+    start_ns = begin_ns(drive)
+    for number, name in enumerate(drawn_quantities(drive)):
+        lines: list[Line] = lines_of(drive, name, start_ns)
+        figure = quantity_figure(name, lines)
+        # Matplotlib escapes what it draws.
+        svg = Markup(inline_svg(figure, f"{identity}-{number}"))
+        yield svg, f"{split_name(name)[0]} over time of {', '.join(line.position for line in lines)}"
+
+
+def _drawn(wheels: Iterable[DriveWheel]) -> str:
+    stride = max((wheel.stride for wheel in wheels), default=1)
+    return "" if stride == 1 else f"One of {stride} revolutions is drawn."
