@@ -243,7 +243,15 @@ RECORDING_HEAD: Final = by_name(
     Column("damage", "what of the file could not be read, as JSON; null when all was read", str),
 )
 RECORDING_TAIL: Final = by_name(
+    Column("test", "name of the test as stated", str),
+    Column("driver", "driver as stated", str),
+    Column("comment", "comments on the run, one a line", str),
+    Column("tags", "tags of the run, as a JSON list", str),
     Column("tire_size", "tire size as stated", str),
+    Column("tire_maker", "maker of the tire as stated", str),
+    Column("tire_dot", "DOT code of the tire as stated", str),
+    Column("tire_wear_m", "wear of the tire as stated with the run"),
+    Column("tire_run_in_m", "distance the tire had run before, as stated"),
     Column("size_bytes", "size of the file", int),
     Column("version", "version of treadlink that estimated it", str),
     Column("other_estimates", "estimates that the dataset has no columns for, as JSON", str),

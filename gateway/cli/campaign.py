@@ -13,6 +13,7 @@ import click
 
 from gateway.cli import exit_status
 from gateway.cli.options import FiniteRange, config_option, effects_option, keys_option
+from gateway.cli.run_options import where_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import CAMPAIGN_ESTIMATORS, estimator_names, in_order
@@ -22,6 +23,7 @@ from gateway.views.wording import text
 if TYPE_CHECKING:
     from gateway.fleet.campaign_run import CampaignProgress
     from gateway.fleet.recording_estimation import Failure
+    from gateway.recording.run_description import RunFilter
 
 _LINE_EVERY_NS: Final = 30_000_000_000
 _LISTED_FAILURES: Final = 20
@@ -76,6 +78,7 @@ _GB: Final = 1e9
     help="Use the workers of a dask scheduler instead, such as tls://10.0.0.5:8786. It can run programs as you.",
 )
 @click.option("--retry", is_flag=True, help="Try recordings again that failed before and have not changed.")
+@where_option
 @keys_option
 @effects_option
 def campaign(
@@ -89,6 +92,7 @@ def campaign(
     memory_gb: float,
     scheduler: str | None,
     retry: bool,
+    where: RunFilter,
     key_file: Path | None,
     effects_paths: tuple[Path, ...],
 ) -> None:
@@ -133,7 +137,7 @@ def campaign(
     from gateway.fleet.worker_tasks import WorkerTasks
     from gateway.session.effects_opening import open_effects_file
 
-    recording_paths = find_recordings(paths)
+    recording_paths = find_recordings(paths, where)
     key_file = key_file.resolve() if key_file is not None else None  # workers have other working folders
     chosen = tuple(in_order(estimators or CAMPAIGN_ESTIMATORS))
     vehicle = load_vehicle(config_path) if config_path is not None else None

@@ -33,6 +33,8 @@ def inspection_lines(inspection: Inspection, notices: Sequence[Notice]) -> Itera
         version = f" by treadlink {info.treadlink}" if info.treadlink else ""
         yield f"  started {utc_text(info.start_ns)}{version} from {', '.join(info.sources) or 'an unknown source'}"
     yield "  vehicle configuration: " + ("included" if info.vehicle_toml else "none")
+    for line in info.described_run().lines():
+        yield f"  {line}"
     for name, link in inspection.links.items():
         yield ""
         yield from _link_lines(name, link, begin, end)
@@ -203,6 +205,7 @@ def inspection_json(inspection: Inspection, notices: Sequence[Notice]) -> dict[s
         "treadlink": info.treadlink,
         "start_ns": info.start_ns,
         "sources": list(info.sources),
+        "run": info.described_run().as_dict(),
         "duration_s": (end - begin) * 1e-9,
         "links": {name: _link_json(link) for name, link in inspection.links.items()},
         "notices": [

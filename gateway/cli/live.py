@@ -21,11 +21,13 @@ from gateway.cli.options import (
     split_option,
     web_option,
 )
+from gateway.cli.run_options import run_options
 from gateway.cli.stop_signals import StopRequest, stop_request
 
 if TYPE_CHECKING:
     from gateway.cli.session_setup import RunningSession
     from gateway.pipeline.results import SessionSnapshot
+    from gateway.recording.run_description import RunDescription
     from gateway.session.live import LiveSession
 
 
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
 @keys_option
 @estimator_option
 @effects_option
+@run_options
 def live(
     sources: tuple[str, ...],
     config_path: Path | None,
@@ -60,6 +63,7 @@ def live(
     key_file: Path | None,
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
+    run: RunDescription,
 ) -> None:
     """Show live estimates of the wheels at SOURCE...
 
@@ -79,6 +83,8 @@ def live(
 
     if split is not None and record is None:
         raise click.UsageError("--split needs --record.")
+    if run and record is None and not web and not any(uri.startswith("web:") for uri in publish):
+        raise click.UsageError("--test, --driver, --tire, --comment and --tag are for a recording: give --record.")
 
     with stop_request() as stop:
         session = start_session(
@@ -90,6 +96,7 @@ def live(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
+            run=run,
             publish=(*publish, PAGE_URI) if web else publish,
         )
         show_session(session, stop, plain=plain)

@@ -16,11 +16,13 @@ from gateway.cli.options import (
     keys_option,
     split_option,
 )
+from gateway.cli.run_options import run_options
 from gateway.cli.stop_signals import StopRequest, stop_request
 
 if TYPE_CHECKING:
     from gateway.cli.session_setup import RunningSession
     from gateway.pipeline.results import SessionSnapshot
+    from gateway.recording.run_description import RunDescription
 
 _POLL_S: Final = 0.1
 
@@ -42,6 +44,7 @@ _POLL_S: Final = 0.1
 @keys_option
 @estimator_option
 @effects_option
+@run_options
 def record(
     sources: tuple[str, ...],
     out: Path,
@@ -52,6 +55,7 @@ def record(
     key_file: Path | None,
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
+    run: RunDescription,
 ) -> None:
     """Record SOURCE... until Ctrl-C, the end of the source, or --duration.
 
@@ -70,6 +74,7 @@ def record(
             key_file=key_file,
             effects_paths=effects_paths,
             duration_s=duration_s,
+            run=run,
         )
         with ending(session, stop, needs_revolutions=False):
             _watch(session, stop)

@@ -21,6 +21,7 @@ from gateway.io.source import parse_source_uri
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting, parse_sink_uri
 from gateway.reasons import Notice
+from gateway.recording.run_description import NO_DESCRIPTION, RunDescription
 from gateway.recording.split_writer import Split, SplitWriter
 from gateway.security.key_file import default_key_file
 from gateway.session.live import LiveSession
@@ -100,6 +101,7 @@ def start_session(
     publish: Sequence[str] = (),
     split: Split | None = None,
     clock: Clock | None = None,
+    run: RunDescription = NO_DESCRIPTION,
 ) -> RunningSession:
     """Open sources, configuration, recording and live outputs, and start the session.
 
@@ -129,6 +131,7 @@ def start_session(
             effects_paths=effects_paths,
             duration_s=duration_s,
             publish=opened_outputs,
+            run=run,
         )
     except BaseException:
         for publisher in publishers:

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gateway.cli.options import force_option
+from gateway.cli.run_options import where_option
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
+
+if TYPE_CHECKING:
+    from gateway.recording.run_description import RunFilter
 
 
 @click.command()
@@ -38,6 +43,7 @@ from gateway.views.output_file import check_outputs, is_stdout, write_whole
     metavar="FILE",
     help="Write a table of all numbers to this CSV file.",
 )
+@where_option
 @force_option
 def trends(
     dataset: Path,
@@ -45,6 +51,7 @@ def trends(
     html_path: Path | None,
     json_path: Path | None,
     csv_path: Path | None,
+    where: RunFilter,
     force: bool,
 ) -> None:
     """Report how the tires and sensors of DATASET change, which `treadlink campaign` has made.
@@ -72,7 +79,7 @@ def trends(
     from gateway.views.trend_report.trend_tables import trend_lines, trends_csv, trends_json
 
     odometer = read_odometer(odometer_path) if odometer_path is not None else None
-    histories = read_histories(dataset, odometer)
+    histories = read_histories(dataset, odometer, where=where)
     fleet_trends = analyse(
         histories.tires, recordings=histories.recordings, failures=histories.failures, notes=histories.notes
     )

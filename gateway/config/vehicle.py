@@ -65,6 +65,17 @@ class Vehicle(Section):
     )
 
 
+class TestRun(Section):
+    """`[test]`: what the recordings are made of; the options of `record` and `live` replace it."""
+
+    __test__ = False  # no test of pytest
+
+    name: str | None = Field(default=None, max_length=2000, description="name of the test")
+    driver: str | None = Field(default=None, max_length=2000, description="who drives")
+    comment: str | None = Field(default=None, max_length=2000, description="comment on the run")
+    tags: tuple[str, ...] | None = Field(default=None, strict=False, description="words to select recordings by")
+
+
 class Reference(Section):
     """`[tire.reference]`: the four dimensionless numbers of the new tire, as written by `treadlink calibrate`."""
 
@@ -158,6 +169,9 @@ class Tire(Section):
     """`[tire]`: the tire of every wheel; `[wheel.tire]`: the deviations of one wheel from it."""
 
     size: str | None = Field(default=None, description="tire size, such as 205/55 R16; of use is only the rim")
+    maker: str | None = Field(default=None, max_length=2000, description="maker and model of the tire")
+    dot: str | None = Field(default=None, max_length=2000, description="DOT code of the tire, or its date")
+    run_in_km: float | None = Field(default=None, ge=0, le=1e6, description="distance the tire has run before in km")
     radius_mm: float | None = Field(
         default=None, ge=100, le=1200, description="belt radius in mm: rolling circumference / (2 pi)"
     )
@@ -452,6 +466,7 @@ class VehicleConfig(Section):
     """The configuration of one vehicle or test rig."""
 
     vehicle: Vehicle = Field(default=Vehicle(), description="the vehicle or test rig")
+    test: TestRun = Field(default=TestRun(), description="the test run: name, driver, comment and tags")
     tire: Tire = Field(default=Tire(), description="the tire of every wheel")
     axle: tuple[Axle, ...] = Field(default=(), strict=False, description="axles weighed as a whole")
     wheel: tuple[Wheel, ...] = Field(

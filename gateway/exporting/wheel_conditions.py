@@ -18,6 +18,7 @@ from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, Reason
 from gateway.recording.reader import REPAIR_REMEDY
 from gateway.recording.recorded_file import RawDump, RecordedFile
+from gateway.recording.run_description import RunDescription, TireIdentity
 from gateway.session.recorded_signals import SignalBlock, signals
 from gateway.session.recording_pass import OpenedRecording
 from gateway.session.wheel_identity import configured
@@ -187,6 +188,7 @@ def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecordin
     yield Condition("start_ns", seen.start_ns, "ns")
     yield Condition("clock", "computer" if seen.has_arrivals else "hub")
     yield Condition("wheel", wheel.position)
+    yield from _run(info.described_run(), wheel.position)
     if vehicle is not None:
         yield Condition("vehicle", vehicle.name, "", stated)
         if vehicle.vehicle.assumed:
@@ -200,6 +202,24 @@ def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecordin
     yield Condition("duration_s", (wheel.end_ns - wheel.start_ns) * 1e-9, "s")
     yield from _tire(setup, vehicle, wheel, stated)
     yield from _environment(setup, wheel, stated, by_sensor)
+
+
+def _run(run: RunDescription, position: str) -> Iterator[Condition]:
+    """Yield what is stated of the test run and of the tire at a wheel."""
+    tire = run.tires.get(position, TireIdentity())
+    for name, value in (
+        ("test", run.test),
+        ("driver", run.driver),
+        ("comment", run.comment),
+        ("tags", ", ".join(run.tags)),
+        ("tire_maker", tire.maker),
+        ("tire_dot", tire.dot),
+    ):
+        if value:
+            yield Condition(name, value, "", text(Reason(Code.FROM_RECORDING)))
+    for name, length_m in (("tire_wear_m", tire.wear_m), ("tire_run_in_m", tire.run_in_m)):
+        if length_m is not None:
+            yield Condition(name, length_m, "m", text(Reason(Code.FROM_RECORDING)))
 
 
 def _tire(

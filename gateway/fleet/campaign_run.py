@@ -25,10 +25,13 @@ from gateway.fleet.recording_estimation import (
 from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent, read_content
+from gateway.recording.reader import RecordingReader
+from gateway.recording.run_description import EVERY_RUN, RunFilter
 from gateway.views.wording import text
 
 _POLL_S: Final = 0.1
 _READ_AHEAD: Final = 64
+_NAMED_TESTS: Final = 10
 
 
 @dataclass(slots=True)
@@ -302,11 +305,15 @@ def _remedy(reason: Reason) -> str:
     return "Run it alone with `treadlink estimate` to see why."
 
 
-def find_recordings(paths: Sequence[Path]) -> list[Path]:
+def find_recordings(paths: Sequence[Path], where: RunFilter = EVERY_RUN) -> list[Path]:
     """Return the absolute paths of files as given, and of all `.mcap` files in folders, each once.
 
+    Args:
+        paths: of files and folders.
+        where: what the description of a run must be.
+
     Raises:
-        RecordingError: a path does not exist, or there is no recording.
+        RecordingError: a path does not exist, or there is no recording; or none that `where` selects.
     """
     recordings: dict[Path, None] = {}
     for path in paths:
@@ -321,7 +328,28 @@ def find_recordings(paths: Sequence[Path]) -> list[Path]:
             f"no recording in {', '.join(map(repr, map(str, paths)))}",
             "Recordings in folders are found by their ending, .mcap.",
         )
-    return list(recordings)
+    return _selected(list(recordings), where)
+
+
+def _selected(paths: list[Path], where: RunFilter) -> list[Path]:
+    """Return the recordings whose description fits; what is no recording has none."""
+    if not where.conditions:
+        return paths
+    selected, tests = [], set()
+    for path in paths:
+        try:
+            info = RecordingReader(path).info
+        except RecordingError:
+            continue
+        run = info.described_run()
+        tests.add(run.test)
+        if where.matches(run):
+            selected.append(path)
+    if not selected:
+        tests.discard("")
+        named = ", ".join(sorted(tests)[:_NAMED_TESTS]) or "no recording names its test"
+        raise RecordingError(f"none of {len(paths)} recordings fits {where}", f"Their tests are: {named}.")
+    return selected
 
 
 def _resolved(path: Path) -> Path:

@@ -27,6 +27,7 @@ from gateway.fleet.repeated_drives import Row, without_repeats
 from gateway.quantity import Statement
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code, Reason
+from gateway.recording.run_description import EVERY_RUN, RunDescription, RunFilter, TireIdentity, read_notes
 from gateway.trends.tire_history import TireHistory
 from gateway.types import FloatArray
 
@@ -39,16 +40,18 @@ _PLAIN: Final = (
     "load_calibration", "faults", "alarms", "damage",
     "speed_mean_mps", "load_n", "load_std_n", "pressure_pa", "pressure_measured", "temperature_degc", "noise_mps2",
     "samples", "samples_lost", "samples_saturated", "mounting_offset_m", "mounting_offset_std_m",
+    "test", "driver", "comment", "tags", "tire_maker", "tire_dot",
 )  # fmt: skip
 _ESTIMATES: Final = tuple(quantity.column for quantity in declared() if quantity.watch is not None or quantity.compared)
 _TIMES: Final = ("start_utc", "begin_utc", "end_utc", "hub_zero_utc")
 _TEXT: Final = frozenset(
     {"recording_id", "recording", "path", "position", "sensor_id", "reference", "load_calibration", "faults", "alarms",
-     "damage", *_TIMES}
+     "damage", "test", "driver", "comment", "tags", "tire_maker", "tire_dot", *_TIMES}
 )  # fmt: skip
 # Columns without which a file is no table of recordings.
 _NEEDED: Final = ("recording_id", "recording", "path", "position", "sensor_id", "start_utc")
 _NAMED_REPEATS: Final = 5
+_POSITION: Final = "wheel"  # of a row, which has one
 # Other spellings that parsers of dates take, such as 20260101, may be meant as something else.
 _DATE: Final = re.compile(
     r"\d{4}-\d{2}-\d{2}(?:[T ]\d{2}:\d{2}(?::\d{2}(?:\.\d{1,9})?)?(?:Z|[+-]\d{2}:\d{2})?)?", re.ASCII
@@ -78,7 +81,13 @@ class DatasetHistories:
     notes: tuple[Reason, ...]
 
 
-def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock | None = None) -> DatasetHistories:
+def read_histories(
+    root: Path,
+    odometer: Odometer | None = None,
+    *,
+    clock: Clock | None = None,
+    where: RunFilter = EVERY_RUN,
+) -> DatasetHistories:
     """Read the table of recordings.
 
     A recording whose clock cannot be right is left out: alone it would decide every trend over time and distance.
@@ -87,6 +96,7 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
         root: folder of the dataset.
         odometer: readings by vehicle.
         clock: tells the present time, after which no recording began.
+        where: what the description of a run must be.
 
     Raises:
         OutputError: there is no dataset, or it has no recordings whose clock was right.
@@ -99,7 +109,7 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
     rows: dict[tuple[str, str, str], list[Row]] = defaultdict(list)
     notes: list[Reason] = []
     read: set[str] = set()
-    of_wrong_clock = 0
+    described = of_wrong_clock = 0
     for path in files:
         key = Key.of_name(path.name)
         if key is None or key.recording_id in read:
@@ -108,6 +118,10 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
         file_rows = read_rows(path, names, _NEEDED)
         if file_rows is None:
             notes.append(Reason(Code.TREND_UNREADABLE_FILE, path=str(path)))
+            continue
+        described += len(file_rows)
+        file_rows = [row for row in file_rows if not where.conditions or where.matches(_run(row), _POSITION)]
+        if where.conditions and not file_rows:
             continue
         vehicle = unquote(path.parent.parent.name.removeprefix("vehicle="))
         read.add(key.recording_id)
@@ -118,6 +132,10 @@ def read_histories(root: Path, odometer: Odometer | None = None, *, clock: Clock
             continue
         for row in file_rows:
             rows[vehicle, str(row["position"]), str(row["sensor_id"] or "")].append(row)
+    if where.conditions and described and not rows and not of_wrong_clock:
+        raise OutputError(
+            f"no recording of the dataset '{root}' fits {where}", "Its columns test, driver and tags say what there is."
+        )
     if not rows and of_wrong_clock:
         others = (
             f"; in the other {len(read) - of_wrong_clock} no wheel sent samples" if of_wrong_clock < len(read) else ""
@@ -270,6 +288,16 @@ def _history(
             Statement.CALIBRATION: tuple(str(row.get("load_calibration") or "") for row in rows),
         },
     )
+
+
+def _run(row: Row) -> RunDescription:
+    """Return the description of a row's run; notes beside the recording may be later than the dataset."""
+    run = RunDescription(
+        *(str(row.get(name) or "") for name in ("test", "driver", "comment")),
+        tuple(map(str, json.loads(row.get("tags") or "[]"))),
+        {_POSITION: TireIdentity(str(row.get("tire_maker") or ""), str(row.get("tire_dot") or ""))},
+    )
+    return run.with_notes(read_notes(Path(str(row["path"]))))
 
 
 def _doubt(row: Row, name: str) -> str:

@@ -37,6 +37,7 @@ from gateway.plugins import PluginGroup, installed
 from gateway.reasons import Code, Notice, Reason
 from gateway.recording.file_content import FileContent
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
+from gateway.recording.run_description import RunDescription, TireIdentity
 from gateway.session.provenance import Quantity, is_assumed
 from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.session.wheel_identity import configured
@@ -370,6 +371,7 @@ def _recording_rows(
     sensors = {position: _sensor_text(estimation.sensors.at(vehicle, position)) for position in positions}
     path = order.folder / f"{order.token}.{RECORDINGS}.parquet"
     statements = estimation.statements.contradictions()
+    run = reader.info.described_run()
     with PartFile(path, recording_columns(names), RECORDINGS) as part:
         for position in positions:
             wheel = configured(vehicle, position)
@@ -406,6 +408,7 @@ def _recording_rows(
                 "damage": _json(as_json(reader.damage)) if reader.damage is not None else None,
                 "stated_radius_m": _stated_radius_m(vehicle, wheel),
                 "tire_size": vehicle.tire_of(wheel).size if vehicle is not None and wheel is not None else None,
+                **_run_cells(run, position),
                 "size_bytes": content.size_bytes,
                 "version": __version__,
             }
@@ -425,6 +428,24 @@ def _recording_rows(
         damage=reader.damage,
         peak_bytes=_peak_bytes(),
     )
+
+
+def _run_cells(run: RunDescription, position: str) -> dict[str, Cell]:
+    """Return the cells of a run's description for the wheel at `position`."""
+    tire = run.tires.get(position, TireIdentity())
+    texts = {
+        "test": run.test,
+        "driver": run.driver,
+        "comment": run.comment,
+        "tags": _json(list(run.tags)),
+        "tire_maker": tire.maker,
+        "tire_dot": tire.dot,
+    }
+    return {
+        **{name: storable(text) if text else None for name, text in texts.items()},
+        "tire_wear_m": tire.wear_m,
+        "tire_run_in_m": tire.run_in_m,
+    }
 
 
 def _stated_radius_m(vehicle: VehicleConfig | None, wheel: Wheel | None) -> float | None:

@@ -44,6 +44,7 @@ from gateway.recording.mcap_records import (
     walk,
 )
 from gateway.recording.regular_file import open_regular
+from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, parse_description, read_notes
 from gateway.recording.writing_lock import is_being_written
 
 # Those of `import`, which is a layer above, and the first bytes of its formats that have some.
@@ -83,6 +84,7 @@ class RecordingInfo:
         sources: URIs of the sources.
         vehicle_toml: vehicle configuration of the session.
         dbc_text: DBC file of the vehicle bus, None without one.
+        run: description of the test run as recorded, without later notes.
     """
 
     path: Path
@@ -94,6 +96,15 @@ class RecordingInfo:
     vehicle_toml: str | None = None
     dbc_text: str | None = None
     in_progress: bool = False
+    run: RunDescription = NO_DESCRIPTION
+
+    def described_run(self) -> RunDescription:
+        """Return the description of the run with the notes that were added afterwards.
+
+        Raises:
+            RecordingError: the notes cannot be read.
+        """
+        return self.run.with_notes(read_notes(self.path))
 
 
 class RecordingReader:
@@ -394,4 +405,5 @@ def _describe(path: Path, size: int, finished: bool, in_progress: bool, entries:
         vehicle_toml=entries.get("vehicle_toml"),
         dbc_text=recorded_dbc(entries),
         in_progress=in_progress,
+        run=parse_description(entries.get("run", "{}")),
     )

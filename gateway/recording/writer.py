@@ -31,6 +31,7 @@ from gateway.recording.mcap_layout import (
     raw_topic,
     seal,
 )
+from gateway.recording.run_description import RunDescription
 from gateway.recording.schemas import TopicSchema, schema_of
 
 FLUSH_INTERVAL_NS: Final = 100_000_000
@@ -77,6 +78,7 @@ class RecordingWriter:
         vehicle_toml: str | None = None,
         sources: Sequence[str] = (),
         dbc_text: str | None = None,
+        run: RunDescription | None = None,
     ) -> None:
         """Create the file.
 
@@ -86,6 +88,7 @@ class RecordingWriter:
             vehicle_toml: text of the vehicle configuration.
             sources: URIs of the sources, for information.
             dbc_text: DBC file of the vehicle bus.
+            run: description of the test run.
 
         Raises:
             RecordingError: the file exists, or cannot be created.
@@ -107,6 +110,8 @@ class RecordingWriter:
             self._session["vehicle_toml"] = vehicle_toml
         if dbc_text is not None:
             self._session |= dbc_metadata(dbc_text)
+        if run:
+            self._session["run"] = run.to_json()
         self._session = seal(self._session)
         try:
             self._output.add_metadata(SESSION_METADATA, self._session)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from gateway.clock import Clock
@@ -15,6 +16,7 @@ from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
 from gateway.reasons import Reason
 from gateway.recording.replay_source import ReplaySource
+from gateway.recording.run_description import NO_DESCRIPTION, RunDescription
 from gateway.recording.split_writer import Split, SplitWriter
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
@@ -24,6 +26,7 @@ from gateway.session.effects_opening import open_effects
 from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import disk_watch_of
+from gateway.session.run_statement import stated_run, with_given_wear
 from gateway.session.signal_decoding import open_decoder
 from gateway.views.session_summary import ResultSummary
 
@@ -73,6 +76,7 @@ def open_session(
     effects_paths: Sequence[Path] = (),
     duration_s: float | None = None,
     publish: Callable[[Sequence[str]], Publication | None] = lambda _: None,
+    run: RunDescription = NO_DESCRIPTION,
 ) -> OpenedSession:
     """Open sources, configuration and recording, and start the session.
 
@@ -88,6 +92,7 @@ def open_session(
         effects_paths: files of known effects.
         duration_s: limit of the time of the data, and of waiting for a silent hub.
         publish: opens the live outputs, given the configured positions; the last step that can fail.
+        run: description of the test run, which replaces that of the configuration.
 
     Raises:
         TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
@@ -97,7 +102,8 @@ def open_session(
     try:
         sources += [open_source(uri, clock) for uri in uris]
         replays = tuple(source for source in sources if isinstance(source, ReplaySource))
-        vehicle = choose([source.vehicle_toml for source in sources])
+        vehicle = with_given_wear(choose([source.vehicle_toml for source in sources]), run)
+        stated = stated_run(vehicle, run)
         effects = open_effects(effects_paths, vehicle)
         # Files and simulations repeat frames, so they neither check nor advance the counters against replay.
         guard = open_guard(vehicle, key_file, remembers=all(map(is_live, uris)))
@@ -110,7 +116,8 @@ def open_session(
         # The policy `warn` is for a time in which not every hub signs yet.
         may_be_unsigned = guard is not None and not guard.requires
         sources = [with_commands(source, clock, keys, may_be_unsigned=may_be_unsigned) for source in sources]
-        recorder = _open_recorder(record, split, clock, vehicle, uris, dbc_text) if record is not None else None
+        open_recorder = partial(_open_recorder, clock=clock, vehicle=vehicle, uris=uris, dbc_text=dbc_text, run=stated)
+        recorder = open_recorder(record, split) if record is not None else None
         folder = Path() if record is None else record.parent if record.suffix == ".mcap" else record
         summary = ResultSummary()
         live = LiveSession(
@@ -126,9 +133,7 @@ def open_session(
             effects=effects,
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
-            open_recorder=(
-                None if all(is_replay) else lambda: _open_recorder(folder, None, clock, vehicle, uris, dbc_text)
-            ),
+            open_recorder=None if all(is_replay) else lambda: open_recorder(folder, None),
         )
         live.start()
     except BaseException:
@@ -143,10 +148,12 @@ def open_session(
 def _open_recorder(
     path: Path,
     split: Split | None,
+    *,
     clock: Clock,
     vehicle: VehicleConfig | None,
     uris: Sequence[str],
     dbc_text: str | None,
+    run: RunDescription,
 ) -> RecordingWriter | SplitWriter:
     if path.suffix != ".mcap":
         try:
@@ -158,7 +165,7 @@ def _open_recorder(
     toml = vehicle.to_toml() if vehicle is not None else None
 
     def opened(target: Path, start_ns: int) -> RecordingWriter:
-        return RecordingWriter(target, start_ns=start_ns, vehicle_toml=toml, sources=uris, dbc_text=dbc_text)
+        return RecordingWriter(target, start_ns=start_ns, vehicle_toml=toml, sources=uris, dbc_text=dbc_text, run=run)
 
     start_ns = clock.now_ns()
     return opened(path, start_ns) if split is None else SplitWriter(opened, path, start_ns, split)

@@ -1,0 +1,120 @@
+"""A run is described by options and the vehicle file, and found by its description."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from gateway.cli import treadlink
+from gateway.config.vehicle import parse_vehicle
+from gateway.errors import RecordingError
+from gateway.recording.reader import RecordingReader
+from gateway.recording.run_description import TireIdentity
+from tests.testkit.campaign_recordings import write_recording
+
+STATED = '[test]\nname = "from file"\ndriver = "Bo"\ntags = ["track"]\n'
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(treadlink, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_recording(
+        tmp_path_factory.mktemp("source") / "source.mcap",
+        "[sensor]\nrate_hz = 2000\n[motion]\nspeed_kmh = 80\n",
+        wheels=("load_n = 4000\n",),
+        duration_s=1.6,
+        change=lambda toml: (STATED + toml).replace("[wheel.tire]", '[wheel.tire]\nmaker = "Acme"'),
+    )
+
+
+def recorded(source: Path, out: Path, *options: object) -> Path:
+    done = run("record", f"replay:{source}?speed=max", "--out", out, *options)
+    assert done.exit_code == 0, done.output
+    return out
+
+
+def test_options_replace_the_vehicle_file(source: Path, tmp_path: Path) -> None:
+    path = recorded(
+        source,
+        tmp_path / "a.mcap",
+        *("--test", "wet braking", "--tag", "wet", "--comment", "first"),
+        *("--tire", "W0:dot=3524,wear_mm=1.5,run_in_km=300"),
+    )
+    info = RecordingReader(path).info
+    assert (info.run.test, info.run.driver, info.run.comment) == ("wet braking", "Bo", "first")
+    assert info.run.tags == ("track", "wet")
+    assert info.run.tires == {"W0": TireIdentity("Acme", "3524", 0.0015, 300e3)}
+    # The estimates use the wear that was given.
+    assert info.vehicle_toml is not None
+    assert parse_vehicle(info.vehicle_toml, "test").wheel[0].tire.wear_mm == pytest.approx(1.5)
+
+
+def test_the_description_is_in_inspect_and_exports(source: Path, tmp_path: Path) -> None:
+    path = recorded(source, tmp_path / "a.mcap")
+    assert run("note", path, "--comment", "later", "--tag", "rain").exit_code == 0
+    lines = [line.strip() for line in run("inspect", path).output.splitlines()]
+    assert {"test: from file", "driver: Bo", "tags: track, rain", "tire W0: Acme", "comment: later"} <= set(lines)
+    stated = json.loads(run("inspect", path, "--json").stdout)["run"]
+    assert stated["tags"] == ["track", "rain"]
+    assert stated["tires"] == {"W0": {"maker": "Acme"}}
+    assert run("export", path, tmp_path / "a.csv").exit_code == 0
+    head = (tmp_path / "a.csv").read_text(encoding="utf-8").split("\ntime")[0]
+    assert "# W0 test: from file" in head
+    assert "# W0 tags: track, rain" in head
+    assert "# W0 tire_maker: Acme" in head
+
+
+def test_a_campaign_and_trends_select_runs(source: Path, tmp_path: Path) -> None:
+    folder, dataset = tmp_path / "recordings", tmp_path / "dataset"
+    folder.mkdir()
+    wet = recorded(source, folder / "wet.mcap", "--test", "wet braking 1")
+    recorded(source, folder / "dry.mcap", "--test", "dry braking 1")
+    options = ("--out", dataset, "--jobs", 1, "--estimator", "kinematic")
+    done = run("campaign", folder, *options, "--where", "test=wet*")
+    assert "1 recording estimated" in done.output
+    done = run("campaign", folder, *options, "--where", "test=ice*")
+    assert isinstance(done.exception, RecordingError)
+    assert "dry braking 1, wet braking 1" in done.exception.remedy
+    assert "1 recording estimated" in run("campaign", folder, *options).output
+    assert "1 recording," in run("trends", dataset, "--where", "test=dry*").output
+    assert run("trends", dataset, "--where", "tag=puddle").exit_code == 1
+    run("note", wet, "--tag", "puddle")
+    # The note is later than the dataset.
+    assert "1 recording," in run("trends", dataset, "--where", "tag=puddle").output
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--tire", "W0"), "names no wheel"),
+        (("--tire", "W0:mker=x"), "Did you mean maker?"),
+        (("--tire", "W0:wear_mm=nan"), "no number from 0 to 60"),
+        (("--tire", "W1:maker=x"), "no such wheel"),
+        (("--comment", "x" * 2001), "at most 2000"),
+    ],
+)
+def test_wrong_options_are_named(source: Path, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+    done = run("record", f"replay:{source}?speed=max", "--out", tmp_path / "a.mcap", *options)
+    assert done.exit_code
+    assert words in f"{done.output}{done.exception}"
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_conditions_and_notes_are_checked(source: Path, tmp_path: Path) -> None:
+    assert "Did you mean test?" in run("trends", tmp_path, "--where", "tset=x").output
+    assert "Give --comment or --tag" in run("note", source).output
+    assert run("note", tmp_path / "none.mcap", "--tag", "x").exit_code == 1
+    assert "give --record" in run("live", "sim:demo", "--test", "x").output
+
+
+def test_a_copy_has_the_notes(source: Path, tmp_path: Path) -> None:
+    path = recorded(source, tmp_path / "a.mcap")
+    run("note", path, "--tag", "rain")
+    assert run("compact", path).exit_code == 0
+    assert RecordingReader(tmp_path / "a.compact.mcap").info.described_run().tags == ("track", "rain")
