@@ -1,68 +1,63 @@
-"""Errors that `treadlink plan` says against those of other simulated drives with the same sensor.
+"""Errors that `treadlink plan` says against those of recordings with the same sensor, by random plans.
 
-Random plans: tire size, load, speed, range, rate, noise, steps and band. Both sides are drives through the pipeline, so
-this measures how well the number of drives of a plan determines the errors, not a formula. Run: python
-tools/bench_plan.py [--plans N] [--wheels N] [--planned-wheels N]
+A plan drives its wheels through the pipeline directly, with its own clock, blocks and averages. The other side is what
+a user would do: a hub's bytes of the same data sheet, written into a scenario, through decoder, time base and session.
+Tire size, load, speed, wear, range, rate, noise, steps and band are random. The ratio of two scatters of N wheels each
+scatters by 1 / sqrt(N) itself. Run: python tools/bench_plan.py [--plans N] [--wheels N] [--minutes M]
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import time
 from collections import defaultdict
+from collections.abc import Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from gateway.config.vehicle import parse_vehicle
+from gateway.pipeline.results import RevolutionResult
 from gateway.planning.accelerometer import Accelerometer
-from gateway.planning.planned_errors import AFTER, plan_sensor
-from gateway.simulator.scenario import parse_scenario
+from gateway.planning.planned_errors import AFTER, ESTIMATORS, plan_sensor
+from gateway.session.core import SessionCore
+from gateway.simulator.scenario import parse_scenario, vehicle_toml
 from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
 
-_WITHIN = 0.2
-
-
-def main() -> None:
-    options = _options()
-    ratios: dict[tuple[str, int], list[float]] = defaultdict(list)
-    unusable = 0
-    for number in range(options.plans):
-        rng = np.random.default_rng([options.seed, number])
-        scenario, sensor, speed_mps = _random_plan(rng)
-        planned = plan_sensor(scenario, sensor, speed_mps, wheels=options.planned_wheels, seed=2 * number)
-        driven = plan_sensor(scenario, sensor, speed_mps, wheels=options.wheels, seed=2 * number + 1)
-        unusable += not planned.usable
-        found = {(error.quantity, error.revolutions): error.scatter for error in driven.errors}
-        for error in planned.errors:
-            scatter = found.get((error.quantity, error.revolutions), 0.0)
-            if scatter > 0.0:
-                ratios[error.quantity, error.revolutions].append(error.scatter / scatter)
-        print(f"plan {number + 1} of {options.plans}", flush=True)
-    print(f"{options.plans} plans, {unusable} not usable; {options.planned_wheels} against {options.wheels} wheels")
-    print(f"{'quantity':<18}" + "".join(f"{f'after {count}: median, within 20 %':>36}" for count in AFTER))
-    for name in dict.fromkeys(quantity for quantity, _ in ratios):
-        cells = [_cell(ratios[name, count]) for count in AFTER]
-        print(f"{name:<18}" + "".join(f"{cell:>36}" for cell in cells))
+_WITHIN: Final = 0.2
+# Recorded beyond the last revolution: the first ones may be left out.
+_SPARE_REVOLUTIONS: Final = 6
 
 
-def _cell(ratios: list[float]) -> str:
-    share = 100.0 * np.mean([abs(ratio - 1.0) <= _WITHIN for ratio in ratios]) if ratios else math.nan
-    return f"{np.median(ratios):.2f}; {share:.0f} % of {len(ratios)}" if ratios else "-"
+class RandomPlan(NamedTuple):
+    """Tire, sensor and speed of a plan whose range covers its peak, and the scenario that records it."""
+
+    tire: Scenario
+    sensor: Accelerometer
+    speed_mps: float
+    recorded: Scenario
 
 
-def _random_plan(rng: np.random.Generator) -> tuple[Scenario, Accelerometer, float]:
-    """Return tire, sensor and speed of a plan whose range covers its peak."""
+class Comparison(NamedTuple):
+    """One quantity after some revolutions of one plan.
+
+    Attributes:
+        scatter_ratio: planned over recorded standard deviation.
+        shift: planned less recorded mean, in standard errors of this difference.
+    """
+
+    scatter_ratio: float
+    shift: float
+
+
+def random_plan(rng: np.random.Generator) -> RandomPlan:
+    """Return a plan of random tire and sensor."""
     radius_m, speed_mps = rng.uniform(0.26, 0.40), rng.uniform(40.0, 140.0) / 3.6
     load_n = 5000.0 * radius_m / 0.32 * rng.uniform(0.7, 1.1)
-    text = f"""
-        [tire]
-        radius_mm = {1e3 * radius_m:.1f}
-        [[wheel]]
-        position = "FL"
-        wheel = 0
-        load_n = {load_n:.0f}
-    """
     peak_g = 1.5 * speed_mps**2 / radius_m / 9.81 + 2.0
-    rate_hz = rng.uniform(2000.0, 12_000.0)
+    rate_hz = float(round(rng.uniform(2000.0, 12_000.0)))
     sensor = Accelerometer(
         name="random",
         range_g=peak_g * rng.uniform(1.0, 4.0),
@@ -71,14 +66,101 @@ def _random_plan(rng: np.random.Generator) -> tuple[Scenario, Accelerometer, flo
         noise_mg_rthz=math.exp(rng.uniform(math.log(0.5), math.log(50.0))),
         resolution_mg=math.exp(rng.uniform(math.log(1.0), math.log(100.0))),
     )
-    return parse_scenario(text, "random plan"), sensor, speed_mps
+    tire = f"""
+        [scenario]
+        duration_s = {(AFTER[-1] + _SPARE_REVOLUTIONS) * 2.0 * math.pi * radius_m / speed_mps!r}
+        [tire]
+        radius_mm = {1e3 * radius_m!r}
+        wear_mm = {rng.uniform(0.0, 4.0)!r}
+        [[wheel]]
+        position = "FL"
+        wheel = 0
+        load_n = {load_n!r}
+    """
+    recorded = f"""{tire}
+        temperature_degc = 25.0
+        [wheel.motion]
+        speed_kmh = {3.6 * speed_mps!r}
+        [sensor]
+        axes = ["radial"]
+        range_g = {sensor.range_g!r}
+        rate_hz = {sensor.rate_hz!r}
+        bandwidth_hz = {sensor.bandwidth_hz!r}
+        noise_mg_rthz = {[sensor.noise_mg_rthz] * 3}
+        resolution_mg = {sensor.resolution_mg!r}
+    """
+    return RandomPlan(parse_scenario(tire, "the tire"), sensor, speed_mps, parse_scenario(recorded, "the recording"))
+
+
+def recorded_estimates(scenario: Scenario, seed: int) -> dict[tuple[str, int], float]:
+    """Return the estimates of one recording by quantity and number of revolutions; empty for too few of them."""
+    core = SessionCore(parse_vehicle(vehicle_toml(scenario), "the scenario"), estimators=ESTIMATORS)
+    results: list[RevolutionResult] = []
+    for chunk in simulate(scenario, seed=seed).chunks("sim:bench", 1_760_000_000_000_000_000):
+        results += core.take(chunk)
+    results += core.finish()
+    if len(results) < AFTER[-1]:
+        return {}
+    values = [{estimate.name: estimate.value for estimate in result.estimates} for result in results]
+    found = {(name, count): values[count - 1][name] for name in values[0] for count in AFTER}
+    # Each revolution has a speed of its own; the mean of several is planned.
+    speeds = {("speed_mps", count): float(np.mean([row["speed_mps"] for row in values[:count]])) for count in AFTER}
+    return found | speeds
+
+
+def compared(plan: RandomPlan, wheels: int, seed: int) -> dict[tuple[str, int], Comparison]:
+    """Return what is planned against what is recorded, by quantity and number of revolutions."""
+    planned = plan_sensor(plan.tire, plan.sensor, plan.speed_mps, wheels=wheels, seed=seed)
+    recordings = [recorded_estimates(plan.recorded, seed * wheels + wheel) for wheel in range(wheels)]
+    found: dict[tuple[str, int], Comparison] = {}
+    for error in planned.errors:
+        key = (error.quantity, error.revolutions)
+        values = np.array([row[key] for row in recordings if math.isfinite(row.get(key, math.nan))])
+        if len(values) > 1 and (scatter := float(values.std(ddof=1))) > 0.0:
+            shift = error.truth + error.stays - float(values.mean())
+            std = math.hypot(error.stays_std, scatter / math.sqrt(len(values)))
+            found[key] = Comparison(error.scatter / scatter, shift / std)
+    return found
+
+
+def main() -> None:
+    """Compare random plans and print the table."""
+    options = _options()
+    comparisons: dict[tuple[str, int], list[Comparison]] = defaultdict(list)
+    ends_s, plans = time.monotonic() + 60.0 * options.minutes, 0
+    for number in range(options.plans):
+        plan = random_plan(np.random.default_rng([options.seed, number]))
+        of_plan = compared(plan, options.wheels, number)
+        for key, comparison in of_plan.items():
+            comparisons[key].append(comparison)
+        plans += 1
+        print(f"plan {plans} of {options.plans}: {len(of_plan)} comparisons", flush=True)
+        if time.monotonic() > ends_s:
+            break
+    by_chance = 100.0 * math.erf(_WITHIN * math.sqrt(0.5 * options.wheels))
+    print(f"{plans} plans of {options.wheels} wheels: planned over recorded scatter, median; within 20 %")
+    print(f"({by_chance:.0f} % where both are the same); means that differ by more than three standard errors")
+    print("| quantity |" + "".join(f" after {count} |" for count in AFTER))
+    print("|---|" + "---|" * len(AFTER))
+    for name in dict.fromkeys(quantity for quantity, _ in comparisons):
+        print(f"| {name} |" + "".join(f" {_cell(comparisons[name, count])} |" for count in AFTER))
+    late = [item for (_, count), items in comparisons.items() if count > 1 for item in items]
+    print(f"after 10 and 100 revolutions, all quantities: {_cell(late)} of {len(late)}")
+
+
+def _cell(comparisons: Sequence[Comparison]) -> str:
+    if not comparisons:
+        return "-"
+    ratios = np.array([comparison.scatter_ratio for comparison in comparisons])
+    far = sum(abs(comparison.shift) > 3.0 for comparison in comparisons)
+    return f"{np.median(ratios):.2f}; {100.0 * np.mean(np.abs(ratios - 1.0) <= _WITHIN):.0f} %; {far}"
 
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plans", type=int, default=30)
-    parser.add_argument("--wheels", type=int, default=160, help="drives that are compared with")
-    parser.add_argument("--planned-wheels", type=int, default=160, help="drives that the plan is made of")
+    parser.add_argument("--wheels", type=int, default=160, help="drives of a plan, and recordings beside them")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="no plan is begun after them")
     parser.add_argument("--seed", type=int, default=0)
     return parser.parse_args()
 

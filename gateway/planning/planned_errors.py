@@ -37,7 +37,7 @@ from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 
 AFTER: Final = (1, 10, 100)
 """Revolutions after which the errors are given."""
-_ESTIMATORS: Final = ("kinematic", "weak-form", "wear", "load")
+ESTIMATORS: Final = ("kinematic", "weak-form", "wear", "load")
 _BLOCK: Final = 36
 # The pipeline needs the contacts before and after a revolution, and its first ones may be left out.
 _SPARE_REVOLUTIONS: Final = 6
@@ -221,7 +221,7 @@ def _drives(
 
 
 def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[RevolutionResult]:
-    pipeline, host, rate_hz = WheelPipeline(setup, _ESTIMATORS), HostClock(), wheel.plan.sensor.rate_hz
+    pipeline, host, rate_hz = WheelPipeline(setup, ESTIMATORS), HostClock(), wheel.plan.sensor.rate_hz
     pipeline.hello(hello_of(wheel))
     reading = Environment(wheel.plan.pressure_pa.at(0.0), wheel.plan.temperature_degc.at(0.0), None)
     counts = wheel.advance(seconds).counts
