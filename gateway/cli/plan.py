@@ -38,6 +38,29 @@ _SPEEDS_KMH = (60.0, 100.0, 150.0)
     help="Speed in km/h; repeat for several.",
 )
 @click.option(
+    "--want",
+    "want_texts",
+    multiple=True,
+    metavar="NAME=ERROR",
+    help="Largest error of a quantity, as in wear=0.5mm or Ts=3%; repeat for several. The least sensor is searched "
+    "that reaches them all; --sensor and --sensors are the parts compared with it.",
+)
+@click.option(
+    "--at",
+    "at_text",
+    default="60..120km/h",
+    show_default=True,
+    metavar="SPEEDS",
+    help="With --want, speeds at which the errors have to be reached: both ends and the middle are simulated.",
+)
+@click.option(
+    "--after",
+    type=click.Choice(["1", "10", "100"]),
+    default="100",
+    show_default=True,
+    help="With --want, number of revolutions after which the errors have to be reached.",
+)
+@click.option(
     "--wheels",
     type=click.IntRange(min=8, max=1000),
     default=40,
@@ -58,6 +81,9 @@ def plan(
     names: tuple[str, ...],
     sensors_path: Path | None,
     speeds_kmh: tuple[float, ...],
+    want_texts: tuple[str, ...],
+    at_text: str,
+    after: str,
     wheels: int,
     seed: int,
     json_path: Path | None,
@@ -69,13 +95,18 @@ def plan(
     1, 10 and 100 revolutions. The errors are measured on simulated drives that go through the estimators: the scatter,
     which averaging reduces, and what stays. SCENARIO is one of `treadlink simulate` and gives tire, load, pressure and
     road. The exit status is 1 if no sensor can be used at any speed.
+
+    The other way round, with --want: the least range and the largest noise, at each sampling rate, with which the
+    errors are reached. The exit status is 1 if no rate reaches them.
     """
     from gateway.cli.summary_output import SummaryOutput
     from gateway.config.validation import read_text
     from gateway.errors import ConfigError
     from gateway.planning.accelerometer import parse_accelerometers, shipped_accelerometers
-    from gateway.planning.plan_report import plan_json, plan_lines
-    from gateway.planning.planned_errors import plan_sensor
+    from gateway.planning.least_sensor import least_sensors
+    from gateway.planning.plan_report import least_json, least_line, parts_line, plan_json, plan_lines
+    from gateway.planning.planned_errors import plan_sensor, tire_at
+    from gateway.planning.wants import parse_speeds_mps, parse_want
     from gateway.simulator.scenario import load_scenario
     from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
@@ -92,17 +123,30 @@ def plan(
     chosen = [part for part in parts if not names or part.name.lower().startswith(tuple(n.lower() for n in names))]
     loaded = load_scenario(scenario)
     say = SummaryOutput(err=is_stdout(json_path))
-    plans = []
-    for part in chosen:
-        for speed_kmh in speeds_kmh:
-            planned = plan_sensor(loaded, part, speed_kmh / 3.6, wheels=wheels, seed=seed)
-            plans.append(planned)
-            for line in plan_lines(planned):
-                say(line)
+    if want_texts:
+        at_mps = parse_speeds_mps(at_text)
+        truths = tire_at(loaded, at_mps[0]).truths
+        wants = [parse_want(text, truths) for text in want_texts]
+        leasts = []
+        for least in least_sensors(loaded, wants, at_mps, revolutions=int(after), wheels=wheels, seed=seed):
+            leasts.append(least)
+            say(least_line(least))
+            if least.reached:
+                say(parts_line(least, chosen))
+        document, has_result = least_json(leasts), any(least.reached for least in leasts)
+    else:
+        plans = []
+        for part in chosen:
+            for speed_kmh in speeds_kmh:
+                planned = plan_sensor(loaded, part, speed_kmh / 3.6, wheels=wheels, seed=seed)
+                plans.append(planned)
+                for line in plan_lines(planned):
+                    say(line)
+        document, has_result = plan_json(plans), any(planned.usable for planned in plans)
     if json_path is not None:
-        write_whole(json_path, plan_json(plans), force=force)
+        write_whole(json_path, document, force=force)
         if not is_stdout(json_path):
             say(f"written: {json_path}")
     say.finish()
-    if not any(planned.usable for planned in plans):
+    if not has_result:
         raise click.exceptions.Exit(1)

@@ -9,7 +9,10 @@ from dataclasses import asdict
 from typing import Any, Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.planning.planned_errors import PlannedError, SensorPlan
+from gateway.planning.accelerometer import Accelerometer
+from gateway.planning.least_sensor import LeastSensor, WorstError
+from gateway.planning.planned_errors import PlannedError, SensorPlan, sampling_rate_hz
+from gateway.views.numbers import split_name
 from gateway.views.wording import as_json, joined
 
 # One axis in words of the protocol, without its frames.
@@ -48,6 +51,41 @@ def plan_json(plans: Sequence[SensorPlan]) -> str:
     return json.dumps([_as_json(plan) for plan in plans], indent=2, allow_nan=False) + "\n"
 
 
+def least_line(least: LeastSensor) -> str:
+    """Return what a sensor needs at one rate as a line."""
+    if not least.reached:
+        return f"{least.rate_hz:6.0f} Hz: not with any noise: {_worst(least.worst)}"
+    return (
+        f"{least.rate_hz:6.0f} Hz: at least {math.ceil(least.range_g)} g, at most {least.noise_mg_rthz:g} mg/sqrt(Hz): "
+        f"{_worst(least.worst)}"
+    )
+
+
+def _worst(worst: WorstError) -> str:
+    label, unit = split_name(worst.quantity)
+    error, wanted = (f"{unit.factor * value:.3g} {unit.symbol}".rstrip() for value in (worst.error, worst.wanted))
+    given = f"{error} of {wanted}" if math.isfinite(worst.error) else "not every drive has an estimate"
+    return f"{label} at {3.6 * worst.speed_mps:g} km/h: {given}"
+
+
+def parts_line(least: LeastSensor, parts: Sequence[Accelerometer]) -> str:
+    """Return which parts have the rate and the range of what is needed, and a noise that is small enough or unknown."""
+    names = [
+        part.name if part.noise_mg_rthz is not None else f"{part.name} (noise unknown)"
+        for part in parts
+        if part.range_g >= least.range_g
+        and sampling_rate_hz(part) >= least.rate_hz
+        and (part.noise_mg_rthz or 0.0) <= least.noise_mg_rthz
+    ]
+    return f"           parts: {', '.join(names) or 'none of the list'}"
+
+
+def least_json(leasts: Sequence[LeastSensor]) -> str:
+    """Return what sensors need as a JSON document; what is not reached is null."""
+    rows = [{**_finite_values(asdict(least)), "worst": _finite_values(asdict(least.worst))} for least in leasts]
+    return json.dumps(rows, indent=2, allow_nan=False) + "\n"
+
+
 def _as_json(plan: SensorPlan) -> dict[str, Any]:
     return {
         "sensor": plan.sensor.model_dump(mode="json"),
@@ -57,11 +95,12 @@ def _as_json(plan: SensorPlan) -> dict[str, Any]:
         "contact_samples": _finite(plan.contact_samples),
         "usable": plan.usable,
         "reasons": [as_json(reason) for reason in plan.reasons],
-        "errors": [
-            {key: _finite(value) if isinstance(value, float) else value for key, value in asdict(error).items()}
-            for error in plan.errors
-        ],
+        "errors": [_finite_values(asdict(error)) for error in plan.errors],
     }
+
+
+def _finite_values(row: dict[str, Any]) -> dict[str, Any]:
+    return {key: _finite(value) if isinstance(value, float) else value for key, value in row.items()}
 
 
 def _finite(value: float) -> float | None:

@@ -112,6 +112,35 @@ def sampling_rate_hz(sensor: Accelerometer) -> float:
     return min(max(_SAMPLES_PER_BAND * sensor.bandwidth_hz, MIN_RATE_HZ), MAX_RATE_HZ)
 
 
+@dataclass(frozen=True, slots=True)
+class TireAtSpeed:
+    """What any sensor meets on a tire at one speed.
+
+    Attributes:
+        peak_mps2: largest radial acceleration, with gravity.
+        contact_s: duration of one passage of the contact.
+        truths: true value of each quantity that is planned.
+    """
+
+    peak_mps2: float
+    contact_s: float
+    truths: Mapping[str, float]
+
+
+def tire_at(scenario: Scenario, speed_mps: float) -> TireAtSpeed:
+    """Return what a sensor meets on the first wheel of a scenario at a speed."""
+    (plan,) = wheel_plans(_steady(scenario, speed_mps))
+    load_n, pressure_pa, omega_radps = plan.load_n.at(0.0), plan.pressure_pa.at(0.0), speed_mps / plan.radius_m
+    table = plan.table()
+    shape = table.waveform(load_n, pressure_pa, omega_radps)[:, 0]
+    leading_rad, trailing_rad = table.edges_rad(load_n, pressure_pa, omega_radps)
+    return TireAtSpeed(
+        peak_mps2=float(np.abs(shape).max()) * omega_radps**2 + STANDARD_GRAVITY_MPS2,
+        contact_s=(trailing_rad - leading_rad) / omega_radps,
+        truths=_truths(WheelTruth(plan, 0.0), scenario.wheels()[0].tire.wear_mm),
+    )
+
+
 def plan_sensor(
     scenario: Scenario, sensor: Accelerometer, speed_mps: float, *, wheels: int, seed: int = 0
 ) -> SensorPlan:
@@ -127,13 +156,9 @@ def plan_sensor(
     rate_hz = sampling_rate_hz(sensor)
     planned = _with_sensor(scenario, sensor, speed_mps, rate_hz)
     (plan,) = wheel_plans(planned)
-    load_n, pressure_pa, omega_radps = plan.load_n.at(0.0), plan.pressure_pa.at(0.0), speed_mps / plan.radius_m
-    table = plan.table()
-    shape = table.waveform(load_n, pressure_pa, omega_radps)[:, 0]
-    peak_mps2 = float(np.abs(shape).max()) * omega_radps**2 + STANDARD_GRAVITY_MPS2
-    leading_rad, trailing_rad = table.edges_rad(load_n, pressure_pa, omega_radps)
-    contact_samples = (trailing_rad - leading_rad) / omega_radps * rate_hz
-    refusals = tuple(_refusals(sensor, rate_hz, peak_mps2))
+    omega_radps = speed_mps / plan.radius_m
+    tire = tire_at(planned, speed_mps)
+    refusals = tuple(_refusals(sensor, rate_hz, tire.peak_mps2))
     errors: tuple[PlannedError, ...] = ()
     doubts = tuple(_doubts(sensor, rate_hz, omega_radps))
     # Without its noise, the scatter would be that of a perfect sensor.
@@ -143,22 +168,33 @@ def plan_sensor(
         if len(complete) < wheels:
             doubts += (Reason(Code.PLAN_FEW_REVOLUTIONS, share=100.0 * (1.0 - len(complete) / wheels)),)
         if len(complete) > 1:
-            errors = tuple(_errors(complete, _truths(WheelTruth(plan, 0.0), planned.wheels()[0].tire.wear_mm)))
+            errors = tuple(_errors(complete, tire.truths))
     return SensorPlan(
         sensor=sensor,
         speed_mps=speed_mps,
         rate_hz=rate_hz,
-        peak_mps2=peak_mps2,
-        contact_samples=contact_samples,
+        peak_mps2=tire.peak_mps2,
+        contact_samples=tire.contact_s * rate_hz,
         usable=bool(errors) or (not refusals and sensor.noise_mg_rthz is None),
         reasons=(*refusals, *doubts),
         errors=errors,
     )
 
 
+def _steady(scenario: Scenario, speed_mps: float) -> Scenario:
+    """Return the scenario with its first wheel alone, at the speed."""
+    first = scenario.wheels()[0]
+    motion = Motion(speed_kmh=constant(3.6 * speed_mps), direction=first.motion.direction)
+    # The simulated rubber does not soften, while the estimators take it that the real one does.
+    cool = constant(REFERENCE_DEGC)
+    wheel = first.model_copy(update={"motion": motion, "temperature_degc": cool})
+    return scenario.model_copy(update={"wheel": (wheel,)})
+
+
 def _with_sensor(scenario: Scenario, sensor: Accelerometer, speed_mps: float, rate_hz: float) -> Scenario:
     """Return the scenario with its first wheel alone, with the sensor, at the speed."""
-    first = scenario.wheels()[0]
+    steady = _steady(scenario, speed_mps)
+    (first,) = steady.wheels()
     sampled_hz = rate_hz if MIN_RATE_HZ <= rate_hz <= MAX_RATE_HZ else MIN_RATE_HZ
     band = sensor.bandwidth_hz
     data_sheet = first.sensor.model_copy(
@@ -175,11 +211,7 @@ def _with_sensor(scenario: Scenario, sensor: Accelerometer, speed_mps: float, ra
             "gain_error_percent": (sensor.gain_error_percent,) * 3,
         }
     )
-    steady = Motion(speed_kmh=constant(3.6 * speed_mps), direction=first.motion.direction)
-    # The simulated rubber does not soften, while the estimators take it that the real one does.
-    cool = constant(REFERENCE_DEGC)
-    wheel = first.model_copy(update={"sensor": data_sheet, "motion": steady, "temperature_degc": cool})
-    return scenario.model_copy(update={"wheel": (wheel,)})
+    return steady.model_copy(update={"wheel": (first.model_copy(update={"sensor": data_sheet}),)})
 
 
 def _refusals(sensor: Accelerometer, rate_hz: float, peak_mps2: float) -> Iterator[Reason]:
