@@ -293,9 +293,11 @@ def _history(
 def _run(row: Row) -> RunDescription:
     """Return the description of a row's run; notes beside the recording may be later than the dataset."""
     run = RunDescription(
-        *(str(row.get(name) or "") for name in ("test", "driver", "comment")),
-        tuple(map(str, json.loads(row.get("tags") or "[]"))),
-        {_POSITION: TireIdentity(str(row.get("tire_maker") or ""), str(row.get("tire_dot") or ""))},
+        test=str(row.get("test") or ""),
+        driver=str(row.get("driver") or ""),
+        comment=str(row.get("comment") or ""),
+        tags=tuple(map(str, json.loads(row.get("tags") or "[]"))),
+        tires={_POSITION: TireIdentity(str(row.get("tire_maker") or ""), str(row.get("tire_dot") or ""))},
     )
     return run.with_notes(read_notes(Path(str(row["path"]))))
 

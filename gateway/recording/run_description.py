@@ -128,9 +128,11 @@ def parse_description(text: str) -> RunDescription:
         return RunDescription()
     tires = entries.get("tires")
     return RunDescription(
-        *(_text(entries.get(name)) for name in ("test", "driver", "comment")),
-        _tags(entries.get("tags")),
-        {
+        test=_text(entries.get("test")),
+        driver=_text(entries.get("driver")),
+        comment=_text(entries.get("comment")),
+        tags=_tags(entries.get("tags")),
+        tires={
             str(position): TireIdentity(
                 _text(tire.get("maker")), _text(tire.get("dot")), _number(tire, "wear_m"), _number(tire, "run_in_m")
             )

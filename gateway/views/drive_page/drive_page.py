@@ -221,8 +221,8 @@ def _notes(reasons: dict[str, dict[str, list[str]]]) -> Iterator[tuple[str, str,
         alike: dict[tuple[str, ...], list[str]] = {}
         for position, labels in of_wheels.items():
             alike.setdefault(tuple(labels), []).append(position)
-        for labels, wheels in alike.items():
-            yield clean(", ".join(wheels)), ", ".join(labels), clean(reason)
+        for shared, wheels in alike.items():
+            yield clean(", ".join(wheels)), ", ".join(shared), clean(reason)
 
 
 def _drawings(identity: str, drive: Drive) -> Iterator[tuple[Any, str]]:
