@@ -34,13 +34,13 @@ class CampaignResult:
     Attributes:
         dataset: its folder; `pandas.read_parquet(dataset / "recordings")` reads a table.
         estimated: recordings added now.
-        known: recordings whose results were there.
+        done_before: recordings whose results were there.
         failures: recordings that could not be estimated, with the reason.
     """
 
     dataset: Path
     estimated: int
-    known: int
+    done_before: int
     failures: tuple[tuple[Path, str], ...]
 
     def trends(self, *, odometer: PathLike | None = None) -> TireTrends:
@@ -101,7 +101,7 @@ def campaign(
             on_failure=lambda path, failure: failures.append((path, text(failure.reason))),
             retries_failed=False,
         ).run(find_recordings(paths(recordings)))
-    return CampaignResult(Path(dataset), progress.estimated, progress.known, tuple(failures))
+    return CampaignResult(Path(dataset), progress.estimated, progress.done_before, tuple(failures))
 
 
 class TireTrends:

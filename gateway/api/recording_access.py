@@ -223,7 +223,7 @@ class Recording(Mapping[str, "Wheel"]):
         self._settings = settings
         self._survey: Survey | None = None
         self._damage = ""
-        self._kept: dict[str, list[RevolutionResult]] | None = None
+        self._cached: dict[str, list[RevolutionResult]] | None = None
         self._is_small = True
         self._estimated: dict[tuple[str, ...], _Estimated] = {}
         self._closed = False
@@ -414,7 +414,7 @@ class Recording(Mapping[str, "Wheel"]):
     def close(self) -> None:
         """Free what is kept in memory; may be called twice. Tables stay valid."""
         self._closed = True
-        self._kept = None
+        self._cached = None
         self._estimated.clear()
 
     def __enter__(self) -> Self:
@@ -462,8 +462,8 @@ class Recording(Mapping[str, "Wheel"]):
 
     def _revolutions(self, wheel: str) -> Iterator[RevolutionResult]:
         """Yield the revolutions of a wheel; those of a recording of moderate length are kept."""
-        if self._kept is not None:
-            yield from self._kept.get(wheel, ())
+        if self._cached is not None:
+            yield from self._cached.get(wheel, ())
             return
         by_wheel: dict[str, list[RevolutionResult]] | None = {} if self._is_small else None
         for count, result in enumerate(RecordingPass(self._opened(), (), is_watched=False)):
@@ -473,7 +473,7 @@ class Recording(Mapping[str, "Wheel"]):
                     by_wheel, self._is_small = None, False
             if result.position == wheel:
                 yield result
-        self._kept = by_wheel
+        self._cached = by_wheel
 
     def _results(self, estimators: str | Sequence[str]) -> _Estimated:
         names = several_names(estimators) or self._settings.estimators

@@ -314,7 +314,7 @@ def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], ro
     estimated = f"{counted(progress.estimated, 'recording')} estimated{took}"
     click.echo(f"{estimated}, {counted(progress.revolutions, 'revolution')}")
     for count, words in (
-        (progress.known, "done before"),
+        (progress.done_before, "done before"),
         (progress.copies, "with the content of another"),
         (progress.restored, "estimated again, because their file in the dataset was missing or damaged"),
         (progress.failed_before, "failed before and have not changed (--retry tries them again)"),

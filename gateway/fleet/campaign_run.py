@@ -46,7 +46,7 @@ class CampaignProgress:
         elapsed_s: since the first recording was given to a worker; 0 before.
         estimated: recordings added now.
         failed: recordings that failed now.
-        known: recordings whose results were there.
+        done_before: recordings whose results were there.
         failed_before: recordings known to fail, which have not changed.
         copies: files with the content of another file.
         damaged: paths of recordings with an unreadable part, also of those known before.
@@ -66,7 +66,7 @@ class CampaignProgress:
     elapsed_s: float = 0.0
     estimated: int = 0
     failed: int = 0
-    known: int = 0
+    done_before: int = 0
     failed_before: int = 0
     copies: int = 0
     damaged: list[Path] = field(default_factory=list)
@@ -193,7 +193,7 @@ class CampaignRun:
         is_done = self.dataset.done(content.recording_id, key)
         if is_done and self._take_wheels(content):
             self.dataset.clear_failure(content)
-            self.progress.known += 1
+            self.progress.done_before += 1
             self._settle(path)
         elif is_done:
             self.progress.restored += 1

@@ -12,7 +12,7 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.planning.accelerometer import Accelerometer
 from gateway.planning.least_sensor import LeastSensor, WorstError
 from gateway.planning.planned_errors import PlannedError, SensorPlan, sampling_rate_hz
-from gateway.views.numbers import split_name
+from gateway.views.numbers import finite_or_none, split_name
 from gateway.views.wording import as_json, joined
 
 # One axis in words of the protocol, without its frames.
@@ -90,9 +90,9 @@ def _as_json(plan: SensorPlan) -> dict[str, Any]:
     return {
         "sensor": plan.sensor.model_dump(mode="json"),
         "speed_mps": plan.speed_mps,
-        "rate_hz": _finite(plan.rate_hz),
+        "rate_hz": finite_or_none(plan.rate_hz),
         "peak_mps2": plan.peak_mps2,
-        "contact_samples": _finite(plan.contact_samples),
+        "contact_samples": finite_or_none(plan.contact_samples),
         "usable": plan.usable,
         "reasons": [as_json(reason) for reason in plan.reasons],
         "errors": [_finite_values(asdict(error)) for error in plan.errors],
@@ -100,8 +100,4 @@ def _as_json(plan: SensorPlan) -> dict[str, Any]:
 
 
 def _finite_values(row: dict[str, Any]) -> dict[str, Any]:
-    return {key: _finite(value) if isinstance(value, float) else value for key, value in row.items()}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return {key: finite_or_none(value) if isinstance(value, float) else value for key, value in row.items()}

@@ -125,12 +125,12 @@ def fit_phase(start: float, end: float, previous: float | None = None, following
     period = end - start
     if not (math.isfinite(period) and period > 0.0):
         raise ValueError(f"a revolution cannot run from sample {start} to {end}")
-    acceleration, known = 0.0, 0
+    acceleration, terms = 0.0, 0
     if previous is not None and _are_neighbours(start - previous, period):
-        acceleration, known = _acceleration(start - previous, period), 1
+        acceleration, terms = _acceleration(start - previous, period), 1
     if following is not None and _are_neighbours(period, following - end):
-        acceleration, known = acceleration + _acceleration(period, following - end), known + 1
-    acceleration /= known or 1
+        acceleration, terms = acceleration + _acceleration(period, following - end), terms + 1
+    acceleration /= terms or 1
     # The speed must stay positive over the whole revolution: |a| T < 2 * mean speed.
     limit = 3.6 * math.pi / period**2
     acceleration = min(max(acceleration, -limit), limit)
@@ -193,12 +193,12 @@ def resample_revolutions(
     result = np.empty((len(phases), samples_mps2[0].shape[1], n)) if out is None else out
     # Revolutions of one spline order and one fineness of the grid are interpolated together.
     alike: dict[tuple[Literal[3, 5], int], list[int]] = {}
-    for place, (samples, phase) in enumerate(zip(samples_mps2, phases, strict=True)):
+    for row, (samples, phase) in enumerate(zip(samples_mps2, phases, strict=True)):
         rows = samples.shape[0]
         if phase.start < 0.0 or phase.end > rows - 1 or rows < 6:
             raise ValueError(f"{rows} samples do not cover a revolution from {phase.start:.1f} to {phase.end:.1f}")
         order: Literal[3, 5] = 3 if phase.samples >= _CUBIC_FROM_SAMPLES else 5
-        alike.setdefault((order, max(1, math.ceil(phase.samples / (_MAX_DENSITY * n)))), []).append(place)
+        alike.setdefault((order, max(1, math.ceil(phase.samples / (_MAX_DENSITY * n)))), []).append(row)
     for (order, density), places in alike.items():
         together = max(1, _TOGETHER // density)
         for begin in range(0, len(places), together):
@@ -207,7 +207,7 @@ def resample_revolutions(
             in_a_row = part[-1] - part[0] == len(part) - 1
             rows = result[part[0] : part[-1] + 1] if in_a_row else np.empty((len(part), *result.shape[1:]))
             _resample_alike(
-                [samples_mps2[place] for place in part], [phases[place] for place in part], order, density, scale, rows
+                [samples_mps2[row] for row in part], [phases[row] for row in part], order, density, scale, rows
             )
             if not in_a_row:
                 result[part] = rows
@@ -228,7 +228,7 @@ def _resample_alike(
         samples[first : math.ceil(phase.end) + MARGIN_SAMPLES + 1]
         for samples, first, phase in zip(samples_mps2, firsts, phases, strict=True)
     ]
-    here = np.array(
+    index = np.array(
         [
             (phase.start - first, phase.end - first, phase.rate, phase.acceleration)
             for phase, first in zip(phases, firsts, strict=True)
@@ -236,10 +236,10 @@ def _resample_alike(
     )
     n = out.shape[2]
     if density == 1:
-        interpolated(parts, here, elapsed_angles(n), order, scale, out)
+        interpolated(parts, index, elapsed_angles(n), order, scale, out)
         return
     fine = np.empty((*out.shape[:2], n * density))
-    interpolated(parts, here, elapsed_angles(n * density), order, scale, fine)
+    interpolated(parts, index, elapsed_angles(n * density), order, scale, fine)
     # The inverse transform of the first n/2 + 1 bins is the fine curve without the orders above the grid's band.
     spectrum = np.fft.rfft(fine, axis=2)[:, :, : n // 2 + 1]
     spectrum[:, :, -1] = 0.0
@@ -367,7 +367,7 @@ def spline_coefficients(parts: Sequence[NDArray[Any]], order: Literal[3, 5], sca
 
 def _lines_by_numpy(samples: Sequence[FloatArray]) -> FloatArray:
     """Return the coefficients of quintic splines through (m,) samples each, (k, length), as `spline_coefficients`."""
-    coefficients: FloatArray = spline_coefficients([one[:, np.newaxis] for one in samples], 5)[:, 0]
+    coefficients: FloatArray = spline_coefficients([line[:, np.newaxis] for line in samples], 5)[:, 0]
     return coefficients
 
 
@@ -376,8 +376,8 @@ def _lines_by_core(samples: Sequence[FloatArray]) -> FloatArray:
     assert core is not None
     length = _line_length(max(map(len, samples)), 5)
     lines, (offset, factor), factors = np.empty((len(samples), length)), _scaling(5, None, 1), core_filter(5, length)
-    for one, line in zip(samples, lines, strict=True):
-        core.spline_lines(one, offset, factor, factors, line)
+    for values, line in zip(samples, lines, strict=True):
+        core.spline_lines(values, offset, factor, factors, line)
     return lines
 
 
@@ -433,20 +433,20 @@ def read_spline(coefficients: FloatArray, positions: FloatArray, order: Literal[
     np.subtract(flat, base, out=powers[1])
     for power in range(2, taps):
         np.multiply(powers[power - 1], powers[1], out=powers[power])
-    at = base.astype(np.int32).reshape(count, -1)
-    at += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
+    knots = base.astype(np.int32).reshape(count, -1)
+    knots += (np.arange(count, dtype=np.int32) * length + (LEFT_PAD - before))[:, np.newaxis]
     if axes == 1:
         # Long rows, added one after the other: the sum does not depend on the number of points.
-        places = np.arange(taps)[:, np.newaxis] + at.reshape(-1)
+        places = np.arange(taps)[:, np.newaxis] + knots.reshape(-1)
         parts = coefficients.reshape(-1).take(places)
         parts *= BASIS[order].T @ powers
         line: FloatArray = np.add.reduce(parts, axis=0)
         return line.reshape(count, 1, -1)
     # One sparse matrix reads several axes; for one it takes longer to make than it saves. Its indices are filled column
     # by column, many times faster than row by row.
-    indices = np.empty((*at.shape, taps), np.int32)
+    indices = np.empty((*knots.shape, taps), np.int32)
     for tap in range(taps):
-        np.add(at, tap, out=indices[:, :, tap])
+        np.add(knots, tap, out=indices[:, :, tap])
     matrix = copy(_empty_matrix(len(flat), count * length))
     matrix.data = (powers.T @ BASIS[order]).reshape(-1)
     matrix.indices = indices.reshape(-1)

@@ -91,7 +91,7 @@ class ContactEdges:
     reason: Reason | None = None
 
     @property
-    def found(self) -> bool:
+    def measured(self) -> bool:
         """Whether both edges were found."""
         return self.reason is None
 
@@ -209,7 +209,7 @@ def _contrast(levels: ContactLevels, noise_coefficient_mps2: float) -> tuple[flo
 
 def _smoothed_more(radial_mps2: FloatArray, spectrum: ComplexArray, width: float) -> list[ContactLevels]:
     """Return the levels of a waveform under stronger smoothing than to `width` orders, as far as it has a contact."""
-    wanted = (_levels(radial_mps2, spectrum, one) for one in _STRONGER_ORDERS if one < _STRONGER_SHARE * width)
+    wanted = (_levels(radial_mps2, spectrum, order) for order in _STRONGER_ORDERS if order < _STRONGER_SHARE * width)
     return list(takewhile(lambda levels: levels.shapes is not None, wanted))
 
 
@@ -221,15 +221,17 @@ def _places(
     for levels in smoothed:
         assert levels.shapes is not None
         shape, width = levels.shapes[side], levels.width
-        kept = _smoothing(len(levels.smooth_mps2), width)
-        _, slope_noise, curvature_noise, slope_bend_noise = (noise_coefficient_mps2 * one for one in kept.noises)
+        smoothing = _smoothing(len(levels.smooth_mps2), width)
+        _, slope_noise, curvature_noise, slope_bend_noise = (
+            noise_coefficient_mps2 * density for density in smoothing.noises
+        )
         noises = shape.noises_rad(slope_noise, slope_bend_noise)
         smear = _smear(shape, scatter_mps2) if scatter_mps2 is not None else 0.0
-        found = edge_distance(width, shape.features_rad, noises, smear)
+        distance = edge_distance(width, shape.features_rad, noises, smear)
         if shape.bend_mps2 > 0.0:
-            angle = shape.steepest_rad + (2 * side - 1) * found.distance_rad
-            noise_std = math.hypot(curvature_noise / shape.bend_mps2, found.noise_std_rad)
-            places.append(EdgePlace(width, angle, noise_std, found.model_std_rad))
+            angle = shape.steepest_rad + (2 * side - 1) * distance.distance_rad
+            noise_std = math.hypot(curvature_noise / shape.bend_mps2, distance.noise_std_rad)
+            places.append(EdgePlace(width, angle, noise_std, distance.model_std_rad))
     return places
 
 
@@ -255,7 +257,7 @@ def contact_interior(radial_mps2: FloatArray, samples_per_revolution: float) -> 
     half angles from 0.14 rad up. A shorter contact is not flat (+0.2 at 0.11 rad). A drum of radius Rd gives -R / Rd.
     """
     edges = find_contact_edges(radial_mps2, samples_per_revolution)
-    if not edges.found:
+    if not edges.measured:
         return None
     n = radial_mps2.shape[0]
     points_per_rad = n / (2.0 * math.pi)
@@ -309,8 +311,8 @@ def _gaussian(n: int, width: float) -> tuple[FloatArray, FloatArray]:
 def _smear(shape: EdgeShape, scatter_mps2: FloatArray) -> float:
     """Return the standard deviation of an edge's place in an average, rad; 0 while the scatter is not known."""
     n = len(scatter_mps2)
-    at = round((shape.steepest_rad + math.pi) * n / (2.0 * math.pi)) % n
-    excess = scatter_mps2.item(at) ** 2 - median(scatter_mps2) ** 2
+    index = round((shape.steepest_rad + math.pi) * n / (2.0 * math.pi)) % n
+    excess = scatter_mps2.item(index) ** 2 - median(scatter_mps2) ** 2
     return math.sqrt(excess) / shape.slope_mps2 if excess > 0.0 < shape.slope_mps2 else 0.0
 
 

@@ -153,8 +153,8 @@ def contact_template(
     edges = find_contact_edges(radial_mps2, samples_per_revolution, scatter_mps2=scatter_mps2)
     n = radial_mps2.shape[0]
     step = 2.0 * math.pi / n
-    first = n // 2 + math.floor((edges.leading_rad - _BEYOND_RAD) / step) if edges.found else -1
-    last = n // 2 + math.ceil((edges.trailing_rad + _BEYOND_RAD) / step) if edges.found else n
+    first = n // 2 + math.floor((edges.leading_rad - _BEYOND_RAD) / step) if edges.measured else -1
+    last = n // 2 + math.ceil((edges.trailing_rad + _BEYOND_RAD) / step) if edges.measured else n
     mean = float(radial_mps2.mean())
     if first < 0 or last >= n or not mean > 0.0:
         return None

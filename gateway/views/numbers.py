@@ -197,6 +197,11 @@ def show(estimate: Estimate) -> Shown:
     return Shown(label, number, unit.symbol, value, estimate.status, estimate.reasons)
 
 
+def finite_or_none(value: float) -> float | None:
+    """Return a number as JSON and empty cells take it: None where it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
 def fixed(value: float | None, decimals: int, factor: float = 1.0) -> str:
     """Return a plain number with fixed decimals, or MISSING for None and values that are not finite."""
     if value is None or not math.isfinite(value):

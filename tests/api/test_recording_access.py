@@ -250,7 +250,7 @@ def test_long_recording_keeps_no_revolutions(recorded, recording, monkeypatch):
     opened = gateway.open(recorded)
     for _ in range(2):
         np.testing.assert_array_equal(opened["FR"].angle().radial_mps2, recording["FR"].angle().radial_mps2)
-    assert opened._kept is None
+    assert opened._cached is None
 
 
 def test_revolutions_are_read_once(recorded, monkeypatch):

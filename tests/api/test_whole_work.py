@@ -112,7 +112,7 @@ def test_campaign_and_trends(recorded, tmp_path):
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(b"no recording")
     result = gateway.campaign([recorded, broken], tmp_path / "fleet.dataset")
-    assert (result.estimated, result.known) == (1, 0)
+    assert (result.estimated, result.done_before) == (1, 0)
     assert [path for path, _ in result.failures] == [broken]
     trends = result.trends()
     assert {tire["position"] for tire in trends.to_dict()["tires"]} == {"FL", "FR"}

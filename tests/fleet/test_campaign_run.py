@@ -90,7 +90,7 @@ def test_second_run_estimates_nothing(campaign, recordings, tmp_path):
     assert campaign(recordings).estimated == 3
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "dataset").rglob("*.parquet")}
     again = campaign(recordings)
-    assert (again.estimated, again.known, again.files_left) == (0, 3, 0)
+    assert (again.estimated, again.done_before, again.files_left) == (0, 3, 0)
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "dataset").rglob("*.parquet")} == before
 
 
@@ -99,7 +99,7 @@ def test_renamed_copied_and_changed_files(campaign, recordings, made, tmp_path):
     (recordings / "drive0.mcap").rename(recordings / "moved.mcap")
     shutil.copy(recordings / "moved.mcap", recordings / "copy.mcap")
     found = campaign(recordings / "moved.mcap", recordings / "copy.mcap", recordings / "drive1.mcap")
-    assert (found.estimated, found.known, found.copies) == (1, 1, 1)
+    assert (found.estimated, found.done_before, found.copies) == (1, 1, 1)
     assert names(tmp_path) == ["drive0.mcap", "drive1.mcap"]
     # The renamed file changes: its old rows go, wherever they came from.
     shutil.copy(made / "drive2.mcap", recordings / "moved.mcap")
@@ -150,7 +150,7 @@ def test_bad_file_is_a_failure_row(campaign, recordings, made, tmp_path):
     assert row["is_final"]
     assert json.loads(row["values"])["message"] in row["text"]
     again = campaign(recordings)
-    assert (again.failed, again.failed_before, again.known) == (0, 2, 3)
+    assert (again.failed, again.failed_before, again.done_before) == (0, 2, 3)
     assert campaign(bad, retries_failed=True).failed == 1
     shutil.copy(made / "drive0.mcap", bad)
     (recordings / "drive0.mcap").unlink()
@@ -190,7 +190,7 @@ def test_damaged_and_standing_recordings_have_rows(campaign, recordings, tmp_pat
     assert [(path.name, position) for path, position, _ in found.standing] == [("standing.mcap", "W0")]
     assert "the wheel stands still" in found.standing[0][2]
     again = campaign(recordings / "standing.mcap", recordings / "cut.mcap")
-    assert (again.known, again.damaged, again.standing) == (2, found.damaged, found.standing)
+    assert (again.done_before, again.damaged, again.standing) == (2, found.damaged, found.standing)
 
 
 def test_effects_of_another_vehicle_are_noted(campaign, recordings, tmp_path):
@@ -240,7 +240,7 @@ def test_damaged_or_missing_rows_are_estimated_again(campaign, recordings, tmp_p
         second.unlink()
     found = campaign(recordings)
     lost = 1 + (table == "revolutions")
-    assert (found.restored, found.estimated, found.known) == (lost, lost, 3 - lost)
+    assert (found.restored, found.estimated, found.done_before) == (lost, lost, 3 - lost)
     assert len(names(tmp_path)) == 3
     assert is_whole(tmp_path)
 
@@ -300,7 +300,7 @@ def test_stop_leaves_a_whole_dataset(campaign, recordings, tmp_path):
     assert 1 <= stopped <= 3
     assert is_whole(tmp_path)
     again = campaign(recordings)
-    assert (again.known, again.estimated) == (stopped, 3 - stopped)
+    assert (again.done_before, again.estimated) == (stopped, 3 - stopped)
     assert is_whole(tmp_path)
 
 

@@ -15,7 +15,7 @@ from gateway.constants import AXIS_NAMES
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.order_statistics import BLOCK_REVOLUTIONS, OrderStatistics, SpeedBin
 from gateway.types import FloatArray
-from gateway.views.numbers import MISSING, fixed, round_to_error
+from gateway.views.numbers import MISSING, finite_or_none, fixed, round_to_error
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import OutputFile, write_whole
 from gateway.views.tables.table_sinks import Cell, CsvSink
@@ -104,8 +104,8 @@ def _rows(wheel: WheelOrders) -> Iterator[list[Cell]]:
             *wheel.speed_range_kmh,
             statistics.revolutions,
             order,
-            *map(_known, statistics.amplitude_mps2[:, order].tolist()),
-            *map(_known, statistics.repeated_mps2[:, order].tolist()),
+            *map(finite_or_none, statistics.amplitude_mps2[:, order].tolist()),
+            *map(finite_or_none, statistics.repeated_mps2[:, order].tolist()),
         ]
     for speeds in statistics.speeds:
         for order in range(speeds.amplitude_mps2.shape[1]):
@@ -114,13 +114,9 @@ def _rows(wheel: WheelOrders) -> Iterator[list[Cell]]:
                 wheel.kmh(speeds.high_radps),
                 speeds.revolutions,
                 order,
-                *map(_known, speeds.amplitude_mps2[:, order].tolist()),
+                *map(finite_or_none, speeds.amplitude_mps2[:, order].tolist()),
                 *[None] * len(AXIS_NAMES),
             ]
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def write_json(path: Path, wheels: Sequence[WheelOrders], recording: str, *, force: bool = False) -> None:
@@ -185,5 +181,5 @@ def _by_axis(values: FloatArray) -> dict[str, object]:
 
 def _list(values: FloatArray) -> object:
     if values.ndim == 0:
-        return _known(float(values))
-    return [_known(value) for value in values.tolist()]
+        return finite_or_none(float(values))
+    return [finite_or_none(value) for value in values.tolist()]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any, Final
 
 from gateway import __version__
 from gateway.closure.result import HeldOut
 from gateway.closure.transfer import Transfer
-from gateway.views.numbers import fixed
+from gateway.views.numbers import finite_or_none, fixed
 from gateway.views.report.phrases import effects_listed, listed, model_words, remark
 from gateway.views.report.quantities import ratio
 from gateway.views.text import clean, counted, pad
@@ -65,7 +64,7 @@ def transfer_json(result: Transfer) -> dict[str, Any]:
         "effects": {name: dict(values) for name, values in result.effects.items()},
         "refitted": list(result.refitted),
         "held_out": held_out_json(result.held_out),
-        "noise_floor_mps2": _number(result.noise_floor_mps2),
+        "noise_floor_mps2": finite_or_none(result.noise_floor_mps2),
         "notes": [clean(remark(note)) for note in result.notes],
         "reasons": {"notes": [as_json(note) for note in result.notes]},
     }
@@ -74,18 +73,18 @@ def transfer_json(result: Transfer) -> dict[str, Any]:
 def held_out_json(held_out: HeldOut) -> dict[str, Any]:
     """Return held-out errors, by axis too."""
     return {
-        "rms_before_mps2": _number(held_out.rms_before_mps2),
-        "rms_after_mps2": _number(held_out.rms_after_mps2),
+        "rms_before_mps2": finite_or_none(held_out.rms_before_mps2),
+        "rms_after_mps2": finite_or_none(held_out.rms_after_mps2),
         "revolutions": int(held_out.revolutions),
         "folds": int(held_out.folds),
-        "std_before_mps2": _number(held_out.std_before_mps2),
-        "std_after_mps2": _number(held_out.std_after_mps2),
-        "std_after_over_before": _number(held_out.std_ratio),
+        "std_before_mps2": finite_or_none(held_out.std_before_mps2),
+        "std_after_mps2": finite_or_none(held_out.std_after_mps2),
+        "std_after_over_before": finite_or_none(held_out.std_ratio),
         "as_recorded": None
         if held_out.as_recorded is None
         else {
-            "rms_before_mps2": _number(held_out.as_recorded.rms_before_mps2),
-            "rms_after_mps2": _number(held_out.as_recorded.rms_after_mps2),
+            "rms_before_mps2": finite_or_none(held_out.as_recorded.rms_before_mps2),
+            "rms_after_mps2": finite_or_none(held_out.as_recorded.rms_after_mps2),
             "aligned_revolutions": int(held_out.as_recorded.revolutions),
             "parameters": int(held_out.as_recorded.parameters),
         },
@@ -93,20 +92,20 @@ def held_out_json(held_out: HeldOut) -> dict[str, Any]:
             {
                 "group": encodable(block.group),
                 "revolutions": int(block.revolutions),
-                "time_s": _number(block.time_s),
-                "rms_before_mps2": _number(block.before_mps2),
-                "rms_after_mps2": _number(block.after_mps2),
+                "time_s": finite_or_none(block.time_s),
+                "rms_before_mps2": finite_or_none(block.before_mps2),
+                "rms_after_mps2": finite_or_none(block.after_mps2),
             }
             for block in held_out.blocks
         ],
         "axes": {
             axis.axis: {
-                "rms_before_mps2": _number(axis.before_mps2),
-                "rms_after_mps2": _number(axis.after_mps2),
-                "rms_with_discrepancy_mps2": _number(axis.with_discrepancy_mps2),
-                "noise_floor_mps2": _number(axis.noise_mps2),
-                "weighted_before": _number(axis.before_weighted),
-                "weighted_after": _number(axis.after_weighted),
+                "rms_before_mps2": finite_or_none(axis.before_mps2),
+                "rms_after_mps2": finite_or_none(axis.after_mps2),
+                "rms_with_discrepancy_mps2": finite_or_none(axis.with_discrepancy_mps2),
+                "noise_floor_mps2": finite_or_none(axis.noise_mps2),
+                "weighted_before": finite_or_none(axis.before_weighted),
+                "weighted_after": finite_or_none(axis.after_weighted),
             }
             for axis in held_out.axes
         },
@@ -120,7 +119,3 @@ def encodable(text: str) -> str:
 
 def _row(label: str, text: str) -> str:
     return f"  {pad(label, _LABEL_WIDTH)}{text}"
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
@@ -18,7 +17,7 @@ from gateway.pipeline.results import AlarmRecord, RevolutionResult
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Reason
 from gateway.table_columns import ESTIMATE_PARTS, OTHER, RESULT_HEAD, RESULT_TAIL, estimate_columns
-from gateway.views.numbers import RENAMED, distinct_name
+from gateway.views.numbers import RENAMED, distinct_name, finite_or_none
 from gateway.views.output_file import OutputFile
 from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
 from gateway.views.wording import as_json, joined
@@ -115,7 +114,7 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "device_end_s": revolution.start_s + revolution.period_s,
         "host_utc": iso_utc(result.host_ns),
         "host_ns": result.host_ns,
-        "acceleration_mps2": _known(revolution.omega_dot_radps2 * conditions.radius_m),
+        "acceleration_mps2": finite_or_none(revolution.omega_dot_radps2 * conditions.radius_m),
         "radius_m": conditions.radius_m,
         "radius_std_m": conditions.radius_std_m,
         "mounting_offset_m": conditions.sensor_offset_m,
@@ -136,7 +135,12 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         distinct_name(estimate.name, _TAKEN): dict(
             zip(
                 ESTIMATE_PARTS,
-                (_known(estimate.value), _known(estimate.std), str(estimate.status), joined(estimate.reasons)),
+                (
+                    finite_or_none(estimate.value),
+                    finite_or_none(estimate.std),
+                    str(estimate.status),
+                    joined(estimate.reasons),
+                ),
                 strict=True,
             )
         )
@@ -161,10 +165,6 @@ def alarm_fields(alarm: AlarmRecord) -> dict[str, object]:
 def iso_utc(host_ns: int) -> str:
     """Return ns since the epoch as `2026-01-31T12:00:00.123456Z`."""
     return f"{np.datetime_as_string(np.datetime64(host_ns, 'ns'), unit='us')}Z"
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 class JsonRows(ABC):

@@ -27,7 +27,7 @@ from gateway.trends.trend_result import (
     rate_of,
 )
 from gateway.trends.watched_series import followed_by, label_of
-from gateway.views.numbers import MISSING, STATUS_MARKS, fixed, round_to_error, split_name
+from gateway.views.numbers import MISSING, STATUS_MARKS, finite_or_none, fixed, round_to_error, split_name
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.text import clean, counted, pad, storable, width
 from gateway.views.wording import as_json, joined, text
@@ -119,7 +119,7 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
                 "first_utc": _utc(trend.first_ns),
                 "last_utc": _utc(trend.last_ns),
                 "recordings": trend.recordings,
-                "distance_km": _known(trend.distance_km),
+                "distance_km": finite_or_none(trend.distance_km),
                 "has_odometer": trend.has_odometer,
                 "is_identified": trend.is_identified,
                 "numbers": [_number_json(number) for number in trend.numbers],
@@ -145,10 +145,10 @@ def trends_json(trends: FleetTrends) -> dict[str, Any]:
                 "path": storable(outlier.path),
                 "start_utc": _utc(outlier.time_ns),
                 "name": outlier.name,
-                "value": _known(outlier.value),
-                "expected": _known(outlier.expected),
+                "value": finite_or_none(outlier.value),
+                "expected": finite_or_none(outlier.expected),
                 "unit": outlier.unit,
-                "deviation": _known(outlier.deviation),
+                "deviation": finite_or_none(outlier.deviation),
             }
             for outlier in trends.outliers
         ],
@@ -163,7 +163,7 @@ def trends_csv(trends: FleetTrends) -> bytes:
     for trend in trends.tires:
         head: list[Any] = [
             storable(trend.vehicle), trend.position, "", trend.sensor_id, trend.part, _utc(trend.first_ns),
-            _utc(trend.last_ns), trend.recordings, _known(trend.distance_km), trend.has_odometer,
+            _utc(trend.last_ns), trend.recordings, finite_or_none(trend.distance_km), trend.has_odometer,
         ]  # fmt: skip
         for number in trend.numbers:
             sink.row([*head, *_cells(number), findings_text(trend.findings)])
@@ -263,11 +263,11 @@ def _pair_lines(pairs: Sequence[PairTrend]) -> Iterator[str]:
 def _number_json(number: TrendNumber) -> dict[str, Any]:
     return {
         "quantity": str(number.quantity),
-        "value": _known(number.value),
-        "std": _known(number.std),
+        "value": finite_or_none(number.value),
+        "std": finite_or_none(number.std),
         "unit": number.unit,
-        "low_95": _known(number.low),
-        "high_95": _known(number.high),
+        "low_95": finite_or_none(number.low),
+        "high_95": finite_or_none(number.high),
         "status": str(number.status),
         "count": number.count,
         "freedom": number.freedom,
@@ -277,8 +277,8 @@ def _number_json(number: TrendNumber) -> dict[str, Any]:
 
 def _cells(number: TrendNumber) -> list[Any]:
     return [
-        str(number.quantity), _known(number.value), _known(number.std), number.unit, _known(number.low),
-        _known(number.high), str(number.status), number.count, number.freedom,
+        str(number.quantity), finite_or_none(number.value), finite_or_none(number.std), number.unit,
+        finite_or_none(number.low), finite_or_none(number.high), str(number.status), number.count, number.freedom,
         " ".join(str(reason.code) for reason in number.reasons), joined(number.reasons),
     ]  # fmt: skip
 
@@ -299,7 +299,3 @@ def plain_number(value: float, unit: str) -> str:
 
 def _utc(time_ns: int) -> str:
     return f"{np.datetime_as_string(np.datetime64(time_ns, 'ns'), unit='s')}Z"
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
