@@ -316,8 +316,10 @@ class Recording(Mapping[str, "Wheel"]):
         """
         recording = self._opened()
         names = several_names(estimators) or self._settings.estimators
+        # Asked before the pass: the first answer reads the file, which has one position.
+        has_host_time = self._has_host_time
         for result in RecordingPass(recording, names, signals=recording.signals()):
-            yield Revolution(result, has_host_time=self._has_host_time)
+            yield Revolution(result, has_host_time=has_host_time)
 
     def samples(self, *, start_s: float = -math.inf, stop_s: float = math.inf) -> dict[str, Samples]:
         """Return the samples of all wheels in one pass, by position; arguments as for `Wheel.samples`."""

@@ -181,6 +181,14 @@ def test_other_estimators_are_chosen_at_the_call(recording):
         recording.estimates(["magic"])
 
 
+def test_stream_is_whole_where_nothing_was_asked_before(tmp_path):
+    path = tmp_path / "long.mcap"
+    gateway.simulate("demo", duration_s=20.0, out=path)
+    with gateway.open(path) as fresh:
+        streamed = sum(1 for _ in fresh.stream("kinematic"))
+        assert streamed == sum(len(fresh[wheel].revolutions()) for wheel in fresh.wheels)
+
+
 def test_stream_equals_the_tables(recording, rows):
     streamed = list(recording.stream("kinematic"))
     assert len(streamed) == len(rows)
