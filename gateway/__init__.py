@@ -21,6 +21,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from gateway.api.diagnosis_report import DiagnosisReport as DiagnosisReport
     from gateway.api.diagnosis_report import diagnose as diagnose
+    from gateway.api.estimate_comparison import Comparison as Comparison
     from gateway.api.estimate_tables import Alarms as Alarms
     from gateway.api.estimate_tables import Estimates as Estimates
     from gateway.api.fleet_results import CampaignResult as CampaignResult
@@ -61,6 +62,7 @@ _LAZY = {
     "AngleWaveforms": "gateway.api.signal_tables:AngleWaveforms",
     "AverageWaveform": "gateway.api.signal_tables:AverageWaveform",
     "CampaignResult": "gateway.api.fleet_results:CampaignResult",
+    "Comparison": "gateway.api.estimate_comparison:Comparison",
     "ConfigError": "gateway.errors:ConfigError",
     "DiagnosisReport": "gateway.api.diagnosis_report:DiagnosisReport",
     "Environment": "gateway.api.signal_tables:Environment",

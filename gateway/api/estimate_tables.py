@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -21,12 +22,15 @@ from gateway.api.column_table import (
     unit_of,
     utc_array,
 )
+from gateway.api.estimate_comparison import Comparison
 from gateway.estimators.estimator import Status
+from gateway.estimators.mean_comparison import compared_means
 from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
 from gateway.nearest_name import did_you_mean
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
 from gateway.quantity_catalogue import quantity_of
 from gateway.types import BoolArray, FloatArray
+from gateway.views.readout import DISTANCE
 from gateway.views.wording import joined, text
 
 if TYPE_CHECKING:
@@ -113,6 +117,27 @@ class Estimates(ColumnTable):
         if not mean.count:
             raise KeyError(f"no revolution of {wheels[0]} has a valid '{name}'")
         return mean_estimate(mean, quantity_of(name).memory_revolutions)
+
+    def compare(self, other: Estimates) -> Comparison:
+        """Return the differences of another recording, as `treadlink compare` prints them; the distance is left out.
+
+        Args:
+            other: estimates of the other recording.
+
+        Returns:
+            a row for each wheel and quantity with valid values in both; errors of the two count as independent.
+        """
+        differences = compared_means(self._means(), other._means())
+        return Comparison.of(differences, recording=self.recording, other_recording=other.recording)
+
+    def _means(self) -> dict[tuple[str, str], MeanEstimate]:
+        means = {}
+        for wheel in dict.fromkeys(self.wheel.tolist()):
+            for name in self.names:
+                if name != DISTANCE:
+                    with suppress(KeyError):  # no valid value
+                        means[wheel, name] = self.mean(name, wheel=wheel)
+        return means
 
     def plot(self, *names: str) -> Figure:
         """Return a matplotlib figure of quantities against time, with bands of their standard errors.

@@ -19,8 +19,15 @@ _HEIGHT_IN: Final = 2.6
 
 
 def abscissa_of(columns: Sequence[str]) -> str:
-    """Return the column that the others are drawn against: the angle, or the time of the hub's clock."""
-    return next(name for name in _ABSCISSAE if name in columns)
+    """Return the column that the others are drawn against: the angle, or the time of the hub's clock.
+
+    Raises:
+        KeyError: the table has neither.
+    """
+    for name in _ABSCISSAE:
+        if name in columns:
+            return name
+    raise KeyError("the table has no angle and no time to draw against")
 
 
 def drawn(

@@ -34,6 +34,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "replay": ("gateway.cli.replay:replay", "Replay a recording with live estimates."),
     "inspect": ("gateway.cli.inspect:inspect", "Show the links, losses, rates and time line of recordings."),
     "estimate": ("gateway.cli.estimate:estimate", "Estimate recordings in one pass and write tables."),
+    "compare": ("gateway.cli.compare:compare", "Compare two recordings: means, differences and their significance."),
     "export": ("gateway.cli.export:export", "Write measurements to CSV, Parquet, MATLAB, MDF, TYDEX or MCAP files."),
     "orders": ("gateway.cli.orders:orders", "Show the order spectra and the average of every wheel."),
     "diagnose": ("gateway.cli.diagnose:diagnose", "Identify the physical effects that the model lacks."),

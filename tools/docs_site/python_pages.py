@@ -8,6 +8,7 @@ from typing import Final
 
 import gateway
 from gateway.api.column_table import COLUMN, ColumnTable, unit_of
+from gateway.api.estimate_comparison import Comparison
 from gateway.api.estimate_tables import Alarms, Estimates
 from gateway.api.signal_tables import (
     AngleWaveforms,
@@ -36,6 +37,7 @@ TABLES: Final[dict[type[ColumnTable], str]] = {
     OrderSpectra: "wheel.orders()",
     Estimates: "recording.estimates()",
     Alarms: "recording.alarms()",
+    Comparison: "estimates.compare(other)",
 }
 _TABLES = """\
 ## Tables

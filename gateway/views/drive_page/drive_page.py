@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -14,13 +14,14 @@ from gateway.table_columns import RECORDING_PARTS
 from gateway.views.drive_page.drive import Drive, DriveWheel
 from gateway.views.drive_page.drive_figures import Line, begin_ns, drawn_quantities, lines_of, quantity_figure
 from gateway.views.html_template import html_template
-from gateway.views.numbers import MISSING, STATUS_MARKS, duration, fixed, round_to_error, split_name
+from gateway.views.numbers import MISSING, STATUS_MARKS, duration, round_to_error, split_name
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.readout import DISTANCE
 from gateway.views.report.figures import inline_svg, report_style, require_report_packages
 from gateway.views.session_summary import alarm_line
 from gateway.views.tables.result_table import iso_utc
 from gateway.views.tables.table_sinks import Cell
+from gateway.views.tables.wheel_glance import GLANCE, number
 from gateway.views.text import clean, counted
 from gateway.views.wording import notice_text
 
@@ -90,7 +91,7 @@ def drive_page(drives: Sequence[Drive]) -> str:
     package, name = _STYLE
     style = Markup(resources.files(package).joinpath(name).read_text(encoding="utf-8"))  # our own file
     with report_style():
-        sections = [_section(f"r{number}", drive) for number, drive in enumerate(drives)]
+        sections = [_section(f"r{index}", drive) for index, drive in enumerate(drives)]
     title = drives[0].name if len(drives) == 1 else counted(len(drives), "recording")
     return _template().render(version=__version__, style=style, title=title, sections=sections)
 
@@ -111,7 +112,7 @@ def _section(identity: str, drive: Drive) -> _Section:
         wheels=wheels,
         glance=[
             (label, [text(rows[position]) for position in wheels])
-            for label, text in _GLANCE
+            for label, text in GLANCE
             if any(text(row) != MISSING for row in rows.values())
         ],
         means=means,
@@ -135,51 +136,6 @@ def _facts(drive: Drive) -> str:
     return " · ".join(parts)
 
 
-def _number(cells: dict[str, Cell], name: str) -> float:
-    value = cells.get(name)
-    return float(value) if isinstance(value, int | float) else float("nan")
-
-
-def _stated(cells: dict[str, Cell], name: str) -> str:
-    """Return a condition with its error and unit."""
-    unit = split_name(name)[1]
-    stem, _, suffix = name.rpartition("_")
-    value, std = (_number(cells, column) * unit.factor for column in (name, f"{stem}_std_{suffix}"))
-    text = round_to_error(value, std).joined()
-    return text if text == MISSING else f"{text} {unit.symbol}"
-
-
-def _spread(cells: dict[str, Cell], names: Sequence[str]) -> str:
-    """Return the mean of a quantity with its least and its greatest value."""
-    unit = split_name(names[0])[1]
-    mean, least, most = (fixed(_number(cells, name), 1, unit.factor) for name in names)
-    return mean if mean == MISSING else f"{mean} {unit.symbol}, {least} to {most}"
-
-
-def _revolutions(cells: dict[str, Cell]) -> str:
-    count, valid = cells["revolutions"], cells["revolutions_valid"]
-    return str(count) if count == valid else f"{count}, {valid} without a fault"
-
-
-def _lost(cells: dict[str, Cell]) -> str:
-    samples, lost = _number(cells, "samples"), _number(cells, "samples_lost")
-    return MISSING if not samples + lost > 0.0 else f"{100.0 * lost / (samples + lost):.3g} %"
-
-
-_PARTS: Final = ("mean", "min", "max")
-_TEMPERATURES: Final = ("temperature_degc", "temperature_min_degc", "temperature_max_degc")
-_GLANCE: Final[tuple[tuple[str, Callable[[dict[str, Cell]], str]], ...]] = (
-    ("revolutions", _revolutions),
-    ("distance", lambda cells: f"{fixed(_number(cells, 'distance_m'), 1)} m"),
-    ("speed, mean and span", lambda cells: _spread(cells, [f"speed_{part}_mps" for part in _PARTS])),
-    ("load, stated", lambda cells: _stated(cells, "load_n")),
-    ("pressure", lambda cells: _stated(cells, "pressure_pa")),
-    ("temperature, mean and span", lambda cells: _spread(cells, _TEMPERATURES)),
-    ("belt radius", lambda cells: _stated(cells, "radius_m")),
-    ("samples lost", _lost),
-)
-
-
 def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tuple[str, str, str]]]:
     """Return rows of quantity, unit and the wheels' means, and notes of wheels, quantities and reason."""
     rows: dict[str, dict[str, _Value]] = {}
@@ -191,7 +147,7 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
             label, unit = split_name(name)
             cells: dict[str, Cell] = dict(zip(RECORDING_PARTS, values, strict=True))
             status, reason = Status(str(cells["_status"])), str(cells["_reason"])
-            value, std, scatter = (_number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
+            value, std, scatter = (number(cells, part) * unit.factor for part in ("", "_std", "_scatter"))
             rows.setdefault(name, {})[position] = _value(value, std, scatter, status)
             if reason:
                 reasons.setdefault(reason, {}).setdefault(position, []).append(label)
@@ -229,11 +185,11 @@ def _drawings(identity: str, drive: Drive) -> Iterator[tuple[Any, str]]:
     from markupsafe import Markup
 
     start_ns = begin_ns(drive)
-    for number, name in enumerate(drawn_quantities(drive)):
+    for index, name in enumerate(drawn_quantities(drive)):
         lines: list[Line] = lines_of(drive, name, start_ns)
         figure = quantity_figure(name, lines)
         # Matplotlib escapes what it draws.
-        svg = Markup(inline_svg(figure, f"{identity}-{number}"))
+        svg = Markup(inline_svg(figure, f"{identity}-{index}"))
         yield svg, f"{split_name(name)[0]} over time of {', '.join(line.position for line in lines)}"
 
 

@@ -10,7 +10,7 @@ from dataclasses import asdict
 from typing import Final
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.weighted_mean import WeightedMean
+from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
@@ -54,6 +54,11 @@ class _Quantity:
             doubt = estimate.reasons[0]
             self._doubts[doubt.code] += 1
             self._doubt_of[doubt.code] = doubt
+
+    @property
+    def valid(self) -> WeightedMean:
+        """Mean of the valid values."""
+        return self._means[Status.VALID]
 
     def cells(self) -> tuple[Cell, ...]:
         """Return the cells in the order of RECORDING_PARTS."""
@@ -176,6 +181,15 @@ class WheelRow:
         """Yield the name of each estimate, and its cells in the order of RECORDING_PARTS."""
         for name, collected in self._estimates.items():
             yield name.removeprefix(RENAMED), collected.cells()
+
+    def means(self) -> dict[str, MeanEstimate]:
+        """Return the means over the valid revolutions by quantity, with their uncertainty."""
+        named = {name.removeprefix(RENAMED): collected.valid for name, collected in self._estimates.items()}
+        return {
+            name: mean_estimate(mean, quantity_of(name).memory_revolutions)
+            for name, mean in named.items()
+            if mean.count
+        }
 
     def _stated(self) -> dict[str, Cell]:
         """Return what the configuration states of the tire, and when the hub's clock was zero."""

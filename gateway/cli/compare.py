@@ -1,0 +1,79 @@
+"""`treadlink compare`: two recordings side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
+
+
+@click.command()
+@click.argument("first", type=click.Path(path_type=Path), metavar="FIRST")
+@click.argument("second", type=click.Path(path_type=Path), metavar="SECOND")
+@config_option
+@click.option(
+    "--csv", "csv_path", type=click.Path(path_type=Path), metavar="FILE", help="Write the differences to this file."
+)
+@force_option
+@keys_option
+@estimator_option
+@effects_option
+def compare(
+    first: Path,
+    second: Path,
+    config_path: Path | None,
+    csv_path: Path | None,
+    force: bool,
+    key_file: Path | None,
+    estimators: tuple[str, ...],
+    effects_paths: tuple[Path, ...],
+) -> None:
+    """Compare the recordings FIRST and SECOND: conditions side by side, means and their differences.
+
+    For each wheel that both have, and each quantity that is valid in both, the mean over the valid revolutions with its
+    standard error is shown, the difference (second less first) with its error, and how many errors it is. Errors of the
+    two recordings count as independent. Those of a statement that both share, such as the belt radius, cancel in truth:
+    a difference marked * is then significant all the more.
+
+    \b
+    Examples:
+      treadlink compare before.mcap after.mcap
+      treadlink compare tire-a.mcap tire-b.mcap --csv differences.csv
+    """
+    from gateway.cli.estimate_order import EstimateOrder
+    from gateway.cli.recording_estimates import estimate_recording
+    from gateway.cli.summary_output import SummaryOutput
+    from gateway.errors import RecordingError
+    from gateway.estimators.mean_comparison import compared_means
+    from gateway.estimators.registry import DEFAULT_ESTIMATORS
+    from gateway.security.key_file import default_key_file
+    from gateway.views.drive_comparison import comparison_csv, comparison_lines, means_of
+    from gateway.views.output_file import check_outputs, is_stdout, write_whole
+
+    check_outputs([csv_path], [first, second, config_path, *effects_paths, key_file or default_key_file()], force=force)
+    drives = []
+    for path in (first, second):
+        order = EstimateOrder(
+            path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {}, is_drawn=True
+        )
+        estimated = estimate_recording(order, lambda _: None, ())
+        assert estimated.drive is not None
+        drives.append(estimated.drive)
+    before, after = drives
+    if not before.wheels.keys() & after.wheels.keys():
+        wheels = " and ".join(f"{', '.join(drive.wheels) or 'no wheel'} in '{drive.name}'" for drive in drives)
+        raise RecordingError(
+            f"no wheel has revolutions in both recordings: {wheels}",
+            "Name the wheels alike in the configuration, --config, or look at the recordings with treadlink inspect.",
+        )
+    differences = compared_means(means_of(before), means_of(after))
+    say = SummaryOutput(err=is_stdout(csv_path))
+    for line in comparison_lines(before, after, differences):
+        say(line)
+    if csv_path is not None:
+        write_whole(csv_path, comparison_csv(differences), force=force)
+        if not is_stdout(csv_path):
+            say(f"written: {csv_path}")
+    say.finish()

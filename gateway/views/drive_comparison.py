@@ -1,0 +1,90 @@
+"""Two recordings side by side: conditions, means and their differences, for a terminal and as CSV."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from gateway.estimators.mean_comparison import FALSE_ALARM, MeanDifference
+from gateway.estimators.weighted_mean import MeanEstimate
+from gateway.quantity_catalogue import unit_of
+from gateway.views.drive_page.drive import Drive
+from gateway.views.numbers import fixed, round_to_error, split_name
+from gateway.views.readout import DISTANCE
+from gateway.views.tables.table_sinks import CsvSink
+from gateway.views.tables.wheel_glance import GLANCE
+from gateway.views.text import clean, counted, pad, pad_left
+
+_CSV_COLUMNS: Final = (
+    "wheel", "quantity", "unit", "first", "first_std", "first_count", "second", "second_std", "second_count",
+    "difference", "difference_std", "significance", "is_significant",
+)  # fmt: skip
+
+
+def means_of(drive: Drive) -> dict[tuple[str, str], MeanEstimate]:
+    """Return the means over valid revolutions by wheel and quantity, without the distance, which only grows."""
+    return {
+        (position, name): mean
+        for position, wheel in drive.wheels.items()
+        for name, mean in wheel.row.means().items()
+        if name != DISTANCE
+    }
+
+
+def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:
+    """Yield the lines of a comparison, wheel by wheel."""
+    for wheel in [position for position in first.wheels if position in second.wheels]:
+        cells = [drive.wheels[wheel].row.cells(drive.wheels[wheel].state, ()) for drive in (first, second)]
+        rows = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
+        rows += [(label, *(text(values) for values in cells), "", "") for label, text in GLANCE]
+        rows += [_row(difference) for difference in differences if difference.wheel == wheel]
+        widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+        for label, *texts in rows:
+            yield "  ".join(
+                (pad(label, widths[0]), *(pad_left(t, w) for t, w in zip(texts, widths[1:], strict=True)))
+            ).rstrip()
+        yield ""
+    significant = sum(difference.is_significant for difference in differences)
+    yield (
+        f"{significant} of {counted(len(differences), 'difference')} marked * are significant: were there none, chance "
+        f"would mark any of them with a probability of {FALSE_ALARM:.0%}"
+    )
+
+
+def _row(compared: MeanDifference) -> tuple[str, str, str, str, str]:
+    label, unit = split_name(compared.name)
+    texts = [
+        round_to_error(value * unit.factor, std * unit.factor).joined()
+        for value, std in (
+            (compared.first.value, compared.first.std),
+            (compared.second.value, compared.second.std),
+            (compared.difference, compared.std),
+        )
+    ]
+    significance = fixed(compared.significance, 1)
+    mark = " *" if compared.is_significant else "  "
+    return f"{label}, {unit.symbol}" if unit.symbol else label, texts[0], texts[1], texts[2], significance + mark
+
+
+def comparison_csv(differences: Sequence[MeanDifference]) -> bytes:
+    """Return the differences as CSV, in SI units, one row for each wheel and quantity; unknown is empty."""
+    buffer = io.BytesIO()
+    sink = CsvSink(buffer)
+    sink.header(_CSV_COLUMNS)
+    for compared in differences:
+        first, second = compared.first, compared.second
+        numbers = (compared.difference, compared.std, compared.significance)
+        sink.row(
+            [
+                *(compared.wheel, compared.name, unit_of(compared.name)),
+                *(first.value, _known(first.std), first.count, second.value, _known(second.std), second.count),
+                *(*map(_known, numbers), compared.is_significant),
+            ]
+        )
+    return buffer.getvalue()
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
