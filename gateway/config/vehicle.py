@@ -406,7 +406,7 @@ class Thresholds(Section):
     load_max_n: float | None = Field(default=None, ge=50, le=100_000, description="highest vertical load in N")
     wear_max_mm: float | None = Field(default=None, gt=0, le=50, description="largest tread wear in mm")
     frame_loss_max_percent: float | None = Field(
-        default=None, ge=0, le=100, description="largest share of frames lost in percent"
+        default=None, ge=0, le=100, description="largest share of frames lost in the last 10 s in percent"
     )
     battery_min_percent: float | None = Field(
         default=None, ge=0, le=100, description="lowest state of charge of a hub's battery in percent"

@@ -202,6 +202,7 @@ class LinkSnapshot:
         judged: frames by what the check of their signatures found; empty when signatures do not matter.
         silent_s: time since the last frame when the link is down, or every hub on it or the vehicle's bus is silent,
             else None.
+        recent_loss: share of the frames lost in the last seconds, None without frames.
     """
 
     link: str
@@ -222,6 +223,7 @@ class LinkSnapshot:
     supply_w: float | None = None
     judged: Mapping[str, int] = field(default_factory=dict)
     silent_s: float | None = None
+    recent_loss: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -267,7 +267,7 @@ _LINK_LIMITS: Final = (
     _Limit[LinkSnapshot](
         AlarmName.LOSS,
         lambda limits: limits.frame_loss_max,
-        lambda link: link.frames_lost / (link.frames + link.frames_lost) if link.frames + link.frames_lost else None,
+        lambda link: link.recent_loss,
         lambda value, limit: Reason(Code.FRAME_LOSS_ABOVE_LIMIT, share=value, limit=limit),
         lambda value: Reason(Code.FRAME_LOSS_NOW, share=value),
     ),

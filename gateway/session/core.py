@@ -36,6 +36,7 @@ from gateway.session.disk_watch import disk_notices
 from gateway.session.hub_log import HubLog
 from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
+from gateway.session.recent_loss import RecentLoss
 from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
 from gateway.session.session_recording import SessionRecording
@@ -76,6 +77,7 @@ class _Link:
     bytes_received: int = 0
     bus_frames: int | None = None
     newest_ns: int = 0
+    loss: RecentLoss = field(default_factory=RecentLoss)
     status: HubStatus | None = None
     connected_rssi_dbm: int | None = None
     resyncs: int = 0
@@ -426,4 +428,5 @@ class SessionCore:
             supply_w=status.supply_w if status is not None else None,
             judged=self._watch.counts(name),
             silent_s=self._alarms.silence.silent_s(name),
+            recent_loss=link.loss.share(link.newest_ns, counters.frames, counters.lost),
         )

@@ -397,8 +397,8 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     # - Thresholds
     Code.BATTERY_BELOW_LIMIT: "battery at {level:.0f %}, below {limit:.0f %}",
     Code.BATTERY_NOW: "battery at {level:.0f %}",
-    Code.FRAME_LOSS_ABOVE_LIMIT: "{share:.2f %} of the frames lost, above {limit:.2f %}",
-    Code.FRAME_LOSS_NOW: "{share:.2f %} of the frames lost",
+    Code.FRAME_LOSS_ABOVE_LIMIT: "{share:.2f %} of the latest frames lost, above {limit:.2f %}",
+    Code.FRAME_LOSS_NOW: "{share:.2f %} of the latest frames lost",
     Code.LINK_DOWN: "link is down: {state}",
     Code.LOAD_ABOVE_LIMIT: "load {load_n:.0f N} is above {limit_n:.0f N}",
     Code.LOAD_NOW: "load {load_n:.0f N}",

@@ -75,7 +75,7 @@ def test_wheel_alarm(change: dict[str, object], name: AlarmName, reason: Reason)
     ("change", "name", "code"),
     [
         ({"connected": False, "note": Reason(Code.LINK_LOST)}, AlarmName.LINK, Code.LINK_DOWN),
-        ({"frames_lost": 50}, AlarmName.LOSS, Code.FRAME_LOSS_ABOVE_LIMIT),
+        ({"recent_loss": 0.05}, AlarmName.LOSS, Code.FRAME_LOSS_ABOVE_LIMIT),
         ({"judged": {"verified": 10, "unsigned": 2}}, AlarmName.SECURITY, Code.FRAMES_NOT_TRUSTED),
         ({"battery_percent": 19}, AlarmName.BATTERY, Code.BATTERY_BELOW_LIMIT),
     ],
@@ -123,4 +123,4 @@ def test_hubs_of_several_links_are_told_apart() -> None:
 
 def test_unknown_values_and_limits_give_no_alarm() -> None:
     assert alarms([WheelSnapshot("FL")], [], LIMITS) == ()
-    assert alarms([replace(WHEEL, pressure_pa=1.0, load_n=1e9)], [replace(LINK, frames_lost=900)], Thresholds()) == ()
+    assert alarms([replace(WHEEL, pressure_pa=1.0, load_n=1e9)], [replace(LINK, recent_loss=0.9)], Thresholds()) == ()
