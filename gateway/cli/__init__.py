@@ -43,6 +43,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."),
     "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT, HDF5, MF4 or TDMS file to a recording."),
     "note": ("gateway.cli.note:note", "Add a comment or tags to recordings without changing them."),
+    "manifest": ("gateway.cli.manifest:manifest", "Write hashes of recordings that copies are compared with."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires."),

@@ -13,7 +13,10 @@ from gateway.cli import exit_status
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per recording.")
-def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
+@click.option(
+    "--verify", "verifies", is_flag=True, help="Only compare with the folder's SHA256SUMS (treadlink manifest)."
+)
+def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None:
     """Show the links, sensors, rates, losses, events and time line of RECORDING...
 
     The time line has one row per wheel. The height of a bar is the received share of the nominal data rate; an `x`
@@ -27,6 +30,9 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
     from gateway.views.progress import progress_bar
     from gateway.views.text import clean
 
+    if verifies:
+        _verify(recordings)
+        return
     without_result = False
     for path in recordings:
         size = max(path.stat().st_size if path.exists() else 0, 1)
@@ -49,4 +55,23 @@ def inspect(recordings: tuple[Path, ...], as_json: bool) -> None:
             link.counters.frames for link in inspection.links.values()
         )
     if without_result:
+        raise SystemExit(exit_status.NO_RESULT)
+
+
+def _verify(recordings: tuple[Path, ...]) -> None:
+    """Compare all recordings with their manifests, and name each that differs."""
+    from gateway.errors import RecordingError
+    from gateway.recording.manifest import verify
+    from gateway.views.text import clean
+
+    wrong = 0
+    for path in recordings:
+        try:
+            verify(path)
+        except RecordingError as error:
+            wrong += 1
+            click.echo(clean(f"{path}: NOT VERIFIED: {error}. {error.remedy}"))
+        else:
+            click.echo(clean(f"{path}: as in the manifest"))
+    if wrong:
         raise SystemExit(exit_status.NO_RESULT)

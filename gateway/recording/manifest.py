@@ -1,0 +1,117 @@
+"""Manifest of a folder of recordings: SHA-256 of every file, in the format of `sha256sum`, carried by any copy."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from gateway.bounded_input import read_bounded
+from gateway.errors import RecordingError
+from gateway.recording.reader import RecordingReader
+from gateway.recording.regular_file import open_regular
+from gateway.recording.run_description import NOTES_SUFFIX, notes_path
+
+MANIFEST_NAME: Final = "SHA256SUMS"
+_LINE: Final = re.compile(r"([0-9a-f]{64}) [ *](.+)")
+_BLOCK_BYTES: Final = 1 << 20
+_MAX_BYTES: Final = 64 << 20
+
+
+def write_manifest(folder: Path, on_file: Callable[[Path], None] = lambda _: None) -> dict[str, str]:
+    """Write the manifest of the finished recordings of a folder and of their notes; return the hashes by name.
+
+    A file whose hash is in the manifest keeps it: a file that has changed since is damage, which a new hash would hide.
+    What is recorded at present is left out. Entries of files that are gone stay, so that a copy shows what it lacks.
+
+    Args:
+        folder: of the recordings, not of those in folders below.
+        on_file: called with each file before it is read.
+
+    Raises:
+        RecordingError: the folder has no recording, or the manifest cannot be read or written.
+    """
+    paths = sorted(folder.glob("*.mcap"))
+    if not paths:
+        raise RecordingError(f"there is no recording in '{folder}'", "Give the folder that has the .mcap files.")
+    hashes = read_manifest(folder)
+    for path in paths:
+        notes = notes_path(path)
+        if notes.exists():  # notes are added to, so theirs is new each time
+            hashes[notes.name] = _sha256(notes)
+        if path.name not in hashes and not RecordingReader(path).info.in_progress:
+            on_file(path)
+            hashes[path.name] = _sha256(path)
+    text = "".join(f"{digest}  {name}\n" for name, digest in sorted(hashes.items()))
+    target, part = folder / MANIFEST_NAME, folder / f".{MANIFEST_NAME}.part"
+    try:
+        part.write_text(text, encoding="utf-8", newline="\n")
+        part.replace(target)
+    except OSError as error:
+        raise RecordingError(
+            f"the manifest '{target}' cannot be written: {error.strerror}", "Check the folder's permissions and space."
+        ) from error
+    return hashes
+
+
+def read_manifest(folder: Path) -> dict[str, str]:
+    """Return the hashes in a folder's manifest by file name; none without a manifest.
+
+    Raises:
+        RecordingError: it cannot be read, or a line is wrong.
+    """
+    path = folder / MANIFEST_NAME
+    try:
+        lines = read_bounded(path, _MAX_BYTES).decode().splitlines()
+    except FileNotFoundError:
+        return {}
+    except (OSError, UnicodeDecodeError) as error:
+        raise RecordingError(f"the manifest '{path}' cannot be read: {error}", "Copy it again.") from error
+    hashes = {}
+    for number, line in enumerate(lines, 1):
+        match = _LINE.fullmatch(line)
+        if match is None:
+            raise RecordingError(f"line {number} of the manifest '{path}' is wrong", "Copy it again.")
+        hashes[match[2]] = match[1]
+    return hashes
+
+
+def verify(recording: Path) -> None:
+    """Compare a recording, and its notes, with the manifest of its folder.
+
+    Raises:
+        RecordingError: a file differs or is missing, or the manifest does not have the recording.
+    """
+    hashes = read_manifest(recording.parent)
+    if recording.name not in hashes:
+        raise RecordingError(
+            f"the manifest of '{recording.parent}' does not have '{recording.name}'",
+            f"Where the recording was made: treadlink manifest {recording.parent}. Then copy {MANIFEST_NAME} too.",
+        )
+    for path in (recording, notes_path(recording)):
+        if path.name not in hashes:
+            continue
+        if not path.exists():
+            raise RecordingError(f"'{path}' is missing, but in the manifest", "Copy it again.")
+        if _sha256(path) != hashes[path.name]:
+            remedy = (
+                "If notes were added since, run treadlink manifest again."
+                if path.name.endswith(NOTES_SUFFIX)
+                else "Copy it again from where it was recorded; `treadlink inspect` says what is damaged."
+            )
+            raise RecordingError(f"'{path}' is not as when the manifest was written", remedy)
+
+
+def _sha256(path: Path) -> str:
+    digest = hashlib.sha256()
+    try:
+        with open_regular(path) as file:
+            while block := file.read(_BLOCK_BYTES):
+                digest.update(block)
+    except OSError as error:
+        raise RecordingError(
+            f"'{path}' cannot be read: {error.strerror}", "Check the path and its permissions."
+        ) from error
+    return digest.hexdigest()
