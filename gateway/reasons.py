@@ -176,6 +176,7 @@ class Code(StrEnum):
     UNKNOWN_ESTIMATOR = "unknown_estimator"
     WEAR_CONTRADICTED = "wear_contradicted"
     WEAR_UNKNOWN = "wear_unknown"
+    WEARS_DISAGREE = "wears_disagree"
     # Of the lateral axis
     CONICITY_NOT_SEPARATED = "conicity_not_separated"
     FROM_AXIS_MEANS = "from_axis_means"

@@ -21,6 +21,7 @@ from enum import StrEnum
 from typing import Final, NamedTuple
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.lost_steady_value import LostSteadyValue
@@ -278,6 +279,8 @@ def assess(
             # The offset and the hub's motion are read from an axis that is not what it is taken for.
             measured = measured._replace(offset_m=None, hub_mps2=0.0)
     hub_mps2 = 0.0 if measured is None else measured.hub_mps2
+    # Noise and road of fewer revolutions look like a motion of the hub, which the errors contain.
+    is_settled = measured is not None and measured.revolutions >= SETTLED_REVOLUTIONS
     # Of the steady value, relative: radius, gain, rate or zero may be wrong by it.
     unsure, disagreement = 0.0, None
     if measured is not None and (ratio := _steady_ratio(measured, zero_std)) is not None:
@@ -346,7 +349,7 @@ def assess(
         disagreement=disagreement,
         hub_mps2=hub_mps2,
         hub_motion=Reason(Code.HUB_MOVES, amplitude_mps2=2.0 * hub_mps2)
-        if hub_mps2 > _NOTABLE_HUB * steady_mps2
+        if is_settled and hub_mps2 > _NOTABLE_HUB * steady_mps2
         else None,
         roll_std_rad=0.0 if measured is None else _roll_std(measured),
     )

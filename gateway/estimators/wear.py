@@ -14,10 +14,11 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.determination import DETERMINED
+from gateway.estimators.disagreement import CONTRADICTION
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import estimator_names
 from gateway.estimators.revolution_block import RevolutionBlock
-from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K, TireData
+from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K, Softening, TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
 from gateway.types import FloatArray
@@ -140,6 +141,7 @@ def _wear(conditions: TireConditions) -> Estimate:
     if bending.status is Status.INVALID:
         return Estimate.invalid(NAMES[0], *bending.reasons)
     softening = tire.reference.softening(conditions.temperature_degc, tire.reference.temperature_degc)
+    bending = _with_ratio(bending, conditions, softening, thickness)
     remaining = thickness_left(bending.value - softening.logarithm)
     notes = list(bending.reasons)
     if not softening.is_known:
@@ -151,6 +153,25 @@ def _wear(conditions: TireConditions) -> Estimate:
         status = Status.PROVISIONAL
         notes.insert(0, Reason(Code.WEAR_CONTRADICTED, stated_m=tire.wear_m, stated_std_m=tire.wear_std_m))
     return Estimate(NAMES[0], 1e3 * value, 1e3 * std, status, tuple(notes))
+
+
+def _with_ratio(bending: Estimate, conditions: TireConditions, softening: Softening, thickness_m: float) -> Estimate:
+    """Return ln(EI / EI of the reference) with an error of at least its difference from that by Bs/Cw.
+
+    They differ where load, pressure or radius are not as stated, or the reference is not of this tire. The error of Bs
+    contains that difference where the belt's width has set it, so it counts once. Beyond a contradiction it is noted.
+    """
+    by_ratio = bending_since_reference(conditions, prefer_ratio=True)
+    if by_ratio.status is Status.INVALID:
+        return bending
+    difference = abs(bending.value - by_ratio.value)
+    if difference <= CONTRADICTION * math.hypot(bending.std, by_ratio.std):
+        return bending._replace(std=max(bending.std, difference))
+    number_m, ratio_m = (
+        thickness_m * (1.0 - thickness_left(way.value - softening.logarithm)) for way in (bending, by_ratio)
+    )
+    note = Reason(Code.WEARS_DISAGREE, number_m=number_m, ratio_m=ratio_m)
+    return bending._replace(std=difference, reasons=(*bending.reasons, note))
 
 
 def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = False) -> Estimate:

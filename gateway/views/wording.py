@@ -297,6 +297,9 @@ TEMPLATES: Final[Mapping[Code, str]] = {
     Code.UNKNOWN_ESTIMATOR: "tire.reference names '{estimator}', which is not an estimator",
     Code.WEAR_CONTRADICTED: "contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}",
     Code.WEAR_UNKNOWN: "wear since the calibration is not known: an error of {relative_error:.0%} is included",
+    Code.WEARS_DISAGREE: (
+        "wear by Bs, {number_m:.1f mm}, and by Bs/Cw, {ratio_m:.1f mm}, disagree: the error includes it"
+    ),
     # Of the lateral axis
     Code.CONICITY_NOT_SEPARATED: "conicity cannot be separated from ply steer and noise here",
     Code.FROM_AXIS_MEANS: "from the means of the lateral and the radial axis",

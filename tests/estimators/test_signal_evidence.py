@@ -293,3 +293,12 @@ def test_change_without_bound_has_no_size() -> None:
     found = evidence.qualified(SPEED)
     assert found.status is Status.INVALID
     assert found.reasons[0].code is Code.NOTHING_FOLLOWS
+
+
+@pytest.mark.parametrize("revolutions", [1, 7, 8])
+def test_motion_of_the_hub_is_noted_after_enough_revolutions(revolutions: int) -> None:
+    """The errors contain it from the first revolution on."""
+    moving = measured(1.0)._replace(revolutions=revolutions, hub_mps2=2.0)
+    evidence = assess(moving, TireConditions(0.32), 1000.0, ac_coupled=False)
+    assert evidence.hub_mps2 == 2.0
+    assert (evidence.hub_motion is not None) == (revolutions >= 8)

@@ -76,7 +76,7 @@ def test_wear_shows_in_the_snapshot() -> None:
     assert snapshot.load_n is None
 
 
-GIVEN = {"Bs": Estimate("Bs", 2e-3, 4e-5, Status.VALID), "Bs/Cw": Estimate("Bs/Cw", 0.0105, 4e-4, Status.VALID)}
+GIVEN = {"Bs": Estimate("Bs", 2e-3, 4e-5, Status.VALID), "Bs/Cw": Estimate("Bs/Cw", 0.01026, 4e-4, Status.VALID)}
 CONDITIONS = TireConditions(0.32, 5000.0, 210e3, 25.0, tire=NEW, given={"weak-form": GIVEN})
 UNDATED = replace(NEW.reference, temperature_degc=None)
 REVOLUTION = make_revolution(exact_wave(solution()))
@@ -139,6 +139,16 @@ def test_missing_wear_inputs_are_reported(change: dict[str, object], code: Code)
     found = wear_of(replace(CONDITIONS, **change))
     assert found.status is Status.INVALID
     assert codes_of(found.reasons) == (code,)
+
+
+@pytest.mark.parametrize("load", [1.0, 1.05, 1.3])
+def test_wears_that_disagree_include_their_difference(load: float) -> None:
+    """A stated load that is wrong changes Bs and not its ratio to Cw."""
+    given = {**GIVEN, "Bs": Estimate("Bs", 2e-3 * load, 4e-5 * load, Status.VALID)}
+    by_number, exact = wear_of(replace(CONDITIONS, given={"weak-form": given})), wear_of(CONDITIONS)
+    assert (Code.WEARS_DISAGREE in codes_of(by_number.reasons)) == (load > 1.2)
+    assert abs(by_number.value - exact.value) <= 1.05 * by_number.std
+    assert load > 1.0 or by_number.std == exact.std
 
 
 def test_wear_drift_follows_the_wear() -> None:
