@@ -1,4 +1,4 @@
-"""Signal acquisition behind the sensing element: clipping, anti-alias filter, AC coupling, sample clock."""
+"""Signal acquisition behind the sensing element: clipping, anti-alias filter, AC coupling, delays, sample clock."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from gateway.closure.effects.effect import (
     Stage,
 )
 from gateway.closure.effects.periodic_filter import ORDER, filtered, order_hz
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.types import ComplexArray, FloatArray
 
 _ROOT_2PI: Final = math.sqrt(2.0 * math.pi)
@@ -197,6 +197,7 @@ class AntiAliasFilter(SignalEffect):
         ),
         Confounder(("contact centre",), "the rounding of the edges; the delay alone looks like another centre"),
         Confounder(("mounting resonance",), "it amplifies high orders, a filter attenuates them"),
+        Confounder(("sensor length",), "two speeds: a length goes with the angle, the filter with frequency"),
     )
     # Corners of 1400 and 700 Hz, with two poles and with one. The effect goes with the square or the cube: a linear
     # step from far below would overshoot.
@@ -271,6 +272,53 @@ class AcCoupling(SignalEffect):
         return 2.0 * math.pi / block.conditions.omega_radps
 
 
+class AxisDelay(SignalEffect):
+    """Delay of an axis against the radial one, by which the contact's centre is timed."""
+
+    source = "sampling of the axes one after the other"
+    # A multiplexer is some microseconds later at each axis; axes of separate converters or filters are up to a sample
+    # or two of 1 kHz apart.
+    parameters = (Parameter("delay_s", "s", -2e-3, 2e-3, 1e-4, 1e-9, factor=1e6, display_unit="us"),)
+    confounders = (
+        Confounder(
+            ("contact asymmetry", "structural damping", "tread damping (shifted pressure)"),
+            "they change the radial axis too; two speeds: the angle of a delay grows with omega",
+        ),
+        Confounder(("anti-alias filter",), "it delays all axes alike, and rounds the contact edges"),
+    )
+    start_values = ((5e-5,),)
+    stage = Stage.ELECTRIC
+
+    def __init__(self, axis: int, rank: int) -> None:
+        """Take the axis and the place in the catalogue."""
+        self.axis, self.rank = axis, rank
+        self.axes = (axis,)
+        name = AXIS_NAMES[axis]
+        self.name = f"{name} delay"
+        self.summary = f"The {name} axis is read later (or earlier) than the radial one."
+        self.equation = f"{name} a(t - delay): order n times exp(-i n omega delay)"
+        self.observed_in = f"{name} axis, best at high speed: its contact edges come later than those of the radial one"
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the axis as it was, less the axis."""
+        return self._filtered(block, np.expm1(-float(parameters[0]) * self._rate(block)))
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return minus the rate of the axis as it was."""
+        rate = self._rate(block)
+        return self._filtered(block, -rate * np.exp(-float(parameters[0]) * rate))[np.newaxis]
+
+    def _filtered(self, block: ModelledBlock, response: ComplexArray) -> FloatArray:
+        result = block.zeros()
+        result[self.axis] = filtered(block.signal_mps2[self.axis], response)
+        return result
+
+    @staticmethod
+    def _rate(block: ModelledBlock) -> ComplexArray:
+        """Return i n omega of every order."""
+        return 2j * math.pi * order_hz(block.conditions)
+
+
 def _low_pass(frequency_hz: ComplexArray, parameters: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Return a low-pass's gain without its delay, and its derivatives by the inverse corner and by p."""
     inverse, second = float(parameters[0]), min(max(float(parameters[1]), _FEWEST), _SHARPEST)
@@ -300,4 +348,6 @@ def _normal_cdf(z: FloatArray) -> FloatArray:
     return result
 
 
-EFFECTS: Final = (ClockError(), Clipping(), AntiAliasFilter(), AcCoupling())
+CIRCUMFERENTIAL_DELAY: Final = AxisDelay(CIRCUMFERENTIAL, 345)
+LATERAL_DELAY: Final = AxisDelay(LATERAL, 347)
+EFFECTS: Final = (ClockError(), Clipping(), CIRCUMFERENTIAL_DELAY, LATERAL_DELAY, AntiAliasFilter(), AcCoupling())

@@ -1,4 +1,4 @@
-"""Sensor mounting: depth below the neutral layer, yaw, roll and pitch beyond those declared, and its resonance.
+"""Sensor mounting: depth, length, yaw, roll and pitch beyond those declared, and its resonance.
 
 A tilt is a rotation of the sensor. In reverse the data's circumferential axis is turned to point along the rotation, so
 the sign of yaw and pitch changes.
@@ -25,11 +25,13 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.closure.effects.periodic_filter import filtered, order_hz
+from gateway.closure.effects.periodic_filter import ORDER, filtered, order_hz
 from gateway.types import ComplexArray, FloatArray
 
 # Rubber's smallest loss factor, with room; a resonance without any would have no finite response.
 _LEAST_LOSS: Final = 0.02
+# Below, sin(x) / x is 1 - x^2 / 6 to the last digit.
+_SMALL_ANGLE_RAD: Final = 1e-4
 
 
 def _angle(name: str) -> Parameter:
@@ -67,6 +69,49 @@ class MountingOffset(RingEffect):
     def expected(self, conditions: Sequence[GroupConditions]) -> bool:
         """Return whether the declared depth is assumed somewhere: sensors on the liner sit some mm below the belts."""
         return any(not condition.offset_known for condition in conditions)
+
+
+class SensorLength(SignalEffect):
+    """Length of the belt over which a stiff board or housing averages its acceleration."""
+
+    name = "sensor length"
+    rank = 265
+    summary = "The sensor reads the mean acceleration over a length of the belt, as on a stiff board."
+    equation = "order n times sin(x) / x, x = n length / (2 R)"
+    source = "mean of a wave over a length"
+    # Elements 3 mm, boards 15 to 30 mm, housings with a battery up to 50 mm. A length acts by its square: below some
+    # millimetres it is not visible.
+    parameters = (Parameter("length_m", "m", 0.0, 0.06, 0.02, 1e-6, factor=1e3, display_unit="mm"),)
+    axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
+    observed_in = "contact edges and highest orders of all axes, at every speed alike"
+    confounders = (
+        Confounder(("anti-alias filter",), "two speeds: the filter goes with frequency, a length with the angle"),
+        Confounder(
+            ("bending stiffness (Bs)", "shear flexibility"),
+            "several loads; a length leaves the waves beside the contact as long as they are",
+        ),
+    )
+    start_values = ((0.015,),)
+    stage = Stage.BELT
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the mean less the signal."""
+        x = self._half_waves(block) * float(parameters[0])
+        return filtered(block.signal_mps2, np.sinc(x / math.pi) - 1.0)
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the length."""
+        rate = self._half_waves(block)
+        x = rate * float(parameters[0])
+        near = np.abs(x) < _SMALL_ANGLE_RAD
+        safe = np.where(near, 1.0, x)
+        slope = np.where(near, -x / 3.0, (np.cos(safe) - np.sin(safe) / safe) / safe)
+        return filtered(block.signal_mps2, rate * slope)[np.newaxis]
+
+    @staticmethod
+    def _half_waves(block: ModelledBlock) -> FloatArray:
+        """Return x of a length of 1 m, for every order."""
+        return ORDER.real / (2.0 * block.conditions.radius_m)
 
 
 class YawTilt(SignalEffect):
@@ -298,4 +343,5 @@ def _resonant(
     return x / below, omega_square * lossy / below**2, by_loss
 
 
-EFFECTS: Final = (MountingOffset(), YawTilt(), RollTilt(), PitchTilt(), MountingResonance())
+SENSOR_LENGTH: Final = SensorLength()
+EFFECTS: Final = (MountingOffset(), SENSOR_LENGTH, YawTilt(), RollTilt(), PitchTilt(), MountingResonance())

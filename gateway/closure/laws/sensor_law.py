@@ -6,10 +6,20 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, ModelledBlock, Parameter, Stage
+from gateway.closure.effects.acquisition import CIRCUMFERENTIAL_DELAY, LATERAL_DELAY
+from gateway.closure.effects.effect import (
+    CIRCUMFERENTIAL,
+    LATERAL,
+    RADIAL,
+    ModelledBlock,
+    Parameter,
+    SignalEffect,
+    Stage,
+)
+from gateway.closure.effects.mounting import SENSOR_LENGTH
 from gateway.closure.laws.law import Law
 from gateway.constants import AXIS_NAMES
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import FloatArray
 
 _LEVEL_MPS2: Final = 1000.0
 _WITH_SIGNAL: Final = "goes with the signal itself, whatever speed, load and pressure"
@@ -32,45 +42,6 @@ class _AxisLaw(Law):
         """Return the size times the reading of a unit."""
         result: FloatArray = float(parameters[0]) * self.derivative(block, parameters)[0]
         return result
-
-
-class AxisDelay(_AxisLaw):
-    """An axis that is read later than the radial one."""
-
-    linear = False
-    scaling = "the same time at every speed: the angle grows with omega"
-
-    def __init__(self, axis: int) -> None:
-        """Take the axis."""
-        super().__init__(axis)
-        self.title = f"delay of the {AXIS_NAMES[axis]} axis"
-        self.name = f"law: {self.title}"
-        self.summary = f"The {AXIS_NAMES[axis]} axis is read later (or earlier) than the radial one."
-        self.equation = f"{AXIS_NAMES[axis]} a(t - tau)"
-        self.parameters = (Parameter("delay_s", "s", -1e-3, 1e-3, 1e-4, 1e-9, factor=1e6, display_unit="us"),)
-        self.start_values = ((5e-5,),)
-
-    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the axis as it was, less the axis."""
-        result = block.zeros()
-        spectrum, rate = self._spectrum(block)
-        changed = spectrum * np.expm1(-float(parameters[0]) * rate)
-        result[self.axis] = np.fft.irfft(changed, n=len(block.theta_rad))
-        return result
-
-    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return minus the rate of the axis as it was."""
-        rows = np.zeros((1, *block.signal_mps2.shape))
-        spectrum, rate = self._spectrum(block)
-        turned = -rate * spectrum * np.exp(-float(parameters[0]) * rate)
-        rows[0, self.axis] = np.fft.irfft(turned, n=len(block.theta_rad))
-        return rows
-
-    def _spectrum(self, block: ModelledBlock) -> tuple[ComplexArray, ComplexArray]:
-        spectrum = np.asarray(np.fft.rfft(block.signal_mps2[self.axis]), dtype=np.complex128)
-        spectrum[-1] = 0.0
-        order = np.arange(len(spectrum), dtype=np.float64)
-        return spectrum, np.asarray(1j * block.conditions.omega_radps * order, dtype=np.complex128)
 
 
 class Hysteresis(_AxisLaw):
@@ -165,53 +136,43 @@ class CrossAxis(_AxisLaw):
         return rows
 
 
-class BeltAverage(Law):
-    """A sensor whose board spans a length of the belt and reads the mean over it."""
+class EffectLaw(Law):
+    """An effect of the catalogue as a law, for a base without it."""
 
-    name = "law: mean over a length"
-    title = "mean over a length"
-    axes = (CIRCUMFERENTIAL, LATERAL, RADIAL)
-    stage = Stage.BELT
-    summary = "The sensor reads the mean acceleration over a length of the belt, as on a stiff board."
-    equation = "each order n times sin(x) / x, x = n L / (2 R)"
-    source = "mean over a length of a wave"
-    scaling = "the same angle at every speed, load and pressure"
-    # Its square is what the signal shows; a length below a few millimetres cannot be seen.
-    parameters = (Parameter("length_m", "m", 0.0, 0.06, 0.02, 1e-6, factor=1e3, display_unit="mm"),)
-    start_values = ((0.015,),)
+    def __init__(self, effect: SignalEffect, title: str, scaling: str) -> None:
+        """Take the effect, the title of the law and its growth in words."""
+        self.effect = effect
+        self.name, self.title = f"law: {title}", title
+        self.summary, self.equation, self.source = effect.summary, effect.equation, effect.source
+        self.parameters, self.start_values = effect.parameters, effect.start_values
+        self.axes, self.stage, self.linear = effect.axes, effect.stage, effect.linear
+        self.scaling = scaling
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the mean less the signal."""
-        spectrum = np.fft.rfft(block.signal_mps2)
-        half = self._half(block, spectrum.shape[-1]) * float(parameters[0])
-        result: FloatArray = np.fft.irfft(spectrum * (np.sinc(half / np.pi) - 1.0), n=len(block.theta_rad))
-        return result
+        """Return that of the effect."""
+        return self.effect.contribution(block, parameters)
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
-        """Return the derivative by the length."""
-        spectrum = np.fft.rfft(block.signal_mps2)
-        rate = self._half(block, spectrum.shape[-1])
-        x = rate * float(parameters[0])
-        near = np.abs(x) < 1e-4
-        safe = np.where(near, 1.0, x)
-        slope = np.where(near, -x / 3.0, (np.cos(safe) - np.sin(safe) / safe) / safe)
-        rows: FloatArray = np.fft.irfft(spectrum * (slope * rate), n=len(block.theta_rad))
-        return rows[None]
-
-    def _half(self, block: ModelledBlock, size: int) -> FloatArray:
-        """Return half of the angle of a wave by length, for every order."""
-        return np.arange(size) / (2.0 * block.conditions.radius_m)
+        """Return that of the effect."""
+        return self.effect.derivative(block, parameters)
 
 
 def sensor_laws() -> tuple[Law, ...]:
     """Return the laws of the sensor chain."""
     every = (CIRCUMFERENTIAL, LATERAL, RADIAL)
     return (
-        *(AxisDelay(axis) for axis in (CIRCUMFERENTIAL, LATERAL)),
+        *(
+            EffectLaw(
+                delay,
+                f"delay of the {AXIS_NAMES[delay.axis]} axis",
+                "the same time at every speed: the angle grows with omega",
+            )
+            for delay in (CIRCUMFERENTIAL_DELAY, LATERAL_DELAY)
+        ),
         *(Hysteresis(axis) for axis in every),
         *(GainBelowZero(axis) for axis in every),
         *(AxisSquare(axis) for axis in (CIRCUMFERENTIAL, LATERAL)),
         CrossAxis(LATERAL, CIRCUMFERENTIAL),
         CrossAxis(RADIAL, CIRCUMFERENTIAL),
-        BeltAverage(),
+        EffectLaw(SENSOR_LENGTH, "mean over a length", "the same angle at every speed, load and pressure"),
     )

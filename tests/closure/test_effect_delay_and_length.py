@@ -1,0 +1,73 @@
+"""A late axis and a long sensor, planted by interpolation in time and by means over points, are no filter and no tire.
+
+Load and speed change together, so that a length, locked to the angle, and a filter, locked to frequency, are rivals.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, GroupConditions
+from gateway.types import FloatArray
+from tests.closure.planted_campaign import RADIUS_M, Plant, among, campaign_of, conditions, searched
+from tests.closure.test_effect_gain import sensor
+
+GROUPS = (conditions(60.0, load_n=4500.0), conditions(90.0, load_n=3600.0))
+DEPTH_M = 0.004
+LATE_S, LENGTH_M, CORNER_HZ = 90e-6, 0.022, 531.0
+_POINTS = 65
+
+
+def at(signal: FloatArray, theta: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return a periodic signal (3, n) at angles by linear interpolation."""
+    return np.stack([np.interp(angle, theta, row, period=2.0 * math.pi) for row in signal])
+
+
+def late(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    """A circumferential axis that is read after the others."""
+    read = signal.copy()
+    read[CIRCUMFERENTIAL] = at(signal, theta, theta - here.omega_radps * LATE_S)[CIRCUMFERENTIAL]
+    return read
+
+
+def long(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    """A board that reads the mean over points along its length."""
+    reach = 0.5 * LENGTH_M / RADIUS_M * (1.0 - 1.0 / _POINTS)
+    return np.mean([at(signal, theta, theta + shift) for shift in np.linspace(-reach, reach, _POINTS)], axis=0)
+
+
+def slow(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    """A converter with a low-pass of two poles, stepped through time until it repeats."""
+    step = float(theta[1] - theta[0]) / here.omega_radps * 2.0 * math.pi * CORNER_HZ
+    read, value, rate = signal.copy(), signal[:, 0].copy(), np.zeros(3)
+    for number in range(2 * len(theta)):
+        rate += step * (signal[:, number % len(theta)] - value - math.sqrt(2.0) * rate)
+        value = value + step * rate
+        read[:, number % len(theta)] = value
+    # The contact is timed behind the filter.
+    return at(read, theta, theta + here.omega_radps * math.sqrt(2.0) / (2.0 * math.pi * CORNER_HZ))
+
+
+def below(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    """A late axis of a sensor below the neutral layer, whose circumferential axis is not gravity alone."""
+    return late(sensor(DEPTH_M, 0.0)(signal, theta, here), theta, here)
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "size"),
+    [
+        (below, "circumferential delay", LATE_S),
+        (long, "sensor length", LENGTH_M),
+        (slow, "anti-alias filter", 1.0 / CORNER_HZ),
+    ],
+)
+def test_cause_is_identified_beside_its_rivals(plant: Plant, name: str, size: float) -> None:
+    rivals = ("circumferential delay", "sensor length", "anti-alias filter", "mounting offset")
+    found, _ = searched(campaign_of(GROUPS, plant, noise_mps2=0.5), among(*rivals))
+    identified = set(found.identified()) - {"mounting offset"}
+    assert identified == {name}
+    fit = found.best.fit
+    assert float(fit.vector[fit.model.layout.effect(name)][0]) == pytest.approx(size, rel=0.05)
