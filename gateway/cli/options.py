@@ -95,7 +95,8 @@ publish_option = click.option(
     metavar="URI",
     help="Publish revolutions and alarms while they arrive; repeat for several receivers. jsonl:- or jsonl:PATH (lines "
     "of JSON), mqtt://HOST/PREFIX or mqtts://, foxglove://127.0.0.1:8765, can:INTERFACE:CHANNEL, web://HOST:PORT, "
-    "influx:PATH or influx://HOST/BUCKET (line protocol), prometheus://127.0.0.1:9464.",
+    "influx:PATH or influx://HOST/BUCKET (line protocol), prometheus://127.0.0.1:9464, "
+    "webhook:https://HOST/PATH (alarms).",
 )
 web_option = click.option(
     "--web",

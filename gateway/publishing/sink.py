@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 import threading
+import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol, runtime_checkable
@@ -135,7 +136,9 @@ class SinkAddress:
 
     @property
     def name(self) -> str:
-        """The URI without options, for views."""
+        """The URI without options, for views; of a webhook, whose path is often a secret, host and a checksum."""
+        if self.scheme == "webhook":
+            return f"webhook:{urlsplit(self.target).hostname or ''}#{zlib.crc32(self.uri.encode()):08x}"
         return self.uri.partition("?")[0]
 
     def check_options(self, options: Collection[str]) -> None:
@@ -221,6 +224,7 @@ SINKS: Final[dict[str, SinkKind]] = {
     "web": SinkKind("gateway.publishing.page_server:open_page", "web", state_interval_s=0.25),
     "influx": SinkKind("gateway.publishing.influx:open_influx", "influx"),
     "influxs": SinkKind("gateway.publishing.influx:open_influx", "influx"),
+    "webhook": SinkKind("gateway.publishing.webhook:open_webhook"),
     "prometheus": SinkKind("gateway.publishing.prometheus:open_prometheus", "prometheus"),
 }
 """Live outputs of this package by the scheme of their URI; plug-ins add others."""

@@ -1,0 +1,120 @@
+"""Alarms by HTTP: each change arrives, also over a server that is away or refuses, and no secret is shown."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+import pytest
+
+from gateway.clock import SystemClock
+from gateway.pipeline.results import SinkState
+from gateway.publishing.payloads import messages
+from gateway.publishing.sink import PublishedAlarm, SinkError, SinkSetting, open_sink
+from gateway.publishing.sink_worker import SinkWorker
+from gateway.publishing.webhook import TOKEN
+from tests.publishing.receivers import TIMEOUT_S, until
+
+
+class Server(HTTPServer):
+    """Answers with `status`, and keeps what it was asked."""
+
+    def __init__(self, port: int = 0) -> None:
+        super().__init__(("127.0.0.1", port), _Handler)
+        self.status = 204
+        self.requests: list[tuple[str, str | None, dict]] = []
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.requests.append((self.path, self.headers["Authorization"], json.loads(body)))
+        self.send_response(self.server.status)
+        if self.server.status == 307:
+            self.send_header("Location", "/elsewhere")
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    found = Server()
+    thread = threading.Thread(target=found.serve_forever, args=(0.01,))
+    thread.start()
+    yield found
+    found.shutdown()
+    thread.join()
+    found.server_close()
+
+
+def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:
+    monkeypatch.setenv(TOKEN, "secret")
+    name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/hook/T0P?key=hidden", SinkSetting())
+    assert "T0P" not in name
+    assert "hidden" not in name
+    worker = SinkWorker(name, sink, SystemClock())
+    worker.start()
+    for item in items:
+        worker.offer(item)
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    alarms = [next(messages(item)) for item in items if isinstance(item, PublishedAlarm)]
+    assert server.requests == [("/hook/T0P?key=hidden", "Bearer secret", alarm) for alarm in alarms]
+    assert [alarm["raised"] for alarm in alarms] == [True, False]
+    assert not worker.is_left
+
+
+@pytest.mark.parametrize("status", [307, 403, 500])
+def test_a_refused_alarm_is_sent_again(server, items, status) -> None:
+    server.status = status
+    name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/", SinkSetting())
+    worker = SinkWorker(name, sink, SystemClock())
+    worker.start()
+    worker.offer(next(item for item in items if isinstance(item, PublishedAlarm)))
+    until(lambda: len(server.requests) > 1)
+    assert worker.snapshot().state is SinkState.DOWN
+    server.status = 200
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert (worker.snapshot().published, worker.snapshot().dropped) == (1, 0)
+    assert {path for path, _, _ in server.requests} == {"/"}
+
+
+def test_an_alarm_waits_for_a_server_that_is_away(items) -> None:
+    server = Server()
+    server.server_close()
+    name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/", SinkSetting())
+    worker = SinkWorker(name, sink, SystemClock())
+    worker.start()
+    worker.offer(next(item for item in items if isinstance(item, PublishedAlarm)))
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    assert worker.snapshot().waiting == 1
+    back = Server(server.server_port)
+    thread = threading.Thread(target=back.serve_forever, args=(0.01,))
+    thread.start()
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    back.shutdown()
+    thread.join()
+    back.server_close()
+    assert len(back.requests) == 1
+
+
+@pytest.mark.parametrize(
+    ("uri", "words"),
+    [
+        ("webhook:ftp://host/x", "no address of a web server"),
+        ("webhook:hooks", "no address of a web server"),
+        ("webhook:https://user:word@host/x", "password"),
+    ],
+)
+def test_wrong_addresses_are_named(uri: str, words: str) -> None:
+    with pytest.raises(SinkError, match=words) as error:
+        open_sink(uri, SinkSetting())
+    assert "word@" not in str(error.value)
