@@ -84,7 +84,10 @@ class _Stream:
         self.limit_ns = self._limit_ns()
 
     def arrived(self, host_ns: int) -> None:
-        self.last_ns = self.counted_from_ns = host_ns
+        self.last_ns = host_ns
+        # What was read before a pause of this computer may be taken after it: the pause stays left out. A time that was
+        # set back counts again by itself.
+        self.counted_from_ns = max(self.counted_from_ns, host_ns)
         slot = host_ns // _SLOT_NS
         if slot == self._slot:
             return
@@ -147,7 +150,7 @@ class _Sensor:
             self.samples.arrived(host_ns)
             for axis in self.axes_ns:
                 if axes >> axis & 1:
-                    self.axes_ns[axis] = host_ns
+                    self.axes_ns[axis] = max(self.axes_ns[axis], host_ns)
             return
         self.messages.arrived(host_ns)
         if type_ == MessageType.ENVIRONMENT:
@@ -242,6 +245,7 @@ class _Link:
         hubs: hubs heard on it.
         bus: frames of a vehicle bus, None before the first.
         due_ns: time before which its state cannot change without a frame.
+        paused_ns: begin and end of the last pause of this computer.
     """
 
     begin_ns: int
@@ -250,6 +254,12 @@ class _Link:
     hubs: dict[int, _Hub] = field(default_factory=dict)
     bus: _Stream | None = None
     due_ns: int = 0
+    paused_ns: tuple[int, int] = (0, 0)
+
+    def was_read_before_pause(self, host_ns: int) -> bool:
+        """Return whether an item was read just before the last pause, or in it, and is taken after it."""
+        begin_ns, end_ns = self.paused_ns
+        return begin_ns - _SET_BACK_NS <= host_ns < end_ns
 
     def leave_out(self, pause_ns: int, now_ns: int) -> None:
         """Count no silence in a pause before `now_ns`; what was silent before it stays so."""
@@ -340,6 +350,7 @@ class SilenceWatch:
         """Note that this computer paused before `now_ns`: the pause is no silence of the link."""
         state = self._link(link, now_ns)
         state.leave_out(pause_ns, now_ns)
+        state.paused_ns = now_ns - pause_ns, now_ns
         state.now_ns, state.due_ns = max(state.now_ns, now_ns), 0
 
     def frame(self, link: str, frame: Frame, host_ns: int) -> None:
@@ -498,7 +509,7 @@ class SilenceWatch:
     def _brought(self, name: str, host_ns: int) -> _Link:
         """Return a link at the time of a frame."""
         link = self._link(name, host_ns)
-        if host_ns < link.now_ns - _SET_BACK_NS:
+        if host_ns < link.now_ns - _SET_BACK_NS and not link.was_read_before_pause(host_ns):
             # Recordings that follow each other may have times that do not.
             link.begin_ns -= link.now_ns - host_ns
             link.now_ns, link.due_ns = host_ns, 0

@@ -237,3 +237,17 @@ def test_what_was_silent_before_a_pause_stays_so() -> None:
     assert [alarm.name for alarm in core.snapshot(0.0).alarms] == ["silent"]
     (record,) = core.snapshot(0.0).alarm_records
     assert record.count == 1
+
+
+def test_what_was_read_before_a_pause_and_taken_after_it_is_no_silence() -> None:
+    items, vehicle = frames_until(3.0)
+    core = SessionCore(vehicle, estimators=("kinematic",))
+    for item in items[:-1]:
+        core.take(item)
+    resumed_ns = items[-1].host_ns + 10 * S
+    core.take(paused_event(resumed_ns, 10.0))
+    core.take(items[-1])
+    core.tick(resumed_ns + S // 10)
+    assert core.snapshot(0.0).alarm_records == ()
+    core.tick(resumed_ns + 5 * S)
+    assert [record.name for record in core.snapshot(0.0).alarm_records] == ["silent"]
