@@ -37,7 +37,7 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
     """Yield the lines of a comparison, wheel by wheel."""
     for wheel in [position for position in first.wheels if position in second.wheels]:
         cells = [drive.wheels[wheel].row.cells(drive.wheels[wheel].state, ()) for drive in (first, second)]
-        rows = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
+        rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
         rows += [(label, *(text(values) for values in cells), "", "") for label, text in GLANCE]
         rows += [_row(difference) for difference in differences if difference.wheel == wheel]
         widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
