@@ -97,7 +97,7 @@ class SensorLength(SignalEffect):
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the mean less the signal."""
         x = self._half_waves(block) * float(parameters[0])
-        return filtered(block.signal_mps2, np.sinc(x / math.pi) - 1.0)
+        return filtered(block.signal_mps2, (np.sinc(x / math.pi) - 1.0).astype(np.complex128))
 
     def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the derivative by the length."""
@@ -106,7 +106,7 @@ class SensorLength(SignalEffect):
         near = np.abs(x) < _SMALL_ANGLE_RAD
         safe = np.where(near, 1.0, x)
         slope = np.where(near, -x / 3.0, (np.cos(safe) - np.sin(safe) / safe) / safe)
-        return filtered(block.signal_mps2, rate * slope)[np.newaxis]
+        return filtered(block.signal_mps2, (rate * slope).astype(np.complex128))[np.newaxis]
 
     @staticmethod
     def _half_waves(block: ModelledBlock) -> FloatArray:
