@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,7 @@ from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers
 from gateway.closure.inference.contact_edge_jitter import edge_findings
 from gateway.closure.inference.discrepancy import Discrepancy
+from gateway.closure.inference.drifts import drifts_of, with_drifts
 from gateway.closure.inference.effect_contribution import contribution_table, moved_by_law
 from gateway.closure.inference.findings import apart_from, beside_more, confirmed, findings_of
 from gateway.closure.inference.fit import Fit, FitFailedError
@@ -135,6 +137,10 @@ def _diagnose(
     findings = doubted(beside_more(first_findings, best.fit, data), tuple(effects.values()), campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
+    if changes:
+        drifts = drifts_of(best.fit, data, tuple(effects.values()))
+        changes = tuple(replace(entry, drifts=drifts) for entry in changes)
+        findings = with_drifts(findings, drifts)
     time_locked = time_locked_result()
     edges = edges_found()
     on_progress(_TIME_LOCKED, "preparing figures")

@@ -129,6 +129,30 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class Drift:
+    """Change of one quantity during a group of revolutions.
+
+    Attributes:
+        name: of the effect, of the number of the tire, or "load" or "pressure"; the last three as logarithms about
+            their mean.
+        parameter: of the effect; the name again for the others.
+        label: of the group.
+        per_minute: rate from the first to the last block, NaN where their times are not known.
+        begin: value in the first block.
+        end: value in the last one.
+        rivals: names of other quantities whose drift explains the data as well.
+    """
+
+    name: str
+    parameter: str
+    label: str
+    per_minute: Fitted
+    begin: Fitted
+    end: Fitted
+    rivals: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Unexplained:
     """A residual above the noise that no effect of the catalogue explains.
 
@@ -153,6 +177,7 @@ class Unexplained:
         speeds: (with it, recorded) number of speeds of a "time" residual that keeps its frequency over several.
         other_axes: (axis, rms) of the other axes that show a "time" residual.
         largest_in: label of the group where a non-stationary one changes most.
+        drifts: what changes in each group, of a non-stationary one that the drift of one quantity explains.
     """
 
     axis: str
@@ -171,6 +196,7 @@ class Unexplained:
     speeds: tuple[int, int] | None = None
     other_axes: tuple[tuple[str, float], ...] = ()
     largest_in: str = ""
+    drifts: tuple[Drift, ...] = ()
 
 
 class LawSize(NamedTuple):

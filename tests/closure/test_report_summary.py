@@ -7,8 +7,10 @@ import pytest
 
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.inference.findings import fitted_parameter
-from gateway.closure.result import Fitted, TireState, Verdict
+from gateway.closure.result import Drift, Fitted, TireState, Verdict
 from gateway.reasons import Code, Reason
+from gateway.views.report.diagnosis_json import diagnosis_json
+from gateway.views.report.html import diagnosis_html
 from gateway.views.report.quantities import show_fitted, significant, span_text, typeset
 from gateway.views.report.terminal import LINE_WIDTH, closure_summary_lines
 from gateway.views.text import width
@@ -152,6 +154,21 @@ def test_non_stationary_and_unknown_lock_are_marked():
     text = "\n".join(closure_summary_lines(replace(diagnosis, unexplained=left)))
     assert "orders 18 to 60, 81.4 to 90.5 deg  0.840±0.050 m/s²\n               changes during the recording\n" in text
     assert "1.210±0.060 m/s²\n               time-locked or angle-locked: not known\n" in text
+
+
+def test_drift_replaces_the_mark_of_a_change():
+    wave = replace(ordinary().unexplained[1], changes=True)
+    rate, begin, end = Fitted(-0.5, 0.02), Fitted(0.03, 1e-3), Fitted(-0.03, 1e-3)
+    shown = [replace(fitted, factor=100.0, display_unit="%") for fitted in (rate, begin, end)]
+    drifts = tuple(Drift("load", "load", label, *shown, ("pressure",)) for label in ("first", "second"))
+    diagnosis = replace(ordinary(), unexplained=(replace(wave, drifts=drifts),))
+    text = " ".join(" ".join(closure_summary_lines(diagnosis)).split())
+    drift = "drift of load or pressure: -50.0 ± 2.0 % per minute, from 3.00 ± 0.10 % to -3.00 ± 0.10 % in first"
+    assert f"{drift} (+1)" in text
+    assert "changes during the recording" not in text
+    (entry,) = diagnosis_json(diagnosis)["unexplained"]
+    assert [(each["group"], each["end"]["value"]) for each in entry["drifts"]] == [("first", -0.03), ("second", -0.03)]
+    assert drift in diagnosis_html(diagnosis)
 
 
 def test_share_names_its_reference():

@@ -165,6 +165,18 @@ def _unexplained(residual: Unexplained) -> dict[str, Any]:
         "scaling_exponent": _number(residual.scaling.exponent),
         "rms_mps2": _number(residual.rms_mps2),
         "std_mps2": _number(residual.std_mps2),
+        "drifts": [
+            {
+                "name": _text(drift.name),
+                "parameter": _text(drift.parameter),
+                "group": _text(drift.label),
+                "per_minute": _fitted(drift.per_minute),
+                "begin": _fitted(drift.begin),
+                "end": _fitted(drift.end),
+                "rivals": _texts(drift.rivals),
+            }
+            for drift in residual.drifts
+        ],
         "text": _text(residual_sentence(residual)),
     }
 

@@ -21,7 +21,7 @@ from gateway.closure.result import (
 )
 from gateway.reasons import Code, Reason
 from gateway.views import wording
-from gateway.views.report.quantities import orders_text, parameter_label, span_text, typeset
+from gateway.views.report.quantities import orders_text, parameter_label, show_fitted, span_text, typeset
 from gateway.views.text import clean
 
 MODELS: Final = {
@@ -151,7 +151,9 @@ def place_text(residual: Unexplained) -> str:
 def residual_remarks(residual: Unexplained) -> list[str]:
     """Return the remarks on a residual beyond its figures; none for a stationary one locked to the wheel."""
     if residual.changes:
-        return [f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"]
+        return drift_texts(residual) or [
+            f"{NON_STATIONARY}: load, slip angle, camber or temperature may change; record one state at a time"
+        ]
     if residual.lock in SINGLE_TURNS:
         also = (
             [f"also {', '.join(f'{value:.2g} m/s² {axis}' for axis, value in residual.other_axes)}"]
@@ -175,6 +177,27 @@ def residual_remarks(residual: Unexplained) -> list[str]:
     return [*parts, *_other_axes(residual)]
 
 
+def drift_texts(residual: Unexplained) -> list[str]:
+    """Return what drifts, with rate, beginning and end in each group; none where no quantity explains the change."""
+    texts = []
+    for drift in residual.drifts:
+        rate, begin, end = (
+            show_fitted(drift.parameter, fitted) for fitted in (drift.per_minute, drift.begin, drift.end)
+        )
+        what = listed([_drifting(name) for name in (drift.name, *drift.rivals)], "or")
+        parameter = "" if drift.parameter == drift.name else f" {rate.label}"
+        speed = f" {rate.joined()} per minute," if math.isfinite(drift.per_minute.value) else ""
+        texts.append(
+            f"drift of {what}:{parameter}{speed} from {begin.joined()} to {end.joined()} in {clean(drift.label)}"
+        )
+    return texts
+
+
+def _drifting(name: str) -> str:
+    """Return the term for an effect, a number of the tire, load or pressure."""
+    return effect_title(name) if name in catalogue() else parameter_label(name)
+
+
 def _other_axes(residual: Unexplained) -> list[str]:
     also = ", ".join(f"{value:.2g} m/s² {axis}" for axis, value in residual.other_axes)
     return [f"also {also}"] if also else []
@@ -185,9 +208,11 @@ def residual_sentence(residual: Unexplained) -> str:
     size = f"{residual.rms_mps2:.2g} m/s^2 rms"
     if residual.changes:
         most = f", most in {residual.largest_in}" if residual.largest_in else ""
+        cause = "; ".join(drift_texts(residual)) or (
+            "load, slip angle, camber or temperature may change: record one state at a time"
+        )
         return (
-            f"{residual.axis} axis, {place_text(residual)}: {NON_STATIONARY}, by {size} about its mean{most}; load, "
-            "slip angle, camber or temperature may change: record one state at a time"
+            f"{residual.axis} axis, {place_text(residual)}: {NON_STATIONARY}, by {size} about its mean{most}; {cause}"
         )
     if residual.lock in SINGLE_TURNS:
         also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in residual.other_axes)

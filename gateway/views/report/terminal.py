@@ -16,6 +16,7 @@ from gateway.views.report.phrases import (
     NON_STATIONARY,
     SINGLE_TURNS,
     decisively_rejected,
+    drift_texts,
     effect_title,
     effects_listed,
     law_text,
@@ -164,6 +165,9 @@ class _Lines:
             yield self._row("unexplained" if index == 0 else "", text, size)
             if residual.lock in SINGLE_TURNS:
                 yield from self._rows("", SINGLE_TURNS[residual.lock])
+            elif residual.drifts:
+                first, *others = drift_texts(residual)
+                yield from self._rows("", f"{first} (+{len(others)})" if others else first)
             elif residual.changes or not residual.lock_known:
                 yield self._row("", NON_STATIONARY if residual.changes else "time-locked or angle-locked: not known")
 
