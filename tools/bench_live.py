@@ -1,8 +1,10 @@
 """CPU of a live session on a serial link, and processing time from samples to estimate.
 
-Prints two tables:
+Prints three tables:
   * share of one core that `treadlink live serial://...` takes for 4 wheels x 3 axes x 9600 Hz, as lines, with a
     recording and with the screen, fed through a pseudo-terminal by another process in real time, start-up left out;
+  * by `--latency`, that share and the time from the last byte that a result needs, at the pseudo-terminal, to its line
+    on standard output. This is time of the clock: only a quiet machine gives figures to keep;
   * CPU time of the work on a chunk that completes revolutions, from its bytes to their estimates, in process, at full
     speed.
 """
@@ -12,6 +14,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import fcntl
+import math
 import os
 import platform
 import struct
@@ -22,7 +25,9 @@ import termios
 import threading
 import time
 import tty
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,9 +36,16 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.io.source import Chunk, open_source
 from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore
+from gateway.session.latency import Latency
 
 WARM_UP_S = 4.0
 COLUMNS, ROWS = 120, 40
+LATENCIES_S = (0.0, 0.1, 0.5)
+# About the pace of the four wheels; the rest of a chunk of 10 ms.
+_PIECE_BYTES, _PIECE_NS = 512, 1_500_000
+# Less than a revolution, more than times of its start differ by.
+_SAME_S = 0.01
+BINS_MS = (5, 10, 15, 20, 30, 50, 100, 200, 500, 1000)
 
 
 def cpu_s(pid: int) -> float:
@@ -42,20 +54,32 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def feed(master: int, source_uri: str, stop: threading.Event) -> None:
-    """Write the simulated hub's bytes to the pseudo-terminal in real time."""
-    for item in open_source(source_uri, SystemClock()).items(stop):
+Timed = list[tuple[float, bytes]]
+"""Pieces with the time of the monotonic clock at which they were written or read."""
+
+
+def feed(master: int, source_uri: str, stop: threading.Event, written: Timed) -> None:
+    """Write the simulated hub's bytes to the pseudo-terminal in real time, frame by frame as a hub would."""
+    clock = SystemClock()
+    for item in open_source(source_uri, clock).items(stop):
         if isinstance(item, Chunk):
-            view = memoryview(item.data)
+            view, due_ns = memoryview(item.data), item.host_ns
             while view and not stop.is_set():
+                due_ns += _PIECE_NS
+                if (wait_ns := due_ns - clock.now_ns()) > 0:
+                    stop.wait(1e-9 * wait_ns)
                 try:
-                    view = view[os.write(master, view) :]
+                    size = os.write(master, view[:_PIECE_BYTES])
                 except OSError:
                     return
+                written.append((time.monotonic(), bytes(view[:size])))
+                view = view[size:]
 
 
-def measure_process(scenario: str, seconds: float, *, record: bool = False, screen: bool = False) -> tuple[float, str]:
-    """Return the share of one core of a live session, and its last link line."""
+def measure_process(
+    scenario: str, seconds: float, *options: str, record: bool = False, screen: bool = False
+) -> tuple[float, str, Timed, Timed]:
+    """Return the share of one core of a live session, its last link line, and what was written to it and by it."""
     master, slave = os.openpty()
     tty.setraw(slave)
     port = os.ttyname(slave)
@@ -65,13 +89,14 @@ def measure_process(scenario: str, seconds: float, *, record: bool = False, scre
         config = Path(folder) / "vehicle.toml"
         config.write_text(toml or "")
         command = [sys.executable, "-m", "gateway.cli", "live", f"serial://{port}?baudrate=921600"]
-        command += ["--config", str(config), "--duration", str(WARM_UP_S + seconds + 2)]
+        command += ["--config", str(config), "--duration", str(WARM_UP_S + seconds + 2), *options]
         if record:
             command += ["--record", str(Path(folder) / "bench.mcap")]
         process, output = on_terminal(command) if screen else as_lines([*command, "--plain"])
         stop = threading.Event()
-        feeder = threading.Thread(target=feed, args=(master, uri, stop), daemon=True)
-        printed: list[bytes] = []
+        written: Timed = []
+        printed: Timed = []
+        feeder = threading.Thread(target=feed, args=(master, uri, stop, written), daemon=True)
         reader = threading.Thread(target=read_all, args=(output, printed))
         feeder.start()
         reader.start()
@@ -85,8 +110,111 @@ def measure_process(scenario: str, seconds: float, *, record: bool = False, scre
         os.close(master)
         feeder.join(5)
         reader.join(5)
-    lines = b"".join(printed).decode(errors="replace").splitlines()
-    return share, next((line.strip() for line in reversed(lines) if " frames, " in line), "no link line")
+    lines = b"".join(piece for _, piece in printed).decode(errors="replace").splitlines()
+    link = next((line.strip() for line in reversed(lines) if " frames, " in line), "no link line")
+    return share, link, written, printed
+
+
+def session_core(scenario: str, latency_s: float, **options: Any) -> SessionCore:
+    """Return the core of a session with the vehicle of a scenario."""
+    source = open_source(f"sim:{scenario}?speed=max", ManualClock())
+    return SessionCore(parse_vehicle(source.vehicle_toml or "", scenario), latency_s=latency_s, **options)
+
+
+def needed(scenario: str, written: Timed) -> dict[tuple[str, int], float]:
+    """Return when the last byte was written that each result needs, by its wheel and the hub's time."""
+    core = session_core(scenario, 0.0, estimators=("kinematic",))
+    return {
+        (result.position, round(result.revolution.start_s / _SAME_S)): time_s
+        for time_s, piece in written
+        for result in core.take(Chunk("bench", round(time_s * 1e9), piece))
+    }
+
+
+def latencies_ms(scenario: str, written: Timed, printed: Timed) -> np.ndarray:
+    """Return the time of every line of a revolution after the last byte that its result needs, ms, warm-up left out."""
+    needed_s = needed(scenario, written)
+    waits: list[float] = []
+    rest = b""
+    for time_s, piece in printed:
+        *lines, rest = (rest + piece).split(b"\n")
+        for words in map(bytes.split, lines):
+            if not (len(words) > 2 and words[1].isdigit() and words[2].replace(b".", b"").isdigit()):
+                continue
+            # By the hub's time: a session that misses the first bytes counts revolutions from another one on.
+            start = float(words[2]) / _SAME_S
+            keys = [(words[0].decode(), near) for near in (math.floor(start), math.ceil(start))]
+            since_s = next((needed_s[key] for key in keys if key in needed_s), -math.inf)
+            if since_s > written[0][0] + WARM_UP_S:
+                waits.append(1e3 * (time_s - since_s))
+    return np.array(waits)
+
+
+def scheduled(scenario: str, seconds: float, latency_s: float) -> tuple[float, np.ndarray]:
+    """Return the share of a core that the session's core takes, and latencies, ms, with CPU time for that of the clock.
+
+    Reads and rounds come when they are due and the work before them is done; the work takes its CPU time. Hand-over
+    between threads and output are left out. Other work on the machine matters little.
+    """
+    source = open_source(f"sim:{scenario}?speed=max&duration={WARM_UP_S + seconds}", ManualClock())
+    written = [
+        (1e-9 * (item.host_ns + _PIECE_NS * number), item.data[first : first + _PIECE_BYTES])
+        for item in source.items(threading.Event())
+        if isinstance(item, Chunk)
+        for number, first in enumerate(range(0, len(item.data), _PIECE_BYTES))
+    ]
+    needed_s, latency, core = needed(scenario, written), Latency(latency_s), session_core(scenario, latency_s)
+    begin_s = written[0][0] + WARM_UP_S
+    waits: list[float] = []
+    reads: Timed = []
+    read_s = round_s = free_s = -math.inf
+    work_s = 0.0
+    gathered = b""
+    for (time_s, piece), (next_s, _) in pairwise([*written, (math.inf, b"")]):
+        gathered += piece
+        read_s = max(read_s, time_s)
+        if next_s <= read_s:
+            continue
+        reads.append((read_s, gathered))
+        gathered, read_s, round_s = b"", read_s + latency.read_s, max(round_s, read_s)
+        if next_s <= round_s:
+            continue
+        for arrived_s, data in reads:
+            before_s = time.thread_time()
+            results = core.take(Chunk("bench", round(arrived_s * 1e9), data))
+            took_s = time.thread_time() - before_s
+            free_s = max(free_s, round_s) + took_s
+            work_s += took_s if arrived_s > begin_s else 0.0
+            for result in results:
+                since_s = needed_s.get((result.position, round(result.revolution.start_s / _SAME_S)), -math.inf)
+                if since_s > begin_s:
+                    waits.append(1e3 * (free_s - since_s))
+        reads.clear()
+        round_s += latency.round_s
+    return work_s / (written[-1][0] - begin_s), np.array(waits)
+
+
+def print_waits(head: str, waits: np.ndarray) -> None:
+    """Print the distribution of latencies in ms."""
+    p50, p99, top = np.percentile(waits, (50, 99, 100))
+    print(f"  {head}   n {len(waits):5}   median {p50:6.1f}   99 % {p99:6.1f}   max {top:6.1f}")
+    counts = np.histogram(waits, (0, *BINS_MS, np.inf))[0]
+    print("    " + "  ".join(f"<{end} {count}" for end, count in zip((*BINS_MS, "inf"), counts, strict=True)))
+
+
+def print_latencies(scenario: str, seconds: float, *, by_work: bool) -> None:
+    """Print CPU and latency of sessions by `--latency`."""
+    print("Result of a revolution after the last byte that it needs, on schedule, with the CPU time of the work (ms)")
+    for latency_s in LATENCIES_S:
+        share, waits = scheduled(scenario, seconds, latency_s)
+        print_waits(f"--latency {latency_s:<4} core alone {share:6.1%}", waits)
+    if by_work:
+        return
+    print("Line of a revolution after the last byte that it needs (ms, of the clock), by --latency")
+    for latency_s in LATENCIES_S:
+        share, link, written, printed = measure_process(scenario, seconds, "--latency", str(latency_s))
+        print_waits(f"--latency {latency_s:<4} {share:6.1%} of one core", latencies_ms(scenario, written, printed))
+        print(f"    {link}")
 
 
 def as_lines(command: list[str]) -> tuple[subprocess.Popen[bytes], int]:
@@ -109,11 +237,11 @@ def on_terminal(command: list[str]) -> tuple[subprocess.Popen[bytes], int]:
     return process, other_end
 
 
-def read_all(output: int, printed: list[bytes]) -> None:
+def read_all(output: int, printed: Timed) -> None:
     """Collect what a command prints until it ends."""
     with contextlib.suppress(OSError):  # how Linux reports the end of a pseudo-terminal
         while piece := os.read(output, 1 << 16):
-            printed.append(piece)
+            printed.append((time.monotonic(), piece))
 
 
 def measure_work(scenario: str, seconds: float) -> dict[str, np.ndarray]:
@@ -122,7 +250,7 @@ def measure_work(scenario: str, seconds: float) -> dict[str, np.ndarray]:
     times: dict[str, list[float]] = {"chunk with revolution": [], "chunk without": [], "per revolution": []}
     with tempfile.TemporaryDirectory() as folder:
         recorder = RecordingWriter(Path(folder) / "bench.mcap", start_ns=0)
-        core = SessionCore(parse_vehicle(source.vehicle_toml or "", scenario), recorder=recorder)
+        core = session_core(scenario, 0.0, recorder=recorder)
         for item in source.items(threading.Event()):
             begin = time.thread_time()
             results = core.take(item)
@@ -138,7 +266,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenario", default="demo")
     parser.add_argument("--seconds", type=float, default=20.0)
-    parser.add_argument("--work", action="store_true", help="only the work on chunks")
+    parser.add_argument("--work", action="store_true", help="only the CPU time of the work")
+    parser.add_argument("--latency", action="store_true", help="only CPU and latency by --latency")
     arguments = parser.parse_args()
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     print(f"4 wheels x 3 axes x 9600 Hz, scenario '{arguments.scenario}', {arguments.seconds:g} s of real time")
@@ -147,9 +276,12 @@ def main() -> None:
         "live --plain --record": {"record": True},
         f"live, screen {COLUMNS} x {ROWS}": {"screen": True},
     }
-    for kind, options in kinds.items() if not arguments.work else ():
-        share, link = measure_process(arguments.scenario, arguments.seconds, **options)
+    for kind, options in kinds.items() if not (arguments.work or arguments.latency) else ():
+        share, link, _, _ = measure_process(arguments.scenario, arguments.seconds, **options)
         print(f"  {kind:22} {share:6.1%} of one core   {link}")
+    print_latencies(arguments.scenario, arguments.seconds, by_work=arguments.work)
+    if arguments.latency:
+        return
     print("CPU time of the work on a chunk, from its bytes to the estimates of its revolutions (ms)")
     for name, values in measure_work(arguments.scenario, arguments.seconds).items():
         p50, p99, top = np.percentile(values, 50), np.percentile(values, 99), values.max()

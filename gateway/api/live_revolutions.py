@@ -61,6 +61,7 @@ def live(
         key_file=None if keys is None else Path(keys),
         effects_paths=paths(effects),
         duration_s=duration_s,
+        latency_s=0.0,
     )
     return LiveRevolutions(opened, sources)
 
@@ -97,7 +98,7 @@ class LiveRevolutions:
                 elif not self._ready:
                     if self._opened.time_is_up():
                         self._session.request_stop()
-                    self._session.wait(_POLL_S)
+                    self._session.wait_for_results(_POLL_S)
         except BaseException:
             self._abandon()
             raise

@@ -16,6 +16,7 @@ from gateway.cli.options import (
     estimator_option,
     keep_option,
     keys_option,
+    latency_option,
     plain_option,
     publish_option,
     split_option,
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
 @estimator_option
 @effects_option
 @run_options
+@latency_option
 def live(
     sources: tuple[str, ...],
     config_path: Path | None,
@@ -64,6 +66,7 @@ def live(
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
     run: RunDescription,
+    latency_s: float,
 ) -> None:
     """Show live estimates of the wheels at SOURCE...
 
@@ -98,6 +101,7 @@ def live(
             duration_s=duration_s,
             run=run,
             publish=(*publish, PAGE_URI) if web else publish,
+            latency_s=latency_s,
         )
         show_session(session, stop, plain=plain)
 

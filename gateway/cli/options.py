@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import click
 
+from gateway.constants import LONGEST_LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names
 
 _SPLIT_UNITS: Final = {
@@ -87,6 +88,16 @@ keys_option = click.option(
     type=click.Path(path_type=Path),
     metavar="FILE",
     help="Sensor signing keys.  [default: the key file of `treadlink keys`]",
+)
+latency_option = click.option(
+    "--latency",
+    "latency_s",
+    type=FiniteRange(0.0, LONGEST_LATENCY_S),
+    default=0.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="Longest time that a result may wait, so that several revolutions are worked on at once: 0.5 halves the "
+    "processor time.",
 )
 publish_option = click.option(
     "--publish",

@@ -16,6 +16,7 @@ from gateway.cli import exit_status
 from gateway.cli.stop_signals import StopRequest
 from gateway.clock import Clock, SystemClock
 from gateway.config.vehicle import choose_vehicle
+from gateway.constants import LATENCY_S
 from gateway.errors import RecordingError
 from gateway.io.source import parse_source_uri
 from gateway.publishing.publisher import Publisher, open_publisher
@@ -34,7 +35,7 @@ from gateway.views.session_summary import summary_lines
 from gateway.views.text import clean
 from gateway.views.wording import notice_text, text
 
-# A session takes what has arrived ten times a second.
+# Notices, and results that do not come, are looked for ten times a second.
 _POLL_S: Final = 0.1
 _STOP_WAIT_S: Final = 2.0
 
@@ -102,6 +103,7 @@ def start_session(
     split: Split | None = None,
     clock: Clock | None = None,
     run: RunDescription = NO_DESCRIPTION,
+    latency_s: float = LATENCY_S,
 ) -> RunningSession:
     """Open sources, configuration, recording and live outputs, and start the session.
 
@@ -132,6 +134,7 @@ def start_session(
             duration_s=duration_s,
             publish=opened_outputs,
             run=run,
+            latency_s=latency_s,
         )
     except BaseException:
         for publisher in publishers:
@@ -215,7 +218,7 @@ def _run_until_end(session: RunningSession, stop: StopRequest, show: Callable[[]
     def show_until(time_is_up: Callable[[], bool]) -> None:
         ended = False
         while not ended and not time_is_up():
-            ended = live.wait(_POLL_S)
+            ended = live.wait_for_results(_POLL_S)
             show()
 
     show_until(lambda: stop.is_set() or session.time_is_up())

@@ -18,6 +18,8 @@ from gateway.reasons import Code, Reason
 READ_TIMEOUT_S: Final = 0.05
 _LONGEST_SILENCE_S: Final = 60.0
 _MOST_MUTE: Final = 2
+# Less than a terminal holds: a read that brings more is followed by the next at once.
+_TERMINAL_BYTES: Final = 4095
 
 _logger = logging.getLogger(__name__)
 
@@ -84,6 +86,8 @@ class ReconnectingSource:
 
     Attributes:
         rate_hz: sampling rate to set on the hub, None to leave it.
+        gather_s: time between a read and the next one. One that follows at once has few bytes, and wakes everything
+            behind it for them.
     """
 
     vehicle_toml: str | None = None
@@ -113,6 +117,7 @@ class ReconnectingSource:
         # Openings since the last byte.
         self._heard_ns = self._mute_openings = 0
         self.rate_hz = rate_hz
+        self.gather_s = 0.02
         self._name = link
         self._make_link = make_link
         self._clock = clock
@@ -243,6 +248,8 @@ class ReconnectingSource:
                     cause="silent",
                 )
             yield self._items_of(data)
+            if 0 < len(data) < _TERMINAL_BYTES:
+                stop.wait(self.gather_s)
 
     def _items_of(self, data: bytes) -> list[LinkItem]:
         """Return the items of a read."""

@@ -31,17 +31,13 @@ LINK_ERRORS: Final = (serial.SerialException, OSError, _TERMIOS_ERROR, TypeError
 OSError, and TypeError or ValueError when the descriptor was closed during a read."""
 
 _READ_BYTES: Final = 65536
-# A read that follows the last one at once finds a few bytes, and wakes everything behind it for them. What comes
-# meanwhile waits in the terminal, which holds this much; one found full is read on at once.
-_GATHER_S: Final = 0.02
-_TERMINAL_BYTES: Final = 4095
 _WRITE_TIMEOUT_S: Final = 1.0
 _MAX_BAUDRATE: Final = 20_000_000
 _YES_NO: Final = {"yes": True, "no": False}
 
 
 class PyserialLink:
-    """A link over a port of pyserial: large reads, the next one 20 ms after the last.
+    """A link over a port of pyserial.
 
     Where there is a descriptor it waits with `select` and reads what is there: pyserial's own timeout holds back short
     chunks until it expires, and loses what it has collected when the device disappears meanwhile.
@@ -64,7 +60,6 @@ class PyserialLink:
         self._explain_open = explain_open
         self._lost = lost
         self._port: serial.SerialBase | None = None
-        self._gathers = False
 
     def open(self) -> None:
         """Connect.
@@ -93,12 +88,9 @@ class PyserialLink:
             if port.timeout != 0:
                 return bytes(port.read(_READ_BYTES))
             descriptor = port.fileno()
-            if self._gathers:
-                select.select([], [], [], _GATHER_S)
             if not select.select([descriptor], [], [], timeout_s)[0]:
                 return b""
             data = os.read(descriptor, _READ_BYTES)
-            self._gathers = len(data) < _TERMINAL_BYTES
         except BlockingIOError:
             return b""
         except LINK_ERRORS as error:

@@ -12,6 +12,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Frame, Hello, HubStatus, LogText, MessageType, SampleBlock
 from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
+from gateway.constants import LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.bus_frames import has_frames, unpack
 from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem
@@ -34,6 +35,7 @@ from gateway.session.alarm_watch import SessionAlarms, State
 from gateway.session.commands import refusal
 from gateway.session.disk_watch import disk_notices
 from gateway.session.hub_log import HubLog
+from gateway.session.latency import Latency
 from gateway.session.link_health import LinkHealth, hub_name
 from gateway.session.missing_results import long_missing
 from gateway.session.recent_loss import RecentLoss
@@ -50,9 +52,6 @@ _logger = logging.getLogger(__name__)
 _SHOWN_NOTICES: Final = 20
 # Notices waiting for `take_notices`; the oldest are dropped.
 _WAITING_NOTICES: Final = 8192
-# Longest time by which a result comes later than its revolution, so that fast wheels have several worked on at once: a
-# revolution at 130 km/h takes 57 ms.
-_HOLD_S: Final = 0.5
 # A link that is silent for this long brings no samples for which its last revolutions could wait.
 _SILENT_NS: Final = 400_000_000
 
@@ -104,6 +103,7 @@ class SessionCore:
         guard: Guard | None = None,
         effects: Sequence[CorrectionTable] = (),
         signals: SignalDecoder | None = None,
+        latency_s: float = LATENCY_S,
     ) -> None:
         """Build the session.
 
@@ -115,6 +115,7 @@ class SessionCore:
             guard: verifies every frame first; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
             signals: decodes the vehicle's bus; None to record its frames only.
+            latency_s: longest time that a result may wait, so that several revolutions are worked on at once.
         """
         self._watch = SecurityWatch(guard)
         self.recording = SessionRecording(recorder, self.notify)
@@ -125,7 +126,7 @@ class SessionCore:
         self.newest_ns = 0
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
-        self._pipeline = Pipeline(setups, unknown, estimators, _HOLD_S)
+        self._pipeline = Pipeline(setups, unknown, estimators, Latency(latency_s).hold_s)
         self._signals = signals
         self._join = VehicleJoin(signals.history) if signals is not None else None
         self._vehicle = vehicle

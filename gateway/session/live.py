@@ -11,6 +11,7 @@ from typing import Final, TypeVar
 
 from gateway.clock import Clock
 from gateway.config.vehicle import VehicleConfig
+from gateway.constants import LATENCY_S
 from gateway.errors import RecordingError, TreadlinkError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.playback import Playback, PlayedSource
@@ -23,6 +24,7 @@ from gateway.session.bounded_buffer import Buffer
 from gateway.session.computer_watch import ComputerWatch
 from gateway.session.core import SessionCore
 from gateway.session.disk_watch import DiskWatch
+from gateway.session.latency import Latency
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import Recorder, RecordingStage, Stage, disk_watch_of
 from gateway.session.signal_decoding import SignalDecoder
@@ -38,10 +40,6 @@ _QUEUE_BYTES: Final = 32 << 20
 _RESULT_ITEMS: Final = 8192
 _SNAPSHOT_INTERVAL_NS: Final = 100_000_000
 _IDLE_S: Final = 0.05
-# Chunks of a device come a hundred times a second. Taken together a few times less often, they find the code and data
-# of the last ones still in the processor's cache; a screen that is drawn ten times a second shows no
-# difference.
-_ROUND_S: Final = 0.1
 _JOIN_S: Final = 5.0
 
 
@@ -73,6 +71,7 @@ class LiveSession:
         publication: Publication | None = None,
         signals: SignalDecoder | None = None,
         open_recorder: Callable[[], Recorder] | None = None,
+        latency_s: float = LATENCY_S,
     ) -> None:
         """Build the session; `start` runs it.
 
@@ -90,10 +89,14 @@ class LiveSession:
             publication: live outputs; the caller closes them after the session.
             signals: decodes the vehicle's bus; None to record its frames only.
             open_recorder: opens a new recording for `start_recording`; None when none may be begun.
+            latency_s: longest time that a result may wait.
         """
         self._publication = publication
         self._sources = list(sources)
         self._patient = list(patient)
+        # Chunks of a device come a hundred times a second. Taken together a few times less often, they find the code
+        # and data of the last ones still in the processor's cache.
+        self._round_s = Latency(latency_s).round_s
         self._summary = summary
         self._clock = clock
         self._stop = threading.Event()
@@ -101,6 +104,8 @@ class LiveSession:
         self._items: Buffer[LinkItem] = Buffer(_QUEUE_ITEMS, _QUEUE_BYTES)
         self._results: deque[RevolutionResult] = deque(maxlen=_RESULT_ITEMS)
         self._results_lost = 0
+        # Set while results wait for a view, and at the end.
+        self._has_results = threading.Event()
         self._notices: deque[Notice] = deque(maxlen=_RESULT_ITEMS)
         self._dropped: dict[str, Counter[Stage]] = {source.link: Counter() for source in sources}
         self._failure: BaseException | None = None
@@ -127,6 +132,7 @@ class LiveSession:
             guard=guard,
             effects=effects,
             signals=signals,
+            latency_s=latency_s,
         )
         for source in self._sources:
             self.core.add_link(source.link)
@@ -221,6 +227,8 @@ class LiveSession:
 
     def results(self) -> list[RevolutionResult]:
         """Return the results since the last call."""
+        if not self._done.is_set():
+            self._has_results.clear()
         return _taken(self._results)
 
     def notices(self) -> list[Notice]:
@@ -232,6 +240,11 @@ class LiveSession:
     def wait(self, timeout_s: float) -> bool:
         """Wait for the end of the session; return whether it has ended."""
         return self._done.wait(timeout_s)
+
+    def wait_for_results(self, timeout_s: float) -> bool:
+        """Wait for results or the end of the session; return whether it has ended."""
+        self._has_results.wait(timeout_s)
+        return self._done.is_set()
 
     def close(self) -> SessionSnapshot:
         """Stop, process delivered items, finish the recording and return the last snapshot.
@@ -275,7 +288,7 @@ class LiveSession:
             self._fail(error)
             if target == self._run:
                 self._save_recording()
-                self._done.set()
+                self._end()
 
     def _fail(self, error: BaseException) -> None:
         """End the session with this error, unless it ends with another already."""
@@ -310,13 +323,14 @@ class LiveSession:
         """Hand an item to the recording, then to the core; anything but a chunk of a device may wait for room."""
         is_chunk = not isinstance(item, LinkEvent)
         size = len(item.text) if isinstance(item, LinkEvent) else len(item.data)
+        wake = not is_chunk or not self._round_s
         recording = self._recording
         if recording is not None and not self._hand_over(
             lambda timeout_s: recording.offer(item, timeout_s=timeout_s), patient or not is_chunk
         ):
             dropped[Stage.RECORDING] += 1
         if not self._hand_over(
-            lambda timeout_s: self._items.put(item, size, timeout_s=timeout_s, wake=not is_chunk),
+            lambda timeout_s: self._items.put(item, size, timeout_s=timeout_s, wake=wake),
             patient or not is_chunk,
         ):
             dropped[Stage.DECODING] += 1
@@ -335,7 +349,7 @@ class LiveSession:
         # The times of recordings that are played are not of this computer.
         is_of_computer = len(self._playbacks()) < len(self._sources) or self._recording is not None
         while True:
-            item = self._items.get(_ROUND_S)
+            item = self._items.get(self._round_s or _IDLE_S)
             if is_of_computer:
                 self._take_computer_events(computer.events())
             if item is not None:
@@ -362,7 +376,11 @@ class LiveSession:
         self._take_results(self.core.finish())
         self._check_recording()
         self._publish(self._clock.now_ns(), ended=True)
+        self._end()
+
+    def _end(self) -> None:
         self._done.set()
+        self._has_results.set()
 
     def _take_over_recording(self) -> None:
         """Hand the core a recording that was begun since the last round, or take an ended one from it."""
@@ -421,6 +439,8 @@ class LiveSession:
             if len(self._results) == _RESULT_ITEMS:
                 self._results_lost += 1
             self._results.append(result)
+        if results:
+            self._has_results.set()
         self._notices.extend(self.core.take_notices())
         if self._publication is not None:
             self._publication.take([*results, *self.core.take_alarm_changes()], self.core.newest_ns)

@@ -10,8 +10,10 @@ from pathlib import Path
 
 from gateway.clock import Clock
 from gateway.config.vehicle import VehicleConfig
+from gateway.constants import LATENCY_S
 from gateway.errors import RecordingError
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
+from gateway.io.reconnect import ReconnectingSource
 from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
 from gateway.reasons import Reason
@@ -23,6 +25,7 @@ from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
 from gateway.session.commands import with_commands
 from gateway.session.effects_opening import open_effects
+from gateway.session.latency import Latency
 from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import disk_watch_of
@@ -77,6 +80,7 @@ def open_session(
     duration_s: float | None = None,
     publish: Callable[[Sequence[str]], Publication | None] = lambda _: None,
     run: RunDescription = NO_DESCRIPTION,
+    latency_s: float = LATENCY_S,
 ) -> OpenedSession:
     """Open sources, configuration and recording, and start the session.
 
@@ -93,6 +97,7 @@ def open_session(
         duration_s: limit of the time of the data, and of waiting for a silent hub.
         publish: opens the live outputs, given the configured positions; the last step that can fail.
         run: description of the test run, which replaces that of the configuration.
+        latency_s: longest time that a result may wait.
 
     Raises:
         TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
@@ -101,6 +106,9 @@ def open_session(
     recorder: RecordingWriter | SplitWriter | None = None
     try:
         sources += [open_source(uri, clock) for uri in uris]
+        for source in sources:
+            if isinstance(source, ReconnectingSource):
+                source.gather_s = Latency(latency_s).read_s
         replays = tuple(source for source in sources if isinstance(source, ReplaySource))
         vehicle = with_given_wear(choose([source.vehicle_toml for source in sources]), run)
         stated = stated_run(vehicle, run)
@@ -134,6 +142,7 @@ def open_session(
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
             open_recorder=None if all(is_replay) else lambda: open_recorder(folder, None),
+            latency_s=latency_s,
         )
         live.start()
     except BaseException:

@@ -76,6 +76,22 @@ def kinds(items: list[Chunk | LinkEvent]) -> list[str]:
     return [item.kind.value if isinstance(item, LinkEvent) else "chunk" for item in items]
 
 
+def test_reads_leave_time_for_more_unless_the_terminal_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench([b"few", b"x" * 4095, b"", b"rest"], [BUSY])
+    bench.source.gather_s = 0.004
+    pauses: list[tuple[bytes, float]] = []
+    items = bench.source.items(bench.stop)
+    monkeypatch.setattr(bench.stop, "wait", lambda timeout_s: pauses.append((chunks[-1], timeout_s)))
+    chunks: list[bytes] = []
+    for item in items:
+        if isinstance(item, Chunk):
+            chunks.append(item.data)
+        elif item.kind is LinkEventKind.LOST:
+            break
+    assert chunks == [b"few", b"x" * 4095, b"rest"]
+    assert pauses == [(b"few", 0.004), (b"rest", 0.004)]
+
+
 def test_first_opening_raises() -> None:
     bench = Bench([MISSING])
     with pytest.raises(SourceError, match="no port X") as caught:

@@ -63,35 +63,6 @@ def test_port_ready_without_data_is_lost(pty_port: PtyPort, monkeypatch: pytest.
     link.close()
 
 
-def test_reads_leave_time_for_more_unless_the_terminal_is_full(
-    pty_port: PtyPort, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    link = PyserialLink(
-        lambda: serial.Serial(str(pty_port.path)),
-        lambda error: SourceError(str(error), ""),
-        lambda error: LinkLostError(str(error), ""),
-    )
-    link.open()
-    calls: list[str] = []
-    arriving = [b"few", b"x" * 4095, b"rest"]
-
-    def select(readers: list[int], _writers: object, _others: object, _timeout_s: float) -> tuple[list[int], ...]:
-        calls.append("wait for bytes" if readers else "pause")
-        return readers, [], []
-
-    def read(_descriptor: int, _size: int) -> bytes:
-        calls.append("read")
-        return arriving.pop(0)
-
-    monkeypatch.setattr("gateway.io.serial_link.select.select", select)
-    monkeypatch.setattr("gateway.io.serial_link.os.read", read)
-    while arriving:
-        link.read(0.05)
-    link.close()
-    each = ["wait for bytes", "read"]
-    assert calls == [*each, "pause", *each, *each]
-
-
 def test_missing_port_lists_those_present(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, read: Read) -> None:
     monkeypatch.setattr("gateway.io.serial_link.present_ports", lambda: ["/dev/ttyUSB3 (FT232R)"])
     reader = read(open_source(f"serial:{tmp_path}/ttyNO", ManualClock()))
