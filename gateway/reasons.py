@@ -1,693 +1,1251 @@
-"""Reasons and notices as values: a code with its numbers. `gateway.views.wording` turns them into text."""
+"""Reasons and notices as values: a code with its numbers. `gateway.views.wording` turns them into text.
+
+A template is a format string over the values of its reason. Values are in SI units; a unit after the format converts
+and is printed: `{depth_m:.1f mm}` shows 0.008 as `8.0 mm`. A
+format of `probability` rounds down near 1. A nested reason is replaced by its own text. `{unit: }` is
+the symbol of a unit that the reason carries itself, behind a blank unless it is empty. `{name:series}` is the label of
+a series of trends.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import Enum, StrEnum
 from typing import TypeAlias
 
 Value: TypeAlias = "float | str | Reason | tuple[Value, ...]"
 
 
-class Code(StrEnum):
-    """Meaning of a reason. The text of each code, with the values it needs, is in `gateway.views.wording`.
+class Code(Enum):
+    """Meaning of a reason, declared with the template of its text. The code itself is the name in lower case.
 
     Codes appear in JSON output and recordings: a code may be added, but not renamed without an entry in the changelog.
+
+    Attributes:
+        text_template: text with the values it needs. Only `gateway.views.wording` fills it.
     """
 
+    text_template: str
+
+    def __new__(cls, text_template: str) -> Code:  # noqa: D102
+        code = object.__new__(cls)
+        # Members are equal where their values are, but two codes may have the same template.
+        code._value_ = len(cls.__members__)
+        code.text_template = text_template
+        return code
+
+    def __str__(self) -> str:
+        return self.name.lower()
+
+    def __lt__(self, other: Code) -> bool:
+        return str(self) < str(other)
+
     # Revolutions
-    CONTACT_HAS_NO_SLOPE = "contact_has_no_slope"
-    CONTACT_IN_NOISE = "contact_in_noise"
-    CONTACT_INTERPOLATED = "contact_interpolated"
-    NO_CONTACT = "no_contact"
-    RADIAL_CLIPPED = "radial_clipped"
-    RADIAL_SATURATED = "radial_saturated"
-    SAMPLES_LOST = "samples_lost"
-    SAMPLES_LOST_UNMARKED = "samples_lost_unmarked"
-    SAMPLES_REPEATED_UNMARKED = "samples_repeated_unmarked"
-    SEVERAL_TURNS = "several_turns"
-    EFFECTS_OUTSIDE_LOADS = "effects_outside_loads"
-    EFFECTS_OUTSIDE_PRESSURES = "effects_outside_pressures"
-    EFFECTS_OUTSIDE_SPEEDS = "effects_outside_speeds"
-    EFFECTS_ENLARGE_ERROR = "effects_enlarge_error"
-    EFFECTS_OF_OTHER_OFFSET = "effects_of_other_offset"
-    EFFECTS_OF_OTHER_RADIUS = "effects_of_other_radius"
-    EFFECTS_OF_OTHER_SENSOR = "effects_of_other_sensor"
-    EFFECTS_OF_OTHER_TIRE = "effects_of_other_tire"
-    EFFECTS_OF_OTHER_VEHICLE = "effects_of_other_vehicle"
+    CONTACT_HAS_NO_SLOPE = "the contact edges have no clear slope"
+    CONTACT_IN_NOISE = "the contact does not stand out of the noise"
+    CONTACT_INTERPOLATED = (
+        "a contact was lost on the link or disturbed by an impact; it was placed between its neighbours"
+    )
+    NO_CONTACT = "no contact around angle 0"
+    RADIAL_CLIPPED = "the radial axis is clipped below the range that the hub states"
+    RADIAL_SATURATED = "the radial axis reached the end of its range"
+    SAMPLES_LOST = "samples were lost on the link"
+    SAMPLES_LOST_UNMARKED = "about {count:.0f} samples short: samples were lost without being marked"
+    SAMPLES_REPEATED_UNMARKED = "about {count:.0f} samples too many: samples were repeated or inserted"
+    SEVERAL_TURNS = (
+        "it spans {turns:.0f} turns: the contacts between its two were not seen, as of a wheel without its load"
+    )
+    EFFECTS_OUTSIDE_LOADS = (
+        "{load_n:.0f N} is outside the {low_n:.0f N} to {high_n:.0f N} at which the effects were found"
+    )
+    EFFECTS_OUTSIDE_PRESSURES = (
+        "{pressure_pa:.0f kPa} is outside the {low_pa:.0f kPa} to {high_pa:.0f kPa} at which the effects were found"
+    )
+    EFFECTS_OUTSIDE_SPEEDS = (
+        "{speed_mps:.0f km/h} is outside the {low_mps:.0f km/h} to {high_mps:.0f km/h} at which the effects were found"
+    )
+    EFFECTS_ENLARGE_ERROR = (
+        "the effects make the error larger ({before_mps2:.3g} -> {after_mps2:.3g m/s²}): they are not those of this "
+        "tire and sensor"
+    )
+    EFFECTS_OF_OTHER_OFFSET = (
+        "the effects were found with the sensor {found_m:z.2f mm} below the neutral layer, but here {offset_m:z.2f mm} "
+        "is in use: the effects may count the difference twice"
+    )
+    EFFECTS_OF_OTHER_RADIUS = (
+        "the effects were found with a belt radius of {found_m:.1f mm}, but here {radius_m:.1f mm} is in use"
+    )
+    EFFECTS_OF_OTHER_SENSOR = "the effects were found on sensor {found_on}, but this is sensor {sensor}"
+    EFFECTS_OF_OTHER_TIRE = "the effects were found on a tire {found_on}, but this is {tire}"
+    EFFECTS_OF_OTHER_VEHICLE = "the effects were found on vehicle {found_on}, but this is {vehicle}"
     # - Revolutions that do not come
-    ALL_FRAMES_REFUSED = "all_frames_refused"
-    CONTACTS_NOT_ALIKE = "contacts_not_alike"
-    NO_CONTACT_IN_AC_SIGNAL = "no_contact_in_ac_signal"
-    NO_CONTACT_SEEN = "no_contact_seen"
-    NO_FRAME_RECEIVED = "no_frame_received"
-    NO_REVOLUTION = "no_revolution"
-    NO_SAMPLES = "no_samples"
-    RADIAL_AT_RANGE_END = "radial_at_range_end"
-    RADIAL_IS_IN_G = "radial_is_in_g"
-    RADIAL_IS_IN_MPS2 = "radial_is_in_mps2"
-    RADIAL_OUTWARD = "radial_outward"
-    RADIAL_SCALE_DOES_NOT_FIT = "radial_scale_does_not_fit"
-    RATE_DOES_NOT_FIT = "rate_does_not_fit"
-    SAMPLES_INTERRUPTED = "samples_interrupted"
-    SAMPLES_TOO_SHORT = "samples_too_short"
-    SAMPLES_WITHOUT_HELLO = "samples_without_hello"
-    WHEEL_STANDS = "wheel_stands"
-    WHEEL_TOO_SLOW = "wheel_too_slow"
+    ALL_FRAMES_REFUSED = "all {count} frames were rejected, because their signatures could not be verified"
+    CONTACTS_NOT_ALIKE = (
+        "no three contacts in a row are those of one rolling wheel (radial axis: mean {mean_mps2:.0f m/s²}, standard "
+        "deviation {std_mps2:.0f m/s²})"
+    )
+    NO_CONTACT_IN_AC_SIGNAL = (
+        "no contact with the road is seen: the AC-coupled radial axis falls by {depth_mps2:.0f m/s²}, but its rotation "
+        "has a centripetal acceleration of {expected_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    )
+    NO_CONTACT_SEEN = (
+        "no contact with the road is seen: the radial axis has a mean of {mean_mps2:.0f m/s²} and never falls below "
+        "{lowest_mps2:.0f m/s²}. A sensor on the rim, or a wheel without load?"
+    )
+    NO_FRAME_RECEIVED = "no frame was received, so there is nothing to estimate"
+    NO_REVOLUTION = "no revolution in {duration_s:.1f s} of samples: {why}"
+    NO_SAMPLES = "no samples were received"
+    RADIAL_AT_RANGE_END = (
+        "{share:.0%} of the samples are at the end of the sensor's range, {level_mps2:.0f m/s²}: a larger range is "
+        "needed"
+    )
+    RADIAL_IS_IN_G = (
+        "the radial axis is {ratio:.3f} of the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} of "
+        "{expected_mps2:.0f m/s²}): its unit is g, not m/s² (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    )
+    RADIAL_IS_IN_MPS2 = (
+        "the radial axis is {ratio:.2f} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): its unit is m/s², not g (a rate of {fitting_hz:.0f Hz} would fit as well)"
+    )
+    RADIAL_OUTWARD = "the mean of the radial axis is {mean_mps2:.0f m/s²}: it points outward, so reverse its sign"
+    RADIAL_SCALE_DOES_NOT_FIT = (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.3g m/s²} for "
+        "{expected_mps2:.0f m/s²}), too far for a wrong rate: the scale or the unit of the axis is wrong"
+    )
+    RATE_DOES_NOT_FIT = (
+        "the radial axis is {ratio:.3g} times the centripetal acceleration of its rotation ({level_mps2:.0f m/s²} for "
+        "{expected_mps2:.0f m/s²}): the rate is not {rate_hz:.0f Hz}; {fitting_hz:.0f Hz} would fit"
+    )
+    SAMPLES_INTERRUPTED = (
+        "samples were lost again and again: at most {duration_s:.1f s} without a gap, {needed_s:.1f s} are needed"
+    )
+    SAMPLES_TOO_SHORT = "three revolutions take {needed_s:.1f s}, but the samples last {duration_s:.1f s}"
+    SAMPLES_WITHOUT_HELLO = (
+        "{count} blocks of samples, but no HELLO: without rate and scale nothing can be estimated. A hub sends a HELLO "
+        "every 2 s. Restart the hub or update its firmware"
+    )
+    WHEEL_STANDS = (
+        "the wheel stands still: the radial axis is {mean_mps2:.1f m/s²} with a standard deviation of "
+        "{std_mps2:.1f m/s²}"
+    )
+    WHEEL_TOO_SLOW = (
+        "the wheel rolls at about {speed_mps:.0f km/h}; contacts differ from gravity at {limit_mps:.0f km/h} and more"
+    )
 
     # Planned sensors
-    PLAN_AC_CORNER = "plan_ac_corner"
-    PLAN_BAND = "plan_band"
-    PLAN_FEW_REVOLUTIONS = "plan_few_revolutions"
-    PLAN_NOISE_UNKNOWN = "plan_noise_unknown"
-    PLAN_RANGE = "plan_range"
-    PLAN_RATE = "plan_rate"
-    PLAN_RATE_UNKNOWN = "plan_rate_unknown"
-    PLAN_STEPS = "plan_steps"
-    PLAN_SURVIVAL = "plan_survival"
+    PLAN_AC_CORNER = "AC coupling: the corner is {ratio:.2f} of the wheel's frequency, which biases the numbers"
+    PLAN_BAND = "the band ends at {ratio:.0f} times the wheel's frequency, which biases length and Bs"
+    PLAN_FEW_REVOLUTIONS = "{share:.0f} % of the simulated wheels gave no estimates"
+    PLAN_NOISE_UNKNOWN = "the noise is not known, so that no errors are planned: state it with --sensors"
+    PLAN_RANGE = "the peak of {peak_g:.0f} g exceeds the range of {range_g:.0f} g"
+    PLAN_RATE = "{rate_hz:.0f} samples per second are fewer than the {least_hz:.0f} that the protocol carries"
+    PLAN_RATE_UNKNOWN = "neither rate nor band is known"
+    PLAN_STEPS = "steps of {step_mg:.0f} mg are more than twice the noise, which biases the numbers"
+    PLAN_SURVIVAL = "the peak of {peak_g:.0f} g exceeds the {survival_g:.0f} g that the part survives"
 
     # Plug-ins
-    PLUGIN_EFFECT_TAKEN = "plugin_effect_taken"
-    PLUGIN_FAILED = "plugin_failed"
-    PLUGIN_FIELD_REFUSED = "plugin_field_refused"
-    PLUGIN_GAVE_NO_REASON = "plugin_gave_no_reason"
-    PLUGIN_LACKS_MEMBERS = "plugin_lacks_members"
-    PLUGIN_NAME_TAKEN = "plugin_name_taken"
-    PLUGIN_NAME_DIFFERS = "plugin_name_differs"
-    PLUGIN_NOT_IMPORTED = "plugin_not_imported"
-    PLUGIN_QUANTITY_TAKEN = "plugin_quantity_taken"
-    PLUGIN_WRONG_TYPE = "plugin_wrong_type"
+    PLUGIN_EFFECT_TAKEN = "its name or its rank is that of {effect} of {by}, rank {rank}"
+    PLUGIN_FAILED = "the plug-in failed: {error}"
+    PLUGIN_FIELD_REFUSED = "the plug-in gave an estimate whose {field} cannot be used: {given}"
+    PLUGIN_GAVE_NO_REASON = "the plug-in gives no reason"
+    PLUGIN_LACKS_MEMBERS = "it lacks {members}"
+    PLUGIN_NAME_TAKEN = "its name is taken by {by}"
+    PLUGIN_NAME_DIFFERS = "it calls itself {name}"
+    PLUGIN_NOT_IMPORTED = "it cannot be imported: {error}"
+    PLUGIN_QUANTITY_TAKEN = "its quantity {name} is that of {by}"
+    PLUGIN_WRONG_TYPE = "it is not {expected}"
 
     # Estimates
     # Of any estimator
-    AC_COUPLED = "ac_coupled"
-    AVERAGE_ERRORS_UNKNOWN = "average_errors_unknown"
-    AXIS_MISSING = "axis_missing"
-    AXIS_NOT_FINITE = "axis_not_finite"
-    AXIS_AGAINST_ROLLING = "axis_against_rolling"
-    EDGE_ERRORS_UNKNOWN = "edge_errors_unknown"
-    EFFECTS_NOT_SUBTRACTED = "effects_not_subtracted"
-    NEEDS_LOAD = "needs_load"
-    NEEDS_PRESSURE = "needs_pressure"
-    NO_CONTACT_EDGES = "no_contact_edges"
-    NO_STEADY_VALUE = "no_steady_value"
-    NOT_SETTLED = "not_settled"
-    REVOLUTION_NOT_USED = "revolution_not_used"
-    SAMPLES_LOST_SHARE = "samples_lost_share"
-    SIGNAL_MISSING = "signal_missing"
-    SPEED_OR_RADIUS_UNKNOWN = "speed_or_radius_unknown"
-    TOO_FEW_ORDERS = "too_few_orders"
+    AC_COUPLED = "AC-coupled: the steady value is lost"
+    AVERAGE_ERRORS_UNKNOWN = "the standard errors of the average are not known"
+    AXIS_MISSING = "the sensor has no {axis} axis"
+    AXIS_NOT_FINITE = "the {axis} axis is not finite"
+    AXIS_AGAINST_ROLLING = (
+        "the {axis} axis points against the rolling direction: the tire rolls in reverse, or the sign of the axis is "
+        "wrong; it is turned round here"
+    )
+    EDGE_ERRORS_UNKNOWN = "the standard errors of the contact edges are not known"
+    EFFECTS_NOT_SUBTRACTED = "known effects were not subtracted: {why}"
+    NEEDS_LOAD = "needs the load (set load_n of the wheel, or weight_kg of its axle, in the vehicle file)"
+    NEEDS_PRESSURE = (
+        "needs the pressure (set pressure_kpa of the tire in the vehicle file, or use a sensor that reports it)"
+    )
+    NO_CONTACT_EDGES = "no contact edges were found"
+    NO_STEADY_VALUE = "the radial signal has no positive mean: its steady value is missing"
+    NOT_SETTLED = "settling: {revolutions:.0f} of {needed:.0f} revolutions"
+    REVOLUTION_NOT_USED = "this revolution was not used: {faults}"
+    SAMPLES_LOST_SHARE = "{share:.1%} of the samples were lost"
+    SIGNAL_MISSING = "the bus has not sent it lately"
+    SPEED_OR_RADIUS_UNKNOWN = "the angular speed or the belt radius is not known"
+    TOO_FEW_ORDERS = "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed"
     # Of what the signal says against what is stated
-    CONTACTS_MISSED = "contacts_missed"
-    AXES_SWAPPED = "axes_swapped"
-    AXIS_LATE = "axis_late"
-    COUPLING_CONTRADICTED = "coupling_contradicted"
-    ERROR_COVERS = "error_covers"
-    GAIN_WOULD_FIT = "gain_would_fit"
-    GRAVITY_ABSENT = "gravity_absent"
-    GRAVITY_CONTRADICTED = "gravity_contradicted"
-    MAY_CHANGE_BY = "may_change_by"
-    NOT_POSSIBLE = "not_possible"
-    NO_SINGLE_CAUSE = "no_single_cause"
-    NOTHING_FOLLOWS = "nothing_follows"
-    HUB_MOVES = "hub_moves"
-    OFFSET_CONTRADICTED = "offset_contradicted"
-    OFFSET_UNKNOWN = "offset_unknown"
-    RADIUS_WOULD_FIT = "radius_would_fit"
-    RATE_WOULD_FIT = "rate_would_fit"
-    SCALE_BY_WIDTH = "scale_by_width"
-    STEADY_VALUE_CONTRADICTED = "steady_value_contradicted"
-    STEADY_VALUE_DISAGREES = "steady_value_disagrees"
-    UNIT_IS_G = "unit_is_g"
-    UNIT_IS_MPS2 = "unit_is_mps2"
-    VEHICLE_SPEED_CONTRADICTED = "vehicle_speed_contradicted"
-    WHEEL_SPEED_CONTRADICTED = "wheel_speed_contradicted"
-    WIDTH_CONTRADICTED = "width_contradicted"
-    WIDTH_DISAGREES = "width_disagrees"
-    ZERO_CONTRADICTED = "zero_contradicted"
-    ZERO_WOULD_FIT = "zero_would_fit"
+    CONTACTS_MISSED = "a contact found in one of {every:.0f} revolutions only would fit"
+    AXES_SWAPPED = (
+        "the lateral axis reads what the circumferential one should, and the other way round: the two are swapped"
+    )
+    AXIS_LATE = "the {axis} axis is {late_s:.2f ms} later than the radial one"
+    COUPLING_CONTRADICTED = (
+        "the steady radial value is {share:.2f} ± {std:.2f} times what the contact shows: the sensor is AC-coupled and "
+        "stated as DC-coupled; state its coupling as AC"
+    )
+    ERROR_COVERS = "{why}; the standard error covers the difference"
+    GAIN_WOULD_FIT = "a gain of {gain:.3f} would fit"
+    GRAVITY_ABSENT = (
+        "the {axis} axis shows {share:.2f} ± {std:.1g} of gravity as it turns: it is not connected, or not the axis "
+        "along the belt"
+    )
+    GRAVITY_CONTRADICTED = "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one"
+    MAY_CHANGE_BY = "may be wrong by {effect:.1%}: {why}"
+    NOT_POSSIBLE = "{errors:.1f} standard errors beyond what is possible"
+    NO_SINGLE_CAUSE = "no single cause fits"
+    NOTHING_FOLLOWS = "not determined: {why}"
+    HUB_MOVES = (
+        "the hub moves by {amplitude_mps2:.2g m/s²} at the wheel's frequency, or the wheel turns unevenly: the error "
+        "includes it"
+    )
+    OFFSET_CONTRADICTED = (
+        "the sensor is stated {stated_m:.1f mm} ± {stated_std_m:.1f mm} below the neutral layer, the circumferential "
+        "axis gives {offset_m:.2f mm} ± {std_m:.2f mm}"
+    )
+    OFFSET_UNKNOWN = "offset of the sensor not known (set offset_mm of its mounting): the error includes {std_m:.0f mm}"
+    RADIUS_WOULD_FIT = "a belt radius of {radius_m:.0f mm} would fit ({stated_m:.0f mm} stated)"
+    RATE_WOULD_FIT = "a sampling rate of {rate_hz:.0f Hz} would fit ({stated_hz:.0f Hz} stated)"
+    SCALE_BY_WIDTH = (
+        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire, which knows load, pressure and belt radius together "
+        "within {error:.1%}, better than they are stated"
+    )
+    STEADY_VALUE_CONTRADICTED = (
+        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: {causes}"
+    )
+    STEADY_VALUE_DISAGREES = (
+        "the steady radial value is {ratio:.3f} ± {std:.3f} times that of speed and belt radius: the error includes "
+        "{error:.1%} because the radius may not be as stated"
+    )
+    UNIT_IS_G = "values in g taken for m/s² would fit"
+    UNIT_IS_MPS2 = "values in m/s² taken for g would fit"
+    VEHICLE_SPEED_CONTRADICTED = (
+        "the speed of the car is {ratio:.3f} ± {std:.3f} times that of belt radius and rotation: {causes}"
+    )
+    WHEEL_SPEED_CONTRADICTED = (
+        "the car's wheel turns {ratio:.3f} ± {std:.3f} times as fast as the contacts in the signal say: {causes}"
+    )
+    WIDTH_CONTRADICTED = (
+        "Cw is {ratio:.3g} ± {std:.1g} times that of the new tire, and wear does not change it: load, pressure or belt "
+        "radius are not as stated"
+    )
+    WIDTH_DISAGREES = (
+        "Cw is {ratio:.3f} ± {std:.3f} times that of the new tire: the error includes {error:.1%} because load, "
+        "pressure or belt radius may not be as stated"
+    )
+    ZERO_CONTRADICTED = (
+        "several speeds give a zero-g offset of {zero_mps2:.1f m/s²} ± {std_mps2:.1f m/s²}, "
+        "{stated_std_mps2:.1f m/s²} is its stated error"
+    )
+    ZERO_WOULD_FIT = "a zero-g offset of {zero_mps2:.0f m/s²} would fit"
     # Of the tire's four numbers
-    BENDING_LIKE_SHEAR = "bending_like_shear"
-    CORRELATED = "correlated"
-    FIT_AT_ZERO = "fit_at_zero"
-    FIT_NOT_CONVERGED = "fit_not_converged"
-    LINEAR_RING = "linear_ring"
-    LINEAR_RING_TENSION = "linear_ring_tension"
-    MODEL_ERROR_SHARE = "model_error_share"
-    NO_BELT_SHAPE = "no_belt_shape"
-    NO_FLAT_CONTACT = "no_flat_contact"
-    NO_RING_EQUILIBRIUM = "no_ring_equilibrium"
-    NOT_DETERMINED = "not_determined"
-    ORDERS_UNUSABLE = "orders_unusable"
-    RING_DOES_NOT_FIT = "ring_does_not_fit"
+    BENDING_LIKE_SHEAR = "bending and shear of the belt cannot be separated here (correlation {correlation:+.2f})"
+    CORRELATED = "correlated {correlation:+.2f} with {number}"
+    FIT_AT_ZERO = "not determined: the fit puts {number} at zero"
+    FIT_NOT_CONVERGED = "the fit has not converged"
+    LINEAR_RING = "linear ring: its model error is in the standard error"
+    LINEAR_RING_TENSION = "linear ring: the belt's loss of tension in the contact is in the standard error"
+    MODEL_ERROR_SHARE = "{share:.0%} of the variance is model error"
+    NO_BELT_SHAPE = "the radial signal does not describe a belt"
+    NO_FLAT_CONTACT = "no flat contact at angle 0: its curvature is {curvature:.2f} of the mean, the limit {limit:.2f}"
+    NO_RING_EQUILIBRIUM = "no ring in equilibrium reproduces this waveform"
+    NOT_DETERMINED = "not determined: the standard error is {relative_error:times} the value"
+    ORDERS_UNUSABLE = "the orders of the average are flat or not finite"
+    RING_DOES_NOT_FIT = (
+        "the ring does not describe these orders: the residual is {residual:.0%} of the signal, the limit {limit:.0%}"
+    )
     # Of distance
-    DISTANCE_BRIDGED = "distance_bridged"
-    DISTANCE_INTERRUPTED = "distance_interrupted"
+    DISTANCE_BRIDGED = (
+        "{duration_s:.1f s} without revolutions bridged at the mean speed: {distance_m:.1f m} ± {std_m:.1f m}"
+    )
+    DISTANCE_INTERRUPTED = "the hub restarted {count:.0f} times; what was rolled meanwhile is missing"
     # Of forces
-    FORCE_NOT_DETERMINED = "force_not_determined"
-    FRICTION_OF_LONGITUDINAL_ONLY = "friction_of_longitudinal_only"
-    NEEDS_SIDE_FORCE_CALIBRATION = "needs_side_force_calibration"
-    SLIP_LIMIT_NOT_DETERMINED = "slip_limit_not_determined"
-    SLIP_NOT_LATERAL = "slip_not_lateral"
+    FORCE_NOT_DETERMINED = (
+        "not determined: the standard error is {share:.1%} of the load, the limit {limit:.0%} or a third of the force"
+    )
+    FRICTION_OF_LONGITUDINAL_ONLY = "of the longitudinal force only: the side force is not known"
+    NEEDS_SIDE_FORCE_CALIBRATION = (
+        "needs the tire's side force calibration ([tire.side_force_calibration] in the vehicle file;"
+        " run: treadlink calibrate side-force)"
+    )
+    SLIP_LIMIT_NOT_DETERMINED = (
+        "not determined: the side force acts {trail_m:.1f mm} ± {std_m:.1f mm} behind the contact centre; the shape of"
+        " the contact pressure, which is not known, leaves {low:.0%} to {high:.0%}"
+    )
+    SLIP_NOT_LATERAL = "the longitudinal force is {ratio:.1f} times the side force, so the slip is not lateral"
     # Of load and wear
-    BENDING_NOT_POSITIVE = "bending_not_positive"
-    CORRECTED_FOR_BENDING = "corrected_for_bending"
-    CORRECTED_FOR_WEAR = "corrected_for_wear"
-    FROM_BELT_WIDTH = "from_belt_width"
-    FROM_CONTACT_ANGLE = "from_contact_angle"
-    FROM_RATIO = "from_ratio"
-    HALF_ANGLE_OUTSIDE_CALIBRATION = "half_angle_outside_calibration"
-    LOAD_CONTRADICTED = "load_contradicted"
-    LOADS_DISAGREE = "loads_disagree"
-    NEEDS_ESTIMATOR = "needs_estimator"
-    NEEDS_LOAD_CALIBRATION = "needs_load_calibration"
-    NEEDS_REFERENCE_NUMBER = "needs_reference_number"
-    NEEDS_RING_THICKNESS = "needs_ring_thickness"
-    NEEDS_WEAR_VALUES = "needs_wear_values"
-    NO_LOAD_FROM_BELT_WIDTH = "no_load_from_belt_width"
-    NO_LOAD_FROM_CONTACT_ANGLE = "no_load_from_contact_angle"
-    NUMBER_MISSING = "number_missing"
-    OVER_REVOLUTIONS = "over_revolutions"
-    PRESSURE_OLD = "pressure_old"
-    PRESSURE_NOT_COMPENSATED = "pressure_not_compensated"
-    PRESSURE_OUTSIDE_CALIBRATION = "pressure_outside_calibration"
-    TEMPERATURE_NOT_COMPENSATED = "temperature_not_compensated"
-    UNKNOWN_ESTIMATOR = "unknown_estimator"
-    WEAR_CONTRADICTED = "wear_contradicted"
-    WEAR_UNKNOWN = "wear_unknown"
-    WEARS_DISAGREE = "wears_disagree"
+    BENDING_NOT_POSITIVE = "the bending stiffness is not positive"
+    CORRECTED_FOR_BENDING = "corrected for a bending stiffness {change:+.0%} from that of the calibration"
+    CORRECTED_FOR_WEAR = "corrected for {wear_m:.1f mm} of wear since the calibration"
+    FROM_BELT_WIDTH = "from the belt width"
+    FROM_CONTACT_ANGLE = "from contact angle and pressure"
+    FROM_RATIO = "from {ratio}, because the load is not known"
+    HALF_ANGLE_OUTSIDE_CALIBRATION = (
+        "the contact half angle {half_angle_rad:.1f deg} is outside the calibrated {low_rad:.1f deg} to "
+        "{high_rad:.1f deg}"
+    )
+    LOAD_CONTRADICTED = "contradicts the stated load, {stated_n:.0f N} ± {stated_std_n:.0f N}"
+    LOADS_DISAGREE = (
+        "loads by contact angle, {angle_n:.0f N}, and by belt width, {width_n:.0f N}, disagree: the error includes it"
+    )
+    NEEDS_ESTIMATOR = "needs the estimator {estimator}, which made the reference numbers"
+    NEEDS_LOAD_CALIBRATION = "needs tire.load_calibration in the vehicle file (treadlink calibrate)"
+    NEEDS_REFERENCE_NUMBER = "needs {number} of the new tire, tire.reference in the vehicle file (treadlink calibrate)"
+    NEEDS_RING_THICKNESS = "needs ring_thickness_mm of the tire in the vehicle file"
+    NEEDS_WEAR_VALUES = "needs {revolutions:.0f} revolutions with valid wear (one in {spacing:.0f} is used)"
+    NO_LOAD_FROM_BELT_WIDTH = "not from the belt width: {why}"
+    NO_LOAD_FROM_CONTACT_ANGLE = "not from the contact angle: {why}"
+    NUMBER_MISSING = "the estimator {estimator} does not give {number}"
+    OVER_REVOLUTIONS = "over {revolutions:.0f} revolutions"
+    PRESSURE_OLD = "rests on a pressure that is {age_s:.0f s} old"
+    PRESSURE_NOT_COMPENSATED = "pressure not compensated"
+    PRESSURE_OUTSIDE_CALIBRATION = (
+        "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
+    )
+    TEMPERATURE_NOT_COMPENSATED = "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
+    UNKNOWN_ESTIMATOR = "tire.reference names '{estimator}', which is not an estimator"
+    WEAR_CONTRADICTED = "contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}"
+    WEAR_UNKNOWN = "wear since the calibration is not known: an error of {relative_error:.0%} is included"
+    WEARS_DISAGREE = "wear by Bs, {number_m:.1f mm}, and by Bs/Cw, {ratio_m:.1f mm}, disagree: the error includes it"
     # Of the lateral axis
-    CONICITY_NOT_SEPARATED = "conicity_not_separated"
-    FROM_AXIS_MEANS = "from_axis_means"
-    FROM_LAMINATE = "from_laminate"
-    INCLUDES_CONICITY = "includes_conicity"
-    LAMINATE_DIFFERS = "laminate_differs"
-    LAMINATE_NOT_BALANCED = "laminate_not_balanced"
-    LATERAL_ZERO_CONTRADICTED = "lateral_zero_contradicted"
-    LATERAL_ZERO_NOT_SEPARATED = "lateral_zero_not_separated"
-    NEEDS_BOTH_SLIPS = "needs_both_slips"
-    ORDERS_USED = "orders_used"
-    ROLL_CONTRADICTED = "roll_contradicted"
-    ROLL_NOT_CALIBRATED = "roll_not_calibrated"
-    ROLL_UNLIKELY = "roll_unlikely"
-    SCATTER_UNKNOWN = "scatter_unknown"
-    SIGN_NOT_DETERMINED = "sign_not_determined"
-    SLIP_BEYOND_LAW = "slip_beyond_law"
-    SLIP_OUTSIDE_CALIBRATION = "slip_outside_calibration"
-    SPEED_UNUSABLE = "speed_unusable"
-    ZERO_SLIP_GIVEN = "zero_slip_given"
-    ZERO_SLIP_IS_MEAN = "zero_slip_is_mean"
-    ZERO_SLIP_NOT_SETTLED = "zero_slip_not_settled"
+    CONICITY_NOT_SEPARATED = "conicity cannot be separated from ply steer and noise here"
+    FROM_AXIS_MEANS = "from the means of the lateral and the radial axis"
+    FROM_LAMINATE = "from tire.laminate: B16 / A66 = {length_m:.2f mm} ± {length_std_m:.2f mm}, belt kept from twisting"
+    INCLUDES_CONICITY = "ply steer plus conicity"
+    LAMINATE_DIFFERS = (
+        "differs from the measured peak, {measured_rad:.3f deg} ± {measured_std_rad:.3f deg}, by {errors:.1f} standard "
+        "errors: cord angles, order of the plies, conicity, slip, or a belt that twists"
+    )
+    LAMINATE_NOT_BALANCED = (
+        "the plies are not at opposite angles (A16 / A66 = {share:.2f}): tension shears the belt as well (Eq. 11)"
+    )
+    LATERAL_ZERO_CONTRADICTED = (
+        "contradicts the stated accuracy of the sensor's zero, {stated_std_mps2:.1f m/s²}; a degree of camber is "
+        "0.17 m/s²"
+    )
+    LATERAL_ZERO_NOT_SEPARATED = "needs two speeds: roll tilt and zero-g offset are not separated yet"
+    NEEDS_BOTH_SLIPS = "needs {needed:.0f} revolutions each at left and at right slip"
+    ORDERS_USED = "orders {first:.0f} to {last:.0f}"
+    ROLL_CONTRADICTED = (
+        "contradicts the stated roll, {stated_rad:.1f deg} ± {stated_std_rad:.1f deg} (mounting.roll_deg); the "
+        "measured one is used"
+    )
+    ROLL_NOT_CALIBRATED = (
+        "AC-coupled: the roll tilt of the sensor cannot be calibrated; the error includes {assumed_rad:.0f deg}"
+    )
+    ROLL_UNLIKELY = (
+        "the means of the axes give a roll of {roll_rad:.1f deg}, {expected_rad:.1f deg} ± {expected_std_rad:.1f deg} "
+        "is expected: a rolled sensor (state mounting.roll_deg) or a wrong zero of the lateral axis (record two speeds)"
+    )
+    SCATTER_UNKNOWN = "the scatter is not known before {needed:.0f} revolutions"
+    SIGN_NOT_DETERMINED = "the sign is not determined: {errors:.1f} standard errors from zero"
+    SLIP_BEYOND_LAW = "beyond the slip angles that the slip calibration describes"
+    SLIP_OUTSIDE_CALIBRATION = (
+        "the slip angle {slip_rad:.2f deg} is outside the calibrated {low_rad:.2f deg} to {high_rad:.2f deg}"
+    )
+    SPEED_UNUSABLE = "the speed is not known or too high for the sampling"
+    ZERO_SLIP_GIVEN = "zero slip from tire.slip_calibration"
+    ZERO_SLIP_IS_MEAN = (
+        "zero slip is the mean of the latest revolutions, so constant slip is not seen; it needs tire.slip_calibration "
+        "(treadlink calibrate slip)"
+    )
+    ZERO_SLIP_NOT_SETTLED = "zero slip is settling: {revolutions:.0f} of {needed:.0f} revolutions"
     # Of the sensor's calibration
-    FLAT_CONTACT_ASSUMED = "flat_contact_assumed"
-    NEEDS_TEMPERATURE_CHANGE = "needs_temperature_change"
-    NEEDS_TWO_SPEEDS = "needs_two_speeds"
-    NO_REVOLUTION_YET = "no_revolution_yet"
-    NOT_FINITE = "not_finite"
-    OTHER_OFFSET_STATED = "other_offset_stated"
+    FLAT_CONTACT_ASSUMED = "AC-coupled: from the contact, assumed to be flat (flat road)"
+    NEEDS_TEMPERATURE_CHANGE = "needs a change of temperature"
+    NEEDS_TWO_SPEEDS = "needs two speeds: {quantity} and zero-g offset are not separated yet"
+    NO_REVOLUTION_YET = "no revolution yet"
+    NOT_FINITE = "the result is not finite"
+    OTHER_OFFSET_STATED = "the vehicle file states {stated_m:.1f mm}"
     # Of what is not locked to the wheel
-    AT_WHEEL_ORDER = "at_wheel_order"
-    IN_BAND = "in_band"
-    NEEDS_UNINTERRUPTED_ROLLING = "needs_uninterrupted_rolling"
-    NO_LINE = "no_line"
+    AT_WHEEL_ORDER = "at order {order:.0f} of the wheel: may be locked to it"
+    IN_BAND = "{low_hz:.0f Hz} to {high_hz:.0f Hz}, sensor noise included"
+    NEEDS_UNINTERRUPTED_ROLLING = "needs {duration_s:.0f s} of uninterrupted rolling"
+    NO_LINE = "no line stands out"
 
     # Of road and water
-    CAVITY_CONTRADICTED = "cavity_contradicted"
-    LIKE_A_WATER_WEDGE = "like_a_water_wedge"
-    NEEDS_CAVITY_LENGTH = "needs_cavity_length"
-    NEEDS_REVOLUTIONS = "needs_revolutions"
-    NEEDS_TEMPERATURE = "needs_temperature"
-    NOT_VERIFIED_BY_MEASUREMENT = "not_verified_by_measurement"
-    ROAD_BELOW_NOISE = "road_below_noise"
-    ROAD_CLASS = "road_class"
-    ROAD_WAVES = "road_waves"
-    TOO_SLOW_FOR_ROAD = "too_slow_for_road"
+    CAVITY_CONTRADICTED = (
+        "the inner liner reads {measured_degc:.0f} °C, but the cavity resonates as air of {found_degc:.0f} °C would: "
+        "another gas ({ratio:.2f} times gamma / M of air), cavity_length_mm or the temperature is wrong, or "
+        "it is another line"
+    )
+    LIKE_A_WATER_WEDGE = "the leading edge has moved in by {shift_rad:.1f deg}, the trailing one has not"
+    NEEDS_CAVITY_LENGTH = "needs cavity_length_mm or a size with the rim of the tire in the vehicle file"
+    NEEDS_REVOLUTIONS = "needs {needed:.0f} revolutions, {count:.0f} so far"
+    NEEDS_TEMPERATURE = "needs the temperature"
+    NOT_VERIFIED_BY_MEASUREMENT = "not verified by any measurement"
+    ROAD_BELOW_NOISE = "not determined beside the jitter of the contact edges: class {letter} or better"
+    ROAD_CLASS = "class {letter} with a probability of {probability:.0%}, if G falls with n²"
+    ROAD_WAVES = "from waves of {short_m:.1f m} to {long_m:.1f m}"
+    TOO_SLOW_FOR_ROAD = "needs at least {limit_mps:.0f km/h}"
 
     # Sensors
-    AXIS_READS = "axis_reads"
-    PRESSURE_FROZEN = "pressure_frozen"
-    SENSOR_DEAD = "sensor_dead"
-    SENSOR_FLIPPED = "sensor_flipped"
-    SENSOR_LOOSE = "sensor_loose"
-    SENSOR_STUCK = "sensor_stuck"
-    SENSOR_TILTED = "sensor_tilted"
+    AXIS_READS = "{axis} at {counts:.0f}"
+    PRESSURE_FROZEN = (
+        "the pressure has not changed while the temperature changed by {temperature_change_k:.0f} K; it may be "
+        "off by {error_pa:.0f kPa}"
+    )
+    SENSOR_DEAD = "every axis reads 0: the sensor is dead or its element has no supply"
+    SENSOR_FLIPPED = "the radial axis points outward; its sign is corrected here"
+    SENSOR_LOOSE = (
+        "rings at {frequency_hz:.0f Hz} after every contact with {share:.0%} of the steady value: the sensor "
+        "may have come loose; do not trust contact lengths and tire numbers"
+    )
+    SENSOR_STUCK = "does not move by one count for {duration_s:.0f s}: {axes} counts"
+    SENSOR_TILTED = (
+        "the {axis} axis carries the steady value of the radial axis: tilted by {tilt_rad:.0f deg}, or the axes "
+        "are swapped"
+    )
 
     # Wheels, links and alarms
     # - Alarms as events
-    ALARM_CLEARED = "alarm_cleared"
-    ALARM_COMES_AND_GOES = "alarm_comes_and_goes"
-    ALARM_RAISED = "alarm_raised"
-    ALARM_STANDS = "alarm_stands"
+    ALARM_CLEARED = "alarm over at {at_s:.1f s}, after {duration_s:.1f s}: {what}"
+    ALARM_COMES_AND_GOES = (
+        "ALARM at {at_s:.1f s}: {alarm}. It comes and goes: it is reported again after a minute without change"
+    )
+    ALARM_RAISED = "ALARM at {at_s:.1f s}: {alarm}"
+    ALARM_STANDS = "ALARM still at {at_s:.1f s}: {alarm}"
     # - Thresholds
-    BATTERY_BELOW_LIMIT = "battery_below_limit"
-    BATTERY_NOW = "battery_now"
-    FRAME_LOSS_ABOVE_LIMIT = "frame_loss_above_limit"
-    FRAME_LOSS_NOW = "frame_loss_now"
-    LINK_DOWN = "link_down"
-    LOAD_ABOVE_LIMIT = "load_above_limit"
-    LOAD_NOW = "load_now"
-    PRESSURE_ABOVE_LIMIT = "pressure_above_limit"
-    PRESSURE_BELOW_LIMIT = "pressure_below_limit"
-    PRESSURE_NOW = "pressure_now"
-    SENSOR_RANGE_REACHED = "sensor_range_reached"
-    SPEED_ABOVE_LIMIT = "speed_above_limit"
-    SPEED_NOW = "speed_now"
-    TEMPERATURE_ABOVE_LIMIT = "temperature_above_limit"
-    TEMPERATURE_NOW = "temperature_now"
-    WEAR_ABOVE_LIMIT = "wear_above_limit"
-    WEAR_NOW = "wear_now"
+    BATTERY_BELOW_LIMIT = "battery at {level:.0f %}, below {limit:.0f %}"
+    BATTERY_NOW = "battery at {level:.0f %}"
+    FRAME_LOSS_ABOVE_LIMIT = "{share:.2f %} of the latest frames lost, above {limit:.2f %}"
+    FRAME_LOSS_NOW = "{share:.2f %} of the latest frames lost"
+    LINK_DOWN = "link is down: {state}"
+    LOAD_ABOVE_LIMIT = "load {load_n:.0f N} is above {limit_n:.0f N}"
+    LOAD_NOW = "load {load_n:.0f N}"
+    PRESSURE_ABOVE_LIMIT = "pressure {pressure_pa:.0f kPa} is above {limit_pa:.0f kPa}"
+    PRESSURE_BELOW_LIMIT = "pressure {pressure_pa:.0f kPa} is below {limit_pa:.0f kPa}"
+    PRESSURE_NOW = "pressure {pressure_pa:.0f kPa}"
+    SENSOR_RANGE_REACHED = "{count} samples at the end of the sensor's range"
+    SPEED_ABOVE_LIMIT = "speed {speed_mps:.0f km/h} is above {limit_mps:.0f km/h}"
+    SPEED_NOW = "speed {speed_mps:.0f km/h}"
+    TEMPERATURE_ABOVE_LIMIT = "inner liner at {temperature_degc:.0f degC}, above {limit_degc:.0f degC}"
+    TEMPERATURE_NOW = "inner liner at {temperature_degc:.0f degC}"
+    WEAR_ABOVE_LIMIT = "wear {wear_m:.1f mm} is above {limit_m:.1f mm}"
+    WEAR_NOW = "wear {wear_m:.1f mm}"
     # - Silence
-    AXIS_SILENT = "axis_silent"
-    BUS_NOT_MAPPED = "bus_not_mapped"
-    BUS_SILENT = "bus_silent"
-    ENVIRONMENT_SILENT = "environment_silent"
-    HUB_OF_WHEEL_SILENT = "hub_of_wheel_silent"
-    HUB_SILENT = "hub_silent"
-    SAMPLES_MISSING = "samples_missing"
-    SAMPLES_SILENT = "samples_silent"
-    SENDS_AGAIN = "sends_again"
-    SENSOR_NEVER_HEARD = "sensor_never_heard"
-    SENSOR_SILENT = "sensor_silent"
+    AXIS_SILENT = (
+        "the {axis} axis is silent for {silence_s:.0f s}, though the hello declares it: samples without it are not used"
+    )
+    BUS_NOT_MAPPED = (
+        "no signal of this bus is mapped: its frames are recorded, but nothing is shown or compared (list the signals "
+        "in [vehicle_signals] of the vehicle file)"
+    )
+    BUS_SILENT = "no frame of the vehicle's bus for {silence_s:.0f s}. Ignition off, cable loose, or bus off?"
+    ENVIRONMENT_SILENT = "no pressure or temperature for {silence_s:.0f s}: the last values are that old"
+    HUB_OF_WHEEL_SILENT = "no frame of its hub for {silence_s:.0f s}"
+    HUB_SILENT = "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?"
+    SAMPLES_MISSING = "no samples for {silence_s:.0f s}"
+    SAMPLES_SILENT = (
+        "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
+        "firmware?"
+    )
+    SENDS_AGAIN = "sends again after {away_s:.1f s}"
+    SENSOR_NEVER_HEARD = (
+        "nothing received from its sensor in {silence_s:.0f s}, or only what was rejected. Is it switched on, and are "
+        "hub and wheel number as configured?"
+    )
+    SENSOR_SILENT = "its sensor is silent for {silence_s:.0f s}, its hub is not. Battery empty, out of range or broken?"
     # - Events of links and devices
-    BATTERY_LEVEL = "battery_level"
-    BLE_DEVICE = "ble_device"
-    COMPUTER_EVENT = "computer_event"
-    COMPUTER_PAUSED = "computer_paused"
-    COMPUTER_SUSPENDED = "computer_suspended"
-    LINK_AWAY = "link_away"
-    LINK_CONNECTED = "link_connected"
-    LINK_DISCONNECTED = "link_disconnected"
-    LINK_ENDED = "link_ended"
-    LINK_EVENT = "link_event"
-    LINK_LOST = "link_lost"
-    LINK_NOT_OPEN = "link_not_open"
-    LINK_RESTORED = "link_restored"
-    LINK_RETRYING = "link_retrying"
-    MARK = "mark"
-    MARK_NOT_KEPT = "mark_not_kept"
-    MTU = "mtu"
-    MTU_TOO_SMALL = "mtu_too_small"
-    MTU_UNKNOWN = "mtu_unknown"
-    NOTIFICATIONS_DROPPED = "notifications_dropped"
-    QUOTED_TEXT = "quoted_text"
-    SYSTEM_TIME_SET = "system_time_set"
-    RETRY_INTERVAL = "retry_interval"
+    BATTERY_LEVEL = "battery {level:.0f %}"
+    BLE_DEVICE = "{device}"
+    COMPUTER_EVENT = "this computer"
+    COMPUTER_PAUSED = (
+        "it paused for {paused_s:.1f s}, and what was sent meanwhile may be lost. Overloaded, or a virtual machine "
+        "that was stopped?"
+    )
+    COMPUTER_SUSPENDED = "it was suspended for {suspended_s:.1f s}; what was sent meanwhile is lost"
+    LINK_AWAY = "back after {away_s:.1f s}"
+    LINK_CONNECTED = "connected"
+    LINK_DISCONNECTED = "disconnected on request"
+    LINK_ENDED = "ended"
+    LINK_EVENT = "{event}: {details}"
+    LINK_LOST = "connection lost"
+    LINK_NOT_OPEN = "not open yet"
+    LINK_RESTORED = "reconnected"
+    LINK_RETRYING = "reconnecting fails"
+    MARK = "mark: {text}"
+    MARK_NOT_KEPT = "not kept, nothing is recorded"
+    MTU = "MTU {mtu}"
+    MTU_TOO_SMALL = "MTU {mtu} is less than the {needed} that frames need: expect losses"
+    MTU_UNKNOWN = "MTU unknown (frames need {needed})"
+    NOTIFICATIONS_DROPPED = "{count} notifications dropped because this computer is too slow"
+    QUOTED_TEXT = "{text}"
+    SYSTEM_TIME_SET = (
+        "its system time jumped by {step_s:+.1f s}. The times of this session stay those of the clock at its start: "
+        "{ahead_s:+.1f s} makes them those of the new time"
+    )
+    RETRY_INTERVAL = "trying again every {interval_s:g s} or sooner"
     # - Live outputs
-    SINK_CLOSED = "sink_closed"
-    SINK_CONNECTED = "sink_connected"
-    SINK_CONNECTING = "sink_connecting"
-    SINK_DOWN = "sink_down"
-    SINK_DROPS = "sink_drops"
-    SINK_ENDED = "sink_ended"
-    SINK_FAULT = "sink_fault"
-    SINK_FULL = "sink_full"
-    SINK_LOST = "sink_lost"
-    SINK_STALLED = "sink_stalled"
+    SINK_CLOSED = "finished"
+    SINK_CONNECTED = "publishing"
+    SINK_CONNECTING = "connecting"
+    SINK_DOWN = "nothing is published, {waiting} items wait: {state}"
+    SINK_DROPS = "items are dropped, {dropped} so far: {state}"
+    SINK_ENDED = "the reader has closed its end"
+    SINK_FAULT = "internal error: {error}"
+    SINK_FULL = "the receiver is slower than the session"
+    SINK_LOST = "{error}; trying again every {interval_s:g s} or sooner"
+    SINK_STALLED = "the receiver takes nothing"
     # - Health of links
-    FIRMWARE_TOO_NEW = "firmware_too_new"
-    FIRMWARE_TOO_OLD = "firmware_too_old"
-    FRAMES_DAMAGED = "frames_damaged"
-    FRAMES_RESUMED = "frames_resumed"
-    FRAMES_WITH_BAD_PAYLOAD = "frames_with_bad_payload"
-    FRAMES_WITH_UNKNOWN_FLAGS = "frames_with_unknown_flags"
-    HUB_RESTARTED = "hub_restarted"
-    HUB_RESTARTS_REPEATEDLY = "hub_restarts_repeatedly"
-    LINK_NO_DATA_YET = "link_no_data_yet"
-    LINK_RESUMED = "link_resumed"
-    LINK_SILENT = "link_silent"
-    NEWER_FRAME_LAYOUT = "newer_frame_layout"
-    NEWER_PROTOCOL = "newer_protocol"
-    NO_FRAMES = "no_frames"
-    NO_FRAMES_ANY_MORE = "no_frames_any_more"
-    NO_HELLO = "no_hello"
-    OLDER_PROTOCOL = "older_protocol"
+    FIRMWARE_TOO_NEW = (
+        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update treadlink"
+    )
+    FIRMWARE_TOO_OLD = (
+        "the firmware uses protocol {major}.x and treadlink {own}.x, so no frame can be read. Update the hub's firmware"
+    )
+    FRAMES_DAMAGED = (
+        "{share:.0f %} of the frames arrive damaged and are left out. Check cable, ground, distance and baud rate"
+    )
+    FRAMES_RESUMED = "frames arrive now"
+    FRAMES_WITH_BAD_PAYLOAD = (
+        "frames with a valid checksum whose content violates the protocol are skipped: a fault of the firmware"
+    )
+    FRAMES_WITH_UNKNOWN_FLAGS = "frames with unknown flags are skipped and counted"
+    HUB_RESTARTED = "restarted (boot count {boot_count}); its counters and times start again"
+    HUB_RESTARTS_REPEATEDLY = "restarts again and again. Check its supply. Further restarts are not reported"
+    LINK_NO_DATA_YET = (
+        "open, but no data yet. Is the hub powered, awake and set to send? Are TX and RX connected correctly?"
+    )
+    LINK_RESUMED = "data arrives again"
+    LINK_SILENT = (
+        "open, but no data for {silence_s:.0f s}. Is the hub powered, awake and set to send? Are TX and RX "
+        "connected correctly?"
+    )
+    NEWER_FRAME_LAYOUT = (
+        "frames of a layout newer than protocol {own} are skipped and counted: the firmware is newer. Update treadlink"
+    )
+    NEWER_PROTOCOL = (
+        "its firmware uses protocol {version}, newer than treadlink's {own}. What both support is read, the rest "
+        "is skipped and counted. Update treadlink"
+    )
+    NO_FRAMES = "data arrives, but it contains no frame: {content}"
+    NO_FRAMES_ANY_MORE = "data arrives, but no frame any more, after {frames} frames: {content}"
+    NO_HELLO = (
+        "samples arrive, but no hello for {silence_s:.0f s}: without rate and scale nothing can be estimated. A "
+        "hub sends a hello every 2 s. Restart the hub or update its firmware"
+    )
+    OLDER_PROTOCOL = (
+        "its firmware uses protocol {version}, older than treadlink's {own}: it takes only unsigned commands"
+    )
     # - Content of a line without frames
-    CHECK_SOURCE_ADDRESS = "check_source_address"
-    CHOOSE_HUB_PORT = "choose_hub_port"
-    LINE_ALL_FRAMES_DAMAGED = "line_all_frames_damaged"
-    LINE_CONSTANT = "line_constant"
-    LINE_GPS_RECEIVER = "line_gps_receiver"
-    LINE_NOT_A_HUB = "line_not_a_hub"
-    LINE_SYNC_SWAPPED = "line_sync_swapped"
-    LINE_TEXT = "line_text"
-    LINE_UBLOX_RECEIVER = "line_ublox_receiver"
-    LINE_WRONG_BAUD_RATE = "line_wrong_baud_rate"
+    CHECK_SOURCE_ADDRESS = "Check the address of the source"
+    CHOOSE_HUB_PORT = "Choose the hub's port; `treadlink doctor` lists the ports"
+    LINE_ALL_FRAMES_DAMAGED = (
+        "frames start, but all are damaged: a bad cable or ground, an overrun, or firmware with a wrong CRC "
+        "(`treadlink protocol` prints test vectors)"
+    )
+    LINE_CONSTANT = (
+        "every byte is {byte}: the line is held at one level. Is the hub powered, and are its data wire and "
+        "ground connected?"
+    )
+    LINE_GPS_RECEIVER = "this is a GPS receiver (NMEA text), not a hub. {remedy}"
+    LINE_NOT_A_HUB = "this is not a hub. {remedy}"
+    LINE_SYNC_SWAPPED = (
+        "this is not a hub as it is: the two sync bytes of its frames are swapped (5A A5 instead of A5 5A). A fault"
+        " of the firmware"
+    )
+    LINE_TEXT = "this is another device, which sends text: '{line}'. {remedy}"
+    LINE_UBLOX_RECEIVER = "this is a u-blox receiver, not a hub. {remedy}"
+    LINE_WRONG_BAUD_RATE = (
+        "wrong baud rate, or another device on the port. Set the hub's rate, for example ?baudrate=115200; the "
+        "default is {default_baud}"
+    )
     # - Wheels and their sensors
-    SENSOR_REPLACED = "sensor_replaced"
-    SENSOR_SWAPPED = "sensor_swapped"
-    WHEEL_ADDRESS = "wheel_address"
-    WHEEL_NOT_CONFIGURED = "wheel_not_configured"
-    WHEEL_NOT_IN_CONFIGURATION = "wheel_not_in_configuration"
+    SENSOR_REPLACED = "sensor {sensor} is here, but the configuration names {expected}: a new sensor or tire?"
+    SENSOR_SWAPPED = "sensor {sensor} of {owner} is here: wheels swapped? Estimates use load and tire of {position}"
+    WHEEL_ADDRESS = "{position} (hub {hub}, wheel {wheel})"
+    WHEEL_NOT_CONFIGURED = (
+        "not configured: belt radius {radius_m:g mm} assumed, load unknown; give --config VEHICLE.toml"
+    )
+    WHEEL_NOT_IN_CONFIGURATION = (
+        "not configured (the configuration has {configured}): belt radius {radius_m:g mm} assumed, load unknown"
+    )
     # - False statements of a hub
-    HELLO_AC_WITH_STEADY_VALUE = "hello_ac_with_steady_value"
-    HELLO_AXES_DIFFER = "hello_axes_differ"
-    HELLO_HIGHPASS_WITH_DC = "hello_highpass_with_dc"
-    HELLO_KEEPS_CHANGING = "hello_keeps_changing"
-    HELLO_RATE_DIFFERS = "hello_rate_differs"
-    HELLO_SCALE_ABSURD = "hello_scale_absurd"
-    HELLO_SCALE_AGAINST_RANGE = "hello_scale_against_range"
-    HELLO_SCALE_ZERO = "hello_scale_zero"
-    HELLO_SENSORS_ALTERNATE = "hello_sensors_alternate"
-    HELLO_ZERO_ABSURD = "hello_zero_absurd"
-    HUB_BOOT_COUNTS_DIFFER = "hub_boot_counts_differ"
-    HUB_CLOCK_STILL = "hub_clock_still"
-    HUB_NUMBER_RESERVED = "hub_number_reserved"
-    HUB_SENDS_AS_WHEEL = "hub_sends_as_wheel"
-    HUB_SENDS_COMMANDS = "hub_sends_commands"
-    HUB_TIME_AGAINST_TICK = "hub_time_against_tick"
-    ONLY_UNKNOWN_TYPES = "only_unknown_types"
-    PRESSURE_IMPOSSIBLE = "pressure_impossible"
-    SAMPLES_BYTES_SWAPPED = "samples_bytes_swapped"
-    SAMPLES_REPEATED = "samples_repeated"
-    SAMPLE_NUMBERS_JUMP = "sample_numbers_jump"
-    TEMPERATURE_IMPOSSIBLE = "temperature_impossible"
-    WHEELS_REFUSED = "wheels_refused"
+    HELLO_AC_WITH_STEADY_VALUE = (
+        "HELLO states AC coupling, but the {axis} axis has a steady value of {steady_mps2:.0f m/s²} ({count} so "
+        "far): the sensor passes it. State DC coupling: without it, swapped axes and wrong signs are not seen "
+        "either"
+    )
+    HELLO_AXES_DIFFER = (
+        "samples have the axes {sent}, but HELLO states {stated}: {count} blocks are not used. A fault of the firmware"
+    )
+    HELLO_HIGHPASS_WITH_DC = (
+        "HELLO states DC coupling and a high-pass at {highpass_hz:g Hz} ({count} so far). The high-pass is ignored; if "
+        "there is one, the firmware must state AC"
+    )
+    HELLO_KEEPS_CHANGING = (
+        "HELLO keeps changing without a restart ({count} so far): each change of sensor, rate or axes starts the wheel "
+        "anew. A faulty hub, two sensors under one number, or forged frames"
+    )
+    HELLO_RATE_DIFFERS = (
+        "HELLO states {stated_hz:g Hz}, but samples come at {measured_hz:.0f Hz} by the hub's clock ({count} "
+        "so far, each over {duration_s:g s}). One of the two is wrong: a fault of the firmware"
+    )
+    HELLO_SCALE_ABSURD = (
+        "HELLO states a full scale of {full_scale_mps2:.3g m/s²} for the {axis} axis, which no tire sensor has "
+        "({count} so far). Its accelerations are wrong"
+    )
+    HELLO_SCALE_AGAINST_RANGE = (
+        "HELLO states a range of {range_mps2:.4g m/s²} for the {axis} axis, but scale and saturation give "
+        "{full_scale_mps2:.4g m/s²} ({count} so far). Its accelerations may be wrong"
+    )
+    HELLO_SCALE_ZERO = (
+        "HELLO states a scale of 0 for {axes} ({count} so far): such an axis cannot be used. A fault of the firmware"
+    )
+    HELLO_SENSORS_ALTERNATE = (
+        "sensors {sensor} and {other} announce themselves in turn as this wheel ({count} so far): estimates of two "
+        "sensors are mixed. Give each a wheel number of its own"
+    )
+    HELLO_ZERO_ABSURD = (
+        "HELLO states {offset_counts:.6g} counts at zero acceleration for the {axis} axis, more than a sample can have "
+        "({count} so far). Its accelerations are wrong"
+    )
+    HUB_BOOT_COUNTS_DIFFER = (
+        "its wheels state different boot counts, {own:.0f} and {other:.0f} ({count} so far): each change is taken "
+        "for a restart. A fault of the firmware"
+    )
+    HUB_CLOCK_STILL = (
+        "the hub's clock does not advance while samples arrive ({count} so far, each over {duration_s:g s}): "
+        "times and the sampling rate cannot be checked. A fault of the firmware"
+    )
+    HUB_NUMBER_RESERVED = (
+        "the hub has the number 255, which commands use for every hub ({count} HELLOs): it cannot be commanded alone"
+    )
+    HUB_SENDS_AS_WHEEL = (
+        "the hub sends messages of a wheel under its own number, 255: {count} frames are not used. A fault of the "
+        "firmware"
+    )
+    HUB_SENDS_COMMANDS = (
+        "commands arrive from the hub ({count} frames), which only a gateway sends: is the line looped back?"
+    )
+    HUB_TIME_AGAINST_TICK = (
+        "TIME_SYNC states {hub_us:.0f} us in a frame of tick {tick_us:.0f} us ({count} so far). A fault of the firmware"
+    )
+    ONLY_UNKNOWN_TYPES = (
+        "sends nothing but frames of unknown types ({count} so far). Update treadlink, or check the firmware"
+    )
+    PRESSURE_IMPOSSIBLE = (
+        "the sensor states {pressure_pa:.0f kPa} ({count} so far), which no tire has: these readings are not used"
+    )
+    SAMPLES_BYTES_SWAPPED = (
+        "the two bytes of its samples seem to be swapped ({count} so far): the other way round, the steps from "
+        "sample to sample are {ratio:.0f} times smaller. int16 is sent little endian. A fault of the firmware"
+    )
+    SAMPLES_REPEATED = "sends the same samples again: {count} blocks are not used. A fault of the firmware"
+    SAMPLE_NUMBERS_JUMP = (
+        "sample numbers jump against the hub's clock, last by {last_s:+.3g s} ({count} so far): a restart of the "
+        "sensor that HELLO does not show, or a fault of the firmware. The jumps are not counted as lost"
+    )
+    TEMPERATURE_IMPOSSIBLE = (
+        "the sensor states {temperature_degc:.0f degC} ({count} so far), which no tire has: these readings are not used"
+    )
+    WHEELS_REFUSED = (
+        "{count} wheel numbers beyond the {most} that a session takes are not used. A faulty hub, or forged frames: "
+        "configure the wheels, and sign frames"
+    )
     # - Sessions and commands
-    ASSUMED_NOT_MEASURED = "assumed_not_measured"
-    COMMAND_FAILED = "command_failed"
-    COMMAND_NOT_VERIFIED = "command_not_verified"
-    COMMAND_OUTCOME = "command_outcome"
-    COMMAND_REFUSED = "command_refused"
-    COMMAND_REPEATED = "command_repeated"
-    COMMAND_UNKNOWN = "command_unknown"
-    COMMAND_VALUE_REFUSED = "command_value_refused"
-    DECODING_BEHIND = "decoding_behind"
-    EFFECTS_SUBTRACTED = "effects_subtracted"
-    HUB_LOG = "hub_log"
-    HUB_LOG_LEFT_OUT = "hub_log_left_out"
-    LOAD_RANGE = "load_range"
-    PRESSURE_RANGE = "pressure_range"
-    DISK_FULL_SOON = "disk_full_soon"
-    DISK_SPACE = "disk_space"
-    DISK_TIME = "disk_time"
-    RECORDING_BEHIND = "recording_behind"
-    RECORDING_BEGUN = "recording_begun"
-    RECORDING_FINISHED = "recording_finished"
-    RECORDING_STOPPED = "recording_stopped"
-    SPEED_RANGE = "speed_range"
-    TOPICS_BEHIND = "topics_behind"
-    VIEW_BEHIND = "view_behind"
+    ASSUMED_NOT_MEASURED = "assumed, not measured: {text}"
+    COMMAND_FAILED = "the command failed"
+    COMMAND_NOT_VERIFIED = "command not signed, or signed with another key"
+    COMMAND_OUTCOME = "outcome {outcome}"
+    COMMAND_REFUSED = "did not execute {command}: {outcome}"
+    COMMAND_REPEATED = "command repeated: its counter is not above that of an earlier one"
+    COMMAND_UNKNOWN = "unknown command"
+    COMMAND_VALUE_REFUSED = "value refused"
+    DECODING_BEHIND = (
+        "this computer is too slow to decode and estimate; the recording is complete. Dropped data is counted"
+    )
+    EFFECTS_SUBTRACTED = "subtracted from its axes at {ranges}: {effects}"
+    HUB_LOG = "log ({severity}): {text}"
+    HUB_LOG_LEFT_OUT = "{count} more lines of its hubs left out: at most ten a second are shown"
+    LOAD_RANGE = "{low_n:.0f} to {high_n:.0f N}"
+    PRESSURE_RANGE = "{low_pa:.0f kPa} to {high_pa:.0f kPa}"
+    DISK_FULL_SOON = "the disk has {free_bytes:.1f MB} left and is full in {left_s:.0f min}: free some space"
+    DISK_SPACE = "the disk has {free_bytes:.1f GB} left"
+    DISK_TIME = "the disk has {free_bytes:.1f GB} left, which lasts {left_s:.1f h} at the present pace"
+    RECORDING_BEHIND = "the disk is too slow: bytes are MISSING FROM THE RECORDING. Dropped data is counted"
+    RECORDING_BEGUN = "recording to {path}"
+    RECORDING_FINISHED = "recording {path} finished"
+    RECORDING_STOPPED = "RECORDING STOPPED: {error}. {remedy}"
+    SPEED_RANGE = "{low_mps:.0f km/h} to {high_mps:.0f km/h}"
+    TOPICS_BEHIND = (
+        "the disk is too slow: decoded values are left out of the recording, raw bytes are kept. Dropped data is "
+        "counted"
+    )
+    VIEW_BEHIND = "the screen is too slow: lines are left out. Dropped data is counted"
     # - Recordings of a campaign
-    AXES_LEFT_OUT = "axes_left_out"
-    AXIS_CONSTANT = "axis_constant"
-    SAMPLES_STUCK = "samples_stuck"
-    SAMPLES_BRIDGED = "samples_bridged"
-    DIFFERENT_SENSORS = "different_sensors"
-    RECORDING_DAMAGED = "recording_damaged"
-    RECORDING_ORDER_UNKNOWN = "recording_order_unknown"
-    RECORDING_REPEATS = "recording_repeats"
-    RECORDING_WITHOUT_DATA = "recording_without_data"
-    RECORDING_WITHOUT_WHEEL = "recording_without_wheel"
-    LEFT_WHEN_ENDED = "left_when_ended"
-    NUMBERS_CONTRADICT = "numbers_contradict"
-    NOT_A_RING = "not_a_ring"
-    REVOLUTIONS_CLIPPED = "revolutions_clipped"
-    SENSOR_ALARM = "sensor_alarm"
-    SENSOR_IN_DOUBT = "sensor_in_doubt"
-    ABOUT_RECORDING = "about_recording"
-    RECORDING_LEFT_OUT = "recording_left_out"
-    SEVERAL_SENSORS = "several_sensors"
+    AXES_LEFT_OUT = "left out: the {axes} axes, which may not be what they are taken for"
+    AXIS_CONSTANT = "the {axis} axis reads one value throughout {count} revolutions, dead or stuck: left out"
+    SAMPLES_STUCK = (
+        "data fault: {samples} samples ({share:.2%}) repeat the one before on every axis, in {runs} stretches of three "
+        "or more, far beyond chance; check sensor, hub and link"
+    )
+    SAMPLES_BRIDGED = (
+        "data fault: {samples} samples ({share:.2%}) are on {lines} straight lines in every axis, far beyond chance: "
+        "bridged gaps, which bias the numbers. A new import of the measurement leaves them out"
+    )
+    DIFFERENT_SENSORS = "the recordings are of different sensors: {sensors}"
+    RECORDING_DAMAGED = "{damage}. The readable part is used"
+    RECORDING_ORDER_UNKNOWN = (
+        "the recordings' times do not give their order: taken one after another, in the order given"
+    )
+    RECORDING_REPEATS = "holds the same revolutions as {other}"
+    RECORDING_WITHOUT_DATA = "contains nothing that can be used"
+    RECORDING_WITHOUT_WHEEL = "contains no revolution of wheel {wheel}"
+    LEFT_WHEN_ENDED = (
+        "the search ended with {residual_ratio:.3g} times the rms of the noise of the means unexplained: no number is "
+        "determined"
+    )
+    NUMBERS_CONTRADICT = (
+        "{number} is {low:.3g} in {recording} alone and {high:.3g} in {other}, beyond their errors: tire, load or "
+        "pressure is not as stated; no number is determined"
+    )
+    NOT_A_RING = (
+        "the signal is not that of a ring: {share:.0%} of its rms is left unexplained, so no number is determined: "
+        "{recordings}"
+    )
+    REVOLUTIONS_CLIPPED = "the radial axis is clipped in {count} of {total} revolutions"
+    SENSOR_ALARM = "alarm of the sensor: {reason}"
+    SENSOR_IN_DOUBT = "no number is determined where the sensor itself is in doubt: {recordings}"
+    ABOUT_RECORDING = "{recording}: {reason}"
+    RECORDING_LEFT_OUT = "{recording} left out: {reason}"
+    SEVERAL_SENSORS = "several"
     # - Recordings of a dataset
-    ESTIMATION_FAILED = "estimation_failed"
-    RECORDING_CHANGED = "recording_changed"
-    TIRE_UNIDENTIFIED = "tire_unidentified"
-    RECORDING_NOTHING_READABLE = "recording_nothing_readable"
-    RECORDING_NOT_READ = "recording_not_read"
-    RECORDING_NOT_USED = "recording_not_used"
-    WORKER_ENDED = "worker_ended"
-    WORKER_MEMORY_ABOVE_LIMIT = "worker_memory_above_limit"
-    WORKER_MEMORY_FULL = "worker_memory_full"
+    ESTIMATION_FAILED = "a fault of treadlink, {kind}: {message}"
+    RECORDING_CHANGED = "the file changed while it was read"
+    TIRE_UNIDENTIFIED = (
+        "{recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of several tires: set "
+        "name in [vehicle]"
+    )
+    RECORDING_NOTHING_READABLE = "{damage}. The readable part gives nothing: {why}"
+    RECORDING_NOT_READ = "{message}"
+    RECORDING_NOT_USED = "{message}"
+    WORKER_ENDED = "its worker process ended each time that it was tried: killed or crashed"
+    WORKER_MEMORY_ABOVE_LIMIT = (
+        "its worker process was ended each time that it was tried: it used more than its limit of "
+        "{limit_bytes:.0f MB} of memory"
+    )
+    WORKER_MEMORY_FULL = "its worker process had no memory left"
     # - Provenance of conditions
-    ASSUMED_LOAD = "assumed_load"
-    ASSUMED_OFFSET = "assumed_offset"
-    ASSUMED_PRESSURE = "assumed_pressure"
-    ASSUMED_RADIUS = "assumed_radius"
-    ASSUMED_TEMPERATURE = "assumed_temperature"
-    FROM_CONFIGURATION = "from_configuration"
-    FROM_RECORDING = "from_recording"
-    FROM_SENSOR = "from_sensor"
-    OF_RECORDINGS = "of_recordings"
-    STATED_LOAD = "stated_load"
-    STATED_LOAD_RANGE = "stated_load_range"
-    STATED_OFFSET = "stated_offset"
-    STATED_PITCH = "stated_pitch"
-    STATED_PRESSURE = "stated_pressure"
-    STATED_PRESSURE_RANGE = "stated_pressure_range"
-    STATED_RADIUS = "stated_radius"
-    STATED_ROLL = "stated_roll"
+    ASSUMED_LOAD = "load {load_n:.0f N} (not stated)"
+    ASSUMED_OFFSET = "mounting offset 0.0 mm below the neutral layer (neither stated nor measured)"
+    ASSUMED_PRESSURE = "pressure {pressure_pa:.0f kPa} (neither stated nor measured)"
+    ASSUMED_RADIUS = "belt radius {radius_m:g mm} (no configuration states it)"
+    ASSUMED_TEMPERATURE = "temperature steady (neither stated nor measured)"
+    FROM_CONFIGURATION = "--config"
+    FROM_RECORDING = "configuration recorded with it"
+    FROM_SENSOR = "measured by the sensor"
+    OF_RECORDINGS = "{statement}: {recordings}"
+    STATED_LOAD = "load {load_n:.0f N} ({source})"
+    STATED_LOAD_RANGE = "load {low_n:.0f} to {high_n:.0f N} ({source})"
+    STATED_OFFSET = "mounting offset {offset_m:z.1f mm} below the neutral layer ({source})"
+    STATED_PITCH = "mounting pitch {pitch_rad:g deg} ({source})"
+    STATED_PRESSURE = "pressure {pressure_pa:.0f kPa} ({source})"
+    STATED_PRESSURE_RANGE = "pressure {low_pa:.0f} to {high_pa:.0f kPa} ({source})"
+    STATED_RADIUS = "belt radius {radius_m:g mm} ({source})"
+    STATED_ROLL = "mounting roll {roll_rad:g deg} ({source})"
 
     # Rows of a dataset
-    ROW_FEW_VALID = "row_few_valid"
-    ROW_SCATTERS = "row_scatters"
+    ROW_FEW_VALID = "valid in {count} of {of} revolutions only"
+    ROW_SCATTERS = "varies within the recording by {ratio:.1f} times its standard error, which contains it"
 
     # Trends of a dataset
-    TREND_ALARMS = "trend_alarms"
-    TREND_CLOCK_WRONG = "trend_clock_wrong"
-    TREND_DAMAGED = "trend_damaged"
-    TREND_DISTANCE_CONSTANT = "trend_distance_constant"
-    TREND_DISTANCE_SHORT = "trend_distance_short"
-    TREND_FEW_VALID = "trend_few_valid"
-    TREND_FOREIGN_FILE = "trend_foreign_file"
-    TREND_LAST_DEVIATES = "trend_last_deviates"
-    TREND_LEVEL_CHANGED = "trend_level_changed"
-    TREND_LOAD_STATED = "trend_load_stated"
-    TREND_LOAD_STEPS = "trend_load_steps"
-    TREND_LOSES_PRESSURE = "trend_loses_pressure"
-    TREND_LOSS_CHANGED = "trend_loss_changed"
-    TREND_NEWEST_LEFT = "trend_newest_left"
-    TREND_NO_REVOLUTION = "trend_no_revolution"
-    TREND_NO_VALUES = "trend_no_values"
-    TREND_NOW_SINCE = "trend_now_since"
-    TREND_OUTLIERS_LEFT_OUT = "trend_outliers_left_out"
-    TREND_PASSED = "trend_passed"
-    TREND_PRESSURE_CONSTANT = "trend_pressure_constant"
-    TREND_PRESSURE_FELL = "trend_pressure_fell"
-    TREND_PRESSURE_NOT_MEASURED = "trend_pressure_not_measured"
-    TREND_PRESSURE_STUCK = "trend_pressure_stuck"
-    TREND_PROVISIONAL = "trend_provisional"
-    TREND_RATE_SINCE = "trend_rate_since"
-    TREND_RECORDED_DISTANCE = "trend_recorded_distance"
-    TREND_REFILLS_HIDE = "trend_refills_hide"
-    TREND_REFILLS_OFTEN = "trend_refills_often"
-    TREND_REPEATED = "trend_repeated"
-    TREND_REPEATS = "trend_repeats"
-    TREND_SENSOR_CLIPS = "trend_sensor_clips"
-    TREND_SENSOR_GAIN = "trend_sensor_gain"
-    TREND_SENSOR_LOSSES = "trend_sensor_losses"
-    TREND_SENSOR_MOVES = "trend_sensor_moves"
-    TREND_SENSOR_NOISE = "trend_sensor_noise"
-    TREND_SENSOR_ZERO = "trend_sensor_zero"
-    TREND_SLOPE_CHANGED = "trend_slope_changed"
-    TREND_SPAN_SHORT = "trend_span_short"
-    TREND_SPEED_WITH_TIME = "trend_speed_with_time"
-    TREND_STATED_CALIBRATION = "trend_stated_calibration"
-    TREND_STATED_LEVELS = "trend_stated_levels"
-    TREND_STATED_LOAD = "trend_stated_load"
-    TREND_STATED_RADIUS = "trend_stated_radius"
-    TREND_STATED_REFERENCE = "trend_stated_reference"
-    TREND_STATED_THICKNESS = "trend_stated_thickness"
-    TREND_STEPS = "trend_steps"
-    TREND_STIFFNESS_DRIFTS = "trend_stiffness_drifts"
-    TREND_TEMPERATURE_CONSTANT = "trend_temperature_constant"
-    TREND_TEMPERATURE_IMPOSSIBLE = "trend_temperature_impossible"
-    TREND_TEMPERATURE_STUCK = "trend_temperature_stuck"
-    TREND_TEMPERATURE_UNKNOWN = "trend_temperature_unknown"
-    TREND_TOO_FEW = "trend_too_few"
-    TREND_TIRE_UNIDENTIFIED = "trend_tire_unidentified"
-    TREND_TIRES_UNIDENTIFIED = "trend_tires_unidentified"
-    TREND_UNDETERMINED = "trend_undetermined"
-    TREND_UNREADABLE_FILE = "trend_unreadable_file"
-    TREND_VEHICLE_WITHOUT_ODOMETER = "trend_vehicle_without_odometer"
-    TREND_WEAR_CHANGED = "trend_wear_changed"
-    TREND_WEAR_SOFTENS = "trend_wear_softens"
-    TREND_WEARS_FAST = "trend_wears_fast"
+    TREND_ALARMS = "alarm '{name}' in {count} of {of} recordings; the last: {why}"
+    TREND_CLOCK_WRONG = (
+        "left out, because the clock of the recorder was wrong: {path} says it began on {date}. Set its clock and "
+        "record again"
+    )
+    TREND_DAMAGED = "damaged: {count} of {of} recordings, whose readable part was estimated"
+    TREND_DISTANCE_CONSTANT = (
+        "the distance is the same in all recordings; an odometer file needs readings before and after them"
+    )
+    TREND_DISTANCE_SHORT = "the recordings span {distance_m:.3g km}: a rate per 1,000 km needs {needed_m:.0f km}"
+    TREND_FEW_VALID = "more than half of the revolutions are not used in {count} of {of} recordings: {why}"
+    TREND_FOREIGN_FILE = "left out, because it is not a file of this dataset: {path}"
+    TREND_LAST_DEVIATES = "the last recording, {date}, deviates from the trend by {deviation:+.1f} standard deviations"
+    TREND_LEVEL_CHANGED = (
+        "since {date}, {name:series} is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its earlier trend: {count} "
+        "recordings, {first} to {last}"
+    )
+    TREND_LOAD_STATED = "as stated, not measured"
+    TREND_LOAD_STEPS = "steps of the load: {count}"
+    TREND_LOSES_PRESSURE = "loses {loss_pa:.1f kPa} ± {std_pa:.1g kPa} a month"
+    TREND_LOSS_CHANGED = (
+        "since {date}, loses {after_pa:.1f kPa} ± {after_std_pa:.1g kPa} a month; before, {before_pa:.1f kPa} ± "
+        "{before_std_pa:.1g kPa}: {count} recordings, {first} to {last}"
+    )
+    TREND_NEWEST_LEFT = "without the last {count} recordings, which have left the trend on {date}"
+    TREND_NO_REVOLUTION = "no recording has a revolution: the wheel stood still, or the sensor sent no usable signal"
+    TREND_NO_VALUES = "no recording has a value: {why}"
+    TREND_NOW_SINCE = "by the {count} recordings since {date}, which have left the earlier trend"
+    TREND_OUTLIERS_LEFT_OUT = "outliers left out: {count}"
+    TREND_PASSED = (
+        "from {date} to {until}, {name:series} deviates from its trend by {deviations:.1f} standard deviations and "
+        "more in {count} recordings in a row: {first} to {last}"
+    )
+    TREND_PRESSURE_CONSTANT = (
+        "the pressure is {pressure_pa:.1f kPa} in all {count} recordings: the sensor is stuck, or too coarse to show "
+        "a loss"
+    )
+    TREND_PRESSURE_FELL = (
+        "the pressure has fallen by {fall_pa:.0f kPa} ± {std_pa:.1g kPa} in {span_s:.1f h}: {first} to {last}"
+    )
+    TREND_PRESSURE_NOT_MEASURED = "no sensor has sent a pressure"
+    TREND_PRESSURE_STUCK = (
+        "sensor: the pressure is {pressure_pa:.1f kPa} in {count} recordings from {first} to {last}, while the "
+        "temperature varies: it is stuck, and left out of the trends"
+    )
+    TREND_PROVISIONAL = "provisional in {count} of {of} recordings: {why}"
+    TREND_RATE_SINCE = "of the {count} recordings since {date}; before, it was {before:.3g}{unit: } ± {std:.2g}{unit: }"
+    TREND_RECORDED_DISTANCE = (
+        "over the recorded {distance_m:.0f km} only, which is less than the tire has rolled (--odometer)"
+    )
+    TREND_REFILLS_HIDE = (
+        "refills that the scatter hides are not excluded: the loss is {low_pa:.2g kPa} to {high_pa:.2g kPa} a month"
+    )
+    TREND_REFILLS_OFTEN = (
+        "if it is refilled {often:.0f} times a month at most: the scatter hides a loss of {hidden_pa:.0f kPa} a month "
+        "that is topped up every week"
+    )
+    TREND_REPEATED = "recordings that repeat another and count once: {count}. {pairs}"
+    TREND_REPEATS = "{path} repeats {other}"
+    TREND_SENSOR_CLIPS = "sensor: {share:.1%} more of the samples at the end of its range"
+    TREND_SENSOR_GAIN = "sensor: its gain has changed by {share:.1%}"
+    TREND_SENSOR_LOSSES = "sensor: {share:.1%} more of the samples are lost"
+    TREND_SENSOR_MOVES = "sensor: its distance from the neutral layer has changed by {change_m:.1f mm}"
+    TREND_SENSOR_NOISE = "sensor: its noise has become {factor:.1f} times as large"
+    TREND_SENSOR_ZERO = "sensor: its zero has changed by {change_mps2:.1f m/s²}"
+    TREND_SLOPE_CHANGED = (
+        "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its "
+        "earlier one at the end: {count} recordings, {first} to {last}"
+    )
+    TREND_SPAN_SHORT = (
+        "the recordings span {span_s:.2g days}: a rate per month needs {needed_s:.0f days}, as what changes from hour "
+        "to hour is no trend"
+    )
+    TREND_SPEED_WITH_TIME = "the speed changes with the time, so that the influences of the two cannot be separated"
+    TREND_STATED_CALIBRATION = "the stated [tire.load_calibration] changed on {date}: no change of the load"
+    TREND_STATED_LEVELS = (
+        "changes of what is stated of the tire, before and after which the levels are fitted apart: {count}"
+    )
+    TREND_STATED_LOAD = (
+        "the stated load changed on {date}, from {before_n:.0f N} to {after_n:.0f N}: no change of the tire"
+    )
+    TREND_STATED_RADIUS = (
+        "the stated belt radius changed on {date}, from {before_m:.1f mm} to {after_m:.1f mm}: no change of the tire"
+    )
+    TREND_STATED_REFERENCE = "the stated [tire.reference] changed on {date}: no change of the tire"
+    TREND_STATED_THICKNESS = "the stated ring_thickness_mm changed on {date}: no change of the tire"
+    TREND_STEPS = "steps that are fitted and left out of the trend: {count}"
+    TREND_STIFFNESS_DRIFTS = "{name} changes by {share:.2%} ± {std:.2%} a month"
+    TREND_TEMPERATURE_CONSTANT = "the temperature varies too little, or is not known"
+    TREND_TEMPERATURE_IMPOSSIBLE = (
+        "sensor: a temperature of up to {temperature_degc:.0f} °C in {count} recordings, which no tire has; left out "
+        "of the trends"
+    )
+    TREND_TEMPERATURE_STUCK = (
+        "the temperature is {temperature_degc:.1f} °C in all {count} recordings: if the sensor is stuck, the pressure "
+        "of a colder season looks like a loss"
+    )
+    TREND_TEMPERATURE_UNKNOWN = "no sensor has sent a temperature, which the comparison of pressures needs"
+    TREND_TOO_FEW = "{count} recordings with a value, {needed} are needed"
+    TREND_TIRE_UNIDENTIFIED = (
+        "no vehicle's name and no sensor says that all recordings are of one tire: differences between tires would be "
+        "in it"
+    )
+    TREND_TIRES_UNIDENTIFIED = (
+        "NOT IDENTIFIED: {recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of "
+        "several vehicles. Their numbers are marked ~ and make no finding. Set name in [vehicle], and estimate again"
+    )
+    TREND_UNDETERMINED = "the recordings do not determine it"
+    TREND_UNREADABLE_FILE = "left out, because it cannot be read: {path}"
+    TREND_VEHICLE_WITHOUT_ODOMETER = (
+        "the odometer file does not cover vehicle {vehicle}: its distance is the recorded one"
+    )
+    TREND_WEAR_CHANGED = (
+        "since {date}, wears by {after_m:.3f mm} ± {after_std_m:.3f mm} in 1,000 km; before, {before_m:.3f mm} ± "
+        "{before_std_m:.3f mm}: {count} recordings, {first} to {last}"
+    )
+    TREND_WEAR_SOFTENS = "of this, {share:.2%} ± {std:.2%} a month is the measured wear's"
+    TREND_WEARS_FAST = (
+        "wears by {rate_m:.3f mm} ± {std_m:.3f mm} in 1,000 km; the median of the fleet is {median_m:.3f mm}"
+    )
 
     # Security
-    COUNTERS_NOT_SAVED = "counters_not_saved"
-    COUNTERS_SAVED_LATE = "counters_saved_late"
-    FRAMES_IGNORED = "frames_ignored"
-    FRAMES_NOT_TRUSTED = "frames_not_trusted"
-    FRAMES_USED = "frames_used"
-    FRAMES_VERDICT = "frames_verdict"
-    FRAME_BEFORE_HELLO = "frame_before_hello"
-    FRAME_EARLIER_START = "frame_earlier_start"
-    FRAME_LATE = "frame_late"
-    FRAME_NO_KEY = "frame_no_key"
-    FRAME_REPLAYED = "frame_replayed"
-    FRAME_UNSIGNED = "frame_unsigned"
-    FRAME_WRONG_TAG = "frame_wrong_tag"
-    KEY_MISSING_FRAMES_IGNORED = "key_missing_frames_ignored"
-    KEY_MISSING_FRAMES_NOT_VERIFIED = "key_missing_frames_not_verified"
-    NO_KEYS = "no_keys"
-    SENSOR_NOT_ADMITTED = "sensor_not_admitted"
-    SENSOR_NOT_ADMITTED_SWAPPED = "sensor_not_admitted_swapped"
-    SENSOR_NOT_ADMITTED_UNCONFIGURED = "sensor_not_admitted_unconfigured"
-    SIGNER_AT_HUB = "signer_at_hub"
-    SIGNER_HUB = "signer_hub"
-    SIGNER_SENSOR = "signer_sensor"
-    SIGNER_UNKNOWN = "signer_unknown"
+    COUNTERS_NOT_SAVED = "frames of this session could be replayed to the next one: {error}. {remedy}"
+    COUNTERS_SAVED_LATE = (
+        "frames of this session could be replayed to the next one: the counters of the sensors could not be "
+        "written in time"
+    )
+    FRAMES_IGNORED = "ignored, but recorded"
+    FRAMES_NOT_TRUSTED = "frames not to be trusted: {counts}"
+    FRAMES_USED = "not refused for that (policy warn)"
+    FRAMES_VERDICT = "{count} {verdict}"
+    FRAME_BEFORE_HELLO = "signed frames arrive, but no verified hello ({count} so far); {consequence}"
+    FRAME_EARLIER_START = (
+        "{signer} sends under boot count {start}, but {latest} was accepted before ({count} frames so far): an old "
+        "recording is replayed, or the hub was replaced or has lost its boot count. If the hub is yours, set its boot "
+        "count above {latest}, or give a new key: treadlink keys new {identity} --replace; {consequence}"
+    )
+    FRAME_LATE = (
+        "a frame arrived long after later ones ({count} so far): a recording of the sensor may be replayed; "
+        "{consequence}"
+    )
+    FRAME_NO_KEY = (
+        "frames are signed by {signer}, whose key is missing ({count} so far); `treadlink keys import` admits "
+        "it; {consequence}"
+    )
+    FRAME_REPLAYED = "a frame arrived twice ({count} so far): a recording of the sensor may be replayed; {consequence}"
+    FRAME_UNSIGNED = "a frame is not signed ({count} so far): anyone could have sent it; {consequence}"
+    FRAME_WRONG_TAG = (
+        "a signed frame has a wrong tag ({count} so far): forged, from an earlier start, or signed with another "
+        "key; {consequence}"
+    )
+    KEY_MISSING_FRAMES_IGNORED = (
+        "no key for sensor {sensor}: its frames will be ignored; add its key with `treadlink keys import`"
+    )
+    KEY_MISSING_FRAMES_NOT_VERIFIED = (
+        "no key for sensor {sensor}: its frames cannot be verified; add its key with `treadlink keys import`"
+    )
+    NO_KEYS = "the policy is to verify frames, but '{file}' has no key: import keys with `treadlink keys import`"
+    SENSOR_NOT_ADMITTED = (
+        "sensor {sensor} is here, but the configuration names {expected} ({count} frames so far); configure it "
+        "to admit it; {consequence}"
+    )
+    SENSOR_NOT_ADMITTED_SWAPPED = (
+        "sensor {sensor} of {owner} is here: wheels swapped? ({count} frames so far); {consequence}"
+    )
+    SENSOR_NOT_ADMITTED_UNCONFIGURED = (
+        "sensor {sensor} is at a wheel that is not configured ({count} frames so far); configure it to admit it; "
+        "{consequence}"
+    )
+    SIGNER_AT_HUB = "{signer} at hub {hub}"
+    SIGNER_HUB = "hub {identity}"
+    SIGNER_SENSOR = "sensor {identity}"
+    SIGNER_UNKNOWN = "an unknown sensor"
 
     # Bring-up of a firmware
-    BLOCKS_NOT_FULL = "blocks_not_full"
-    BOOT_COUNT_GOES_BACK = "boot_count_goes_back"
-    BOOT_COUNT_STANDS = "boot_count_stands"
-    BYTES_BETWEEN_FRAMES = "bytes_between_frames"
-    CHECK_AC_HAS_NO_SCALE = "check_ac_has_no_scale"
-    CHECK_AT_REST = "check_at_rest"
-    CHECK_DOES_NOT_ROLL = "check_does_not_roll"
-    CHECK_FRAMES_LOST = "check_frames_lost"
-    CHECK_HUB_TAKES_NO_COMMANDS = "check_hub_takes_no_commands"
-    CHECK_NO_COMMANDS = "check_no_commands"
-    CHECK_NO_COMMANDS_WANTED = "check_no_commands_wanted"
-    CHECK_NO_KEY = "check_no_key"
-    CHECK_NO_RADIAL_AXIS = "check_no_radial_axis"
-    CHECK_STOPPED_EARLY = "check_stopped_early"
-    CHECK_TOO_SHORT = "check_too_short"
-    COMMAND_ANSWERED_DAMAGED = "command_answered_damaged"
-    COMMAND_ANSWER_LATE = "command_answer_late"
-    COMMAND_ANSWER_NOT_OF_HUB = "command_answer_not_of_hub"
-    COMMAND_OUTCOME_WRONG = "command_outcome_wrong"
-    COMMAND_REPLY_MISMATCH = "command_reply_mismatch"
-    CRC_ALWAYS_ZERO = "crc_always_zero"
-    CRC_BIG_ENDIAN = "crc_big_endian"
-    CRC_BZIP2 = "crc_bzip2"
-    CRC_CASTAGNOLI = "crc_castagnoli"
-    CRC_FROM_ZERO = "crc_from_zero"
-    CRC_FROM_ZERO_NOT_INVERTED = "crc_from_zero_not_inverted"
-    CRC_MPEG2 = "crc_mpeg2"
-    CRC_NOT_INVERTED = "crc_not_inverted"
-    CRC_OF_HEADER = "crc_of_header"
-    CRC_OF_PAYLOAD = "crc_of_payload"
-    CRC_OF_WORDS = "crc_of_words"
-    CRC_WITHOUT_SYNC = "crc_without_sync"
-    DROPS_NOT_NUMBERED = "drops_not_numbered"
-    FRAME_CRC_VARIANT = "frame_crc_variant"
-    FRAME_CRC_WRONG = "frame_crc_wrong"
-    FRAME_FLAGS_UNKNOWN = "frame_flags_unknown"
-    FRAME_LENGTH_COUNTS = "frame_length_counts"
-    FRAME_TYPE_UNKNOWN = "frame_type_unknown"
-    FRAME_VERSION_WRONG = "frame_version_wrong"
-    FRAME_WITHOUT_TAG = "frame_without_tag"
-    HELLO_ABSENT_AXES_FILLED = "hello_absent_axes_filled"
-    HELLO_OTHER_MAJOR = "hello_other_major"
-    LENGTH_OF_FRAME = "length_of_frame"
-    LENGTH_WITH_CRC = "length_with_crc"
-    LENGTH_WITH_HEADER = "length_with_header"
-    LINK_NEARLY_FULL = "link_nearly_full"
-    LOG_HAS_CONTROLS = "log_has_controls"
-    LOG_LEVEL_RESERVED = "log_level_reserved"
-    LOG_NOT_UTF8 = "log_not_utf8"
-    LOG_TOO_OFTEN = "log_too_often"
-    MESSAGE_TOO_OFTEN = "message_too_often"
-    MESSAGE_TOO_RARE = "message_too_rare"
-    PAYLOAD_LENGTH_WRONG = "payload_length_wrong"
-    PAYLOAD_VALUE_WRONG = "payload_value_wrong"
-    RATE_NOT_EXACT = "rate_not_exact"
-    SAMPLES_BEFORE_HELLO = "samples_before_hello"
-    SAMPLES_DROPPED_BY_HUB = "samples_dropped_by_hub"
-    SAMPLES_NOT_STARTED = "samples_not_started"
-    SAMPLES_NOT_STOPPED = "samples_not_stopped"
-    SAMPLE_NUMBERS_HOLES = "sample_numbers_holes"
-    SAMPLE_NUMBERS_OVERLAP = "sample_numbers_overlap"
-    SCALE_OFF_BY_POWER_OF_TWO = "scale_off_by_power_of_two"
-    SEQ_BIG_ENDIAN = "seq_big_endian"
-    SEQ_GOES_BACK = "seq_goes_back"
-    SEQ_JUMPS = "seq_jumps"
-    SEQ_NOT_FROM_ZERO = "seq_not_from_zero"
-    SEQ_REPEATED = "seq_repeated"
-    SEQ_SHARED = "seq_shared"
-    SEQ_STANDS = "seq_stands"
-    SET_RATE_NOT_STATED = "set_rate_not_stated"
-    SOME_FRAMES_DAMAGED = "some_frames_damaged"
-    SOURCE_SIGNS_SOME_FRAMES = "source_signs_some_frames"
-    STATUS_FRAMES_SENT_WRONG = "status_frames_sent_wrong"
-    STATUS_UPTIME_WRONG = "status_uptime_wrong"
-    TAG_WRONG = "tag_wrong"
-    TICK_GOES_BACK = "tick_goes_back"
-    TICK_IN_OTHER_UNIT = "tick_in_other_unit"
-    TICK_JITTERS = "tick_jitters"
-    TICK_NOT_OF_FIRST_SAMPLE = "tick_not_of_first_sample"
-    TICK_PACE_WRONG = "tick_pace_wrong"
-    TICK_STANDS = "tick_stands"
-    TIME_NOT_ECHOED = "time_not_echoed"
+    BLOCKS_NOT_FULL = (
+        "a block holds {samples:.0f} samples on average, {full} fit: the link carries {more:.0%} more bytes than it"
+        " must"
+    )
+    BOOT_COUNT_GOES_BACK = (
+        "the hub has restarted, and boot_count went from {before:.0f} back to {after:.0f}: it must be higher after "
+        "every start"
+    )
+    BOOT_COUNT_STANDS = (
+        "the hub has restarted, but boot_count is {after:.0f} as before: count every start, where it survives a "
+        "loss of power"
+    )
+    BYTES_BETWEEN_FRAMES = (
+        "{bytes} bytes between {frames} frames: frames are sent back to back, with nothing between them"
+    )
+    CHECK_AC_HAS_NO_SCALE = "the sensor is AC-coupled, so that its steady value, and the scale with it, cannot be seen"
+    CHECK_AT_REST = (
+        "the wheel does not roll; at rest its axes read {share:.2f} g together, where 1 g and the zero errors are "
+        "expected"
+    )
+    CHECK_DOES_NOT_ROLL = "the wheel does not roll: roll it, or move the sensor on a turntable, at 10 m/s or more"
+    CHECK_FRAMES_LOST = (
+        "{lost} frames are missing by their counters ({damaged} of them beside damaged bytes), {frames} arrived"
+    )
+    CHECK_HUB_TAKES_NO_COMMANDS = "the hub answered no command, as one that takes none"
+    CHECK_NO_COMMANDS = "no command can be sent: a file, or a source that is only read"
+    CHECK_NO_COMMANDS_WANTED = "commands were left out, as asked for"
+    CHECK_NO_KEY = "there is no key of {identity}: give --keys FILE"
+    CHECK_NO_RADIAL_AXIS = "the sensor has no radial axis"
+    CHECK_STOPPED_EARLY = "the check ended before it came to this: give it more time with --for"
+    CHECK_TOO_SHORT = "{duration_s:.1f s} are too short: {needed_s:g s} are needed"
+    COMMAND_ANSWERED_DAMAGED = "a command with a wrong CRC was answered: it must be dropped without an answer"
+    COMMAND_ANSWER_LATE = "no answer to {command} within {waited_s:g s}, although the hub answers commands"
+    COMMAND_ANSWER_NOT_OF_HUB = "COMMAND_RESULT comes from wheel {wheel}: it is sent by the hub itself (wheel 255)"
+    COMMAND_OUTCOME_WRONG = "{command} was answered with outcome {outcome}; {expected} is right here"
+    COMMAND_REPLY_MISMATCH = (
+        "COMMAND_RESULT states command {command} and seq {seq}; the command sent was {sent}, seq {sent_seq}"
+    )
+    CRC_ALWAYS_ZERO = "always 0"
+    CRC_BIG_ENDIAN = "big endian"
+    CRC_BZIP2 = "not reflected (CRC-32/BZIP2)"
+    CRC_CASTAGNOLI = "CRC-32C (Castagnoli)"
+    CRC_FROM_ZERO = "with the initial value 0"
+    CRC_FROM_ZERO_NOT_INVERTED = "with the initial value 0 and without the final inversion"
+    CRC_MPEG2 = "not reflected (CRC-32/MPEG-2)"
+    CRC_NOT_INVERTED = "without the final inversion"
+    CRC_OF_HEADER = "over the header only"
+    CRC_OF_PAYLOAD = "over the payload only"
+    CRC_OF_WORDS = "not reflected, over words (the default of an STM32's CRC unit)"
+    CRC_WITHOUT_SYNC = "without the sync"
+    DROPS_NOT_NUMBERED = (
+        "frames_dropped rose by {dropped:.0f}, but only {missing:.0f} numbers are missing: a frame that cannot be "
+        "sent must use its number"
+    )
+    FRAME_CRC_VARIANT = "the CRC of the frames is {how}: CRC-32 of zlib over all bytes before it, little endian"
+    FRAME_CRC_WRONG = (
+        "frames start, but the CRC of none is right: CRC-32 of zlib over all bytes before it, little endian "
+        "(`treadlink protocol vectors`)"
+    )
+    FRAME_FLAGS_UNKNOWN = "flags are {flags}: only bit 0 is defined, all others are 0"
+    FRAME_LENGTH_COUNTS = "length counts {how}: it is that of the payload alone"
+    FRAME_TYPE_UNKNOWN = "type {type} is not defined"
+    FRAME_VERSION_WRONG = "the version byte is {version}: 0x10, the version in which the layout of the frame appeared"
+    FRAME_WITHOUT_TAG = "bit 0 of flags is set, but the payload has no room for a tag"
+    HELLO_ABSENT_AXES_FILLED = "range, scale and zero of axes that the mask lacks should be 0: {axes}"
+    HELLO_OTHER_MAJOR = "HELLO states protocol {major}.{minor}, its frame 1.0"
+    LENGTH_OF_FRAME = "header, payload and CRC"
+    LENGTH_WITH_CRC = "payload and CRC"
+    LENGTH_WITH_HEADER = "header and payload"
+    LINK_NEARLY_FULL = (
+        "the samples take {needed:.0f} bytes/s, {share:.0%} of the {capacity:.0f} bytes/s that the link carries"
+    )
+    LOG_HAS_CONTROLS = "a log text has control characters; it should be one line"
+    LOG_LEVEL_RESERVED = "log level {level} is reserved"
+    LOG_NOT_UTF8 = "a log text is not UTF-8"
+    LOG_TOO_OFTEN = "{lines} log texts within a second, at most 10 are allowed"
+    MESSAGE_TOO_OFTEN = "{type} came {count} times in {span_s:.1f s}, {due:.0f} are due"
+    MESSAGE_TOO_RARE = "{type} came {count} times in {span_s:.1f s}, {due:.0f} are due"
+    PAYLOAD_LENGTH_WRONG = "the payload of {type} has {length} bytes, its layout {layout}: a C struct must be packed"
+    PAYLOAD_VALUE_WRONG = "{field} of {type} is outside its range"
+    RATE_NOT_EXACT = (
+        "samples come at {measured_hz:.2f Hz} by the hub's clock, {share:+.2%} from the {stated_hz:g Hz} of HELLO; "
+        "0.1 % is recommended"
+    )
+    SAMPLES_BEFORE_HELLO = "SAMPLES come before the first HELLO of the wheel"
+    SAMPLES_DROPPED_BY_HUB = "the hub has dropped {holes:.0f} samples, as first_sample and HUB_STATUS say"
+    SAMPLES_NOT_STARTED = "no SAMPLES within {waited_s:g s} after SET_STREAM 1 was done"
+    SAMPLES_NOT_STOPPED = "SAMPLES still come {waited_s:g s} after SET_STREAM 0 was done"
+    SAMPLE_NUMBERS_HOLES = (
+        "first_sample leaves out {holes:.0f} samples, but no frame is missing and samples_dropped of HUB_STATUS "
+        "does not rise"
+    )
+    SAMPLE_NUMBERS_OVERLAP = "first_sample rose by {step:.0f} after a block of {samples:.0f} samples: it counts samples"
+    SCALE_OFF_BY_POWER_OF_TWO = (
+        "the steady radial value is {level_mps2:.0f m/s²}, {ratio:.2f} times R Omega² = {expected_mps2:.0f m/s²} (R"
+        " = {radius_m:.0f mm}, --radius): is the scale wrong by a factor of 2 to the power of {power}? Check how "
+        "many bits a word of the sensor has, and how they are aligned"
+    )
+    SEQ_BIG_ENDIAN = "seq counts in the wrong order of bytes: it is sent little endian"
+    SEQ_GOES_BACK = "seq {seq:.0f} is lower than before, without a restart: it has 32 bits and does not go back"
+    SEQ_JUMPS = "seq jumped over {gap:.0f} numbers to {seq:.0f}"
+    SEQ_NOT_FROM_ZERO = "the first seq after the start is {seq:.0f}: it counts from 0 at every start"
+    SEQ_REPEATED = "seq {seq:.0f} came again: it counts the frames of every type, and a reader drops repeated ones"
+    SEQ_SHARED = "all sources share one seq: every wheel, and the hub itself, has a counter of its own"
+    SEQ_STANDS = "seq is {seq:.0f} in every frame"
+    SET_RATE_NOT_STATED = (
+        "HELLO states {stated_hz:g Hz} still, {waited_s:g s} after SET_RATE was done: it follows at once when the "
+        "rate changes"
+    )
+    SOME_FRAMES_DAMAGED = (
+        "{damaged} times a frame was damaged, {frames} are intact: a bad cable or ground, an overrun, or a buffer "
+        "that is overwritten while it is sent"
+    )
+    SOURCE_SIGNS_SOME_FRAMES = "some frames are signed and some are not: a source signs all of its frames or none"
+    STATUS_FRAMES_SENT_WRONG = "frames_sent rose by {stated:.0f} while {arrived:.0f} frames arrived or are missing"
+    STATUS_UPTIME_WRONG = "uptime_s is {uptime_s:.0f} when the clock is at {clock_s:.1f s}"
+    TAG_WRONG = "the tag is not that of the key of {identity} and boot_count {boot_count}"
+    TICK_GOES_BACK = (
+        "tick_us went back by {back_us:.0f} to {tick_us:.0f}: it has 32 bits, is never set, and wraps every 71.6 "
+        "minutes"
+    )
+    TICK_IN_OTHER_UNIT = (
+        "tick_us counts {unit}, not us: it advanced {pace:.4g} times as far as {duration_s:.1f s} of this "
+        "computer's clock"
+    )
+    TICK_JITTERS = (
+        "tick_us of the blocks scatters over {spread_s:.1f ms} about an even rate ({std_s:.2f ms} standard "
+        "deviation): take it in the sensor's interrupt"
+    )
+    TICK_NOT_OF_FIRST_SAMPLE = (
+        "frames sent after a block have tick_us {tick_us:.0f}, before the block's last sample: tick_us of SAMPLES "
+        "is that of the first sample"
+    )
+    TICK_PACE_WRONG = "tick_us advanced {pace:.4f} times as far as {duration_s:.1f s} of this computer's clock"
+    TICK_STANDS = "tick_us is {tick_us:.0f} in two messages in a row"
+    TIME_NOT_ECHOED = "host_ns of TIME_SYNC is {host_ns}, not the {sent_ns} of SET_TIME"
     # Files and configuration
-    RECORDING_CHANNEL_UNDECLARED = "recording_channel_undeclared"
-    RECORDING_CHUNK_DAMAGED = "recording_chunk_damaged"
-    RECORDING_CUT_OFF = "recording_cut_off"
-    RECORDING_DESCRIPTION_DAMAGED = "recording_description_damaged"
-    RECORDING_PARTS_DAMAGED = "recording_parts_damaged"
-    RECORDING_RECORD_DAMAGED = "recording_record_damaged"
-    RECORDING_RECORD_MISSING = "recording_record_missing"
-    RECORDING_RECORD_TOO_LARGE = "recording_record_too_large"
-    UNIT_UNLIKELY = "unit_unlikely"
-    SIGNAL_INTERPOLATED = "signal_interpolated"
+    RECORDING_CHANNEL_UNDECLARED = (
+        "'{recording}' has messages of the undeclared channel {channel:d}, which are skipped. `treadlink repair` may "
+        "recover them"
+    )
+    RECORDING_CHUNK_DAMAGED = (
+        "'{recording}' has a damaged chunk near byte {at_byte:d}; {skipped_bytes:d} bytes are skipped. `treadlink "
+        "repair` recovers what is left of them"
+    )
+    RECORDING_CUT_OFF = "'{recording}' is cut off at byte {at_byte:d}, inside a record. `treadlink repair` completes it"
+    RECORDING_DESCRIPTION_DAMAGED = (
+        "'{recording}' has a damaged description, which contains the vehicle configuration. `treadlink repair` "
+        "recovers the rest"
+    )
+    RECORDING_PARTS_DAMAGED = (
+        "'{recording}' is damaged in {parts:d} parts, the first near byte {at_byte:d}: {unread_bytes:d} of its "
+        "{size_bytes:d} bytes are not read. `treadlink repair` recovers what is left of them"
+    )
+    RECORDING_RECORD_DAMAGED = (
+        "'{recording}' has a damaged record near byte {at_byte:d}. `treadlink repair` recovers what is left of it"
+    )
+    RECORDING_RECORD_MISSING = (
+        "'{recording}' has no valid record at byte {at_byte:d}; the rest is not read. `treadlink repair` recovers it"
+    )
+    RECORDING_RECORD_TOO_LARGE = (
+        "'{recording}' has {size_bytes:.1f MB} in one chunk or record at byte {at_byte:d}, which is skipped; at most "
+        "{largest_bytes:.1f MB} are read at once. Check where the file comes from"
+    )
+    UNIT_UNLIKELY = (
+        "the radial column is stated in {stated}, but {fitting} fits: with {stated}, the steady acceleration is "
+        "{found_mps2:.4g m/s²}, {ratio:.3g} times the V²/R of {expected_mps2:.4g m/s²} of a revolution of "
+        "{period_s:.4g s} and a belt radius of {radius_m:.0f mm}"
+    )
+    SIGNAL_INTERPOLATED = (
+        "{share:.0%} of the samples lie on straight lines in every axis: the signal was interpolated. Import it at the "
+        "rate at which it was measured"
+    )
 
     # Diagnosis: effects that are not identified
-    IMPLAUSIBLE_PARAMETER = "implausible_parameter"
-    FADES_WITHIN_ONE_WAVE = "fades_within_one_wave"
-    HOLLOW_ROAD = "hollow_road"
-    PROBABILITY_TOO_LOW = "probability_too_low"
-    TIME_LIMIT_SPENT = "time_limit_spent"
-    SEARCH_ENDED_EARLY = "search_ended_early"
-    EVIDENCE_TEMPERED = "evidence_tempered"
-    ERROR_BY_POSSIBLE_EFFECT = "error_by_possible_effect"
-    ERROR_BY_MISSING_EFFECT = "error_by_missing_effect"
-    OTHER_OPTIMUM = "other_optimum"
-    LAW_MOVES_EFFECT = "law_moves_effect"
-    NOT_ON_EXACT_RING = "not_on_exact_ring"
-    LEAVES_MORE_THAN_WITHOUT = "leaves_more_than_without"
-    SMALLER_THAN_LEFT = "smaller_than_left"
-    SIZE_DIFFERS_BETWEEN_RECORDINGS = "size_differs_between_recordings"
-    LEAVES_RESIDUAL_AT_EDGES = "leaves_residual_at_edges"
-    NOTHING_REMAINS = "nothing_remains"
-    ORDER_OR_FREQUENCY = "order_or_frequency"
-    BESIDE_SOMETHING_LARGER = "beside_something_larger"
-    LAW_LEAVES_MUCH = "law_leaves_much"
-    LAW_FAILS_UNSEEN = "law_fails_unseen"
-    LAW_SIZES_DIFFER = "law_sizes_differ"
-    LAW_HAS_RIVALS = "law_has_rivals"
-    LAW_UNTESTED = "law_untested"
+    IMPLAUSIBLE_PARAMETER = (
+        "{parameter} would be {value:.4g}{unit: }, outside its plausible range of {low:.4g} to {high:.4g}{unit: }"
+    )
+    FADES_WITHIN_ONE_WAVE = "the packet at the {edge} edge fades within {waves:.2f} of a wavelength: a bump, not a wave"
+    HOLLOW_ROAD = "the road would be hollow with a radius of {radius_m:.3g m}, larger than any inner drum (5 m)"
+    PROBABILITY_TOO_LOW = "its probability is {probability:probability}, and {needed:.2g} is needed"
+    TIME_LIMIT_SPENT = (
+        "limit {limit_s:.3g s}: reading took {reading_s:.2g s}, fit and search {search_s:.2g s}; hold-out and figures "
+        "came after it, {after_s:.2g s}"
+    )
+    SEARCH_ENDED_EARLY = (
+        "the search for effects ended at its time limit before it was complete (sets tried: {sets}): others may be "
+        "more probable"
+    )
+    EVIDENCE_TEMPERED = (
+        "what is left unexplained ({axes}) has {residual_ratio:.3g} times the rms of the noise of the means; evidence "
+        "from there counts less by that factor"
+    )
+    ERROR_BY_POSSIBLE_EFFECT = (
+        "most of the error of {numbers} comes from {effect}, which the data neither show nor exclude (probability "
+        "{probability:probability}); without it the error would be {ratio:.2g} times smaller"
+    )
+    ERROR_BY_MISSING_EFFECT = (
+        "most of the error of {numbers} comes from the possible absence of {effect} (probability "
+        "{probability:probability}, not identified); if it were certain the error would be {ratio:.2g} times smaller"
+    )
+    OTHER_OPTIMUM = (
+        "{effect}: nearly as good with {parameter} {value:.4g}{unit: } in place of {best:.4g}{unit: } (probability "
+        "{probability:probability}), which makes up most of its error"
+    )
+    LAW_MOVES_EFFECT = (
+        "{effect}: beside the law ({law}) its {parameter} is {value:.3g}{unit: }, not {without:.3g}{unit: }: decide on "
+        "the law first"
+    )
+    NOT_ON_EXACT_RING = (
+        "it absorbs errors of this model's equations: on the exact ring {effect} is {errors:.1f} errors from zero"
+    )
+    LEAVES_MORE_THAN_WITHOUT = (
+        "with it the fit leaves {with_it:.3g} times the noise of the means, without it {without:.3g} times"
+    )
+    SMALLER_THAN_LEFT = (
+        "its {size_mps2:.2g m/s²} are less than the {left_mps2:.2g m/s²} that stay unexplained there: an equation "
+        "that is off by as much makes any small effect certain"
+    )
+    SIZE_DIFFERS_BETWEEN_RECORDINGS = "its size would have to differ between recordings (most in {recording})"
+    LEAVES_RESIDUAL_AT_EDGES = (
+        "it leaves {residual_share:.0f %} of the scatter at the contact edges, so it stands in for another cause"
+    )
+    NOTHING_REMAINS = "nothing of it remains beside the other effects"
+    ORDER_OR_FREQUENCY = (
+        "the residual is {noise_floors:.1f} times the noise floor, and one speed does not distinguish an "
+        "order from a fixed frequency"
+    )
+    BESIDE_SOMETHING_LARGER = (
+        "its {own_mps2:.2f m/s²} may be part of something unknown beside it, {larger_mps2:.2f m/s²}"
+    )
+    LAW_LEAVES_MUCH = "it explains {share:.0%} of what is left beyond noise"
+    LAW_FAILS_UNSEEN = (
+        "with the size of the other recordings, the {axis} error of {recording} goes from {before_mps2:.3g} to "
+        "{after_mps2:.3g m/s²}"
+    )
+    LAW_SIZES_DIFFER = "its size in {recording} alone is {ratio:.2f} times that of all"
+    LAW_HAS_RIVALS = "{laws} explain the same as well"
+    LAW_UNTESTED = "no recording of another speed, load or pressure can test it"
 
     # Diagnosis: deciding recordings
-    RECORD_AT_SPEED = "record_at_speed"
-    RECORD_REVERSED = "record_reversed"
-    RECORD_WARMER = "record_warmer"
-    RECORD_AT_LOAD = "record_at_load"
-    RECORD_AT_PRESSURE = "record_at_pressure"
-    RECORD_AT_REST = "record_at_rest"
-    RECORD_ROAD_AT_ANOTHER_SPEED = "record_road_at_another_speed"
-    RECORD_ON_ANOTHER_ROAD = "record_on_another_road"
-    RECORD_LIVE = "record_live"
-    RECORD_LIVE_FOR_LONGER = "record_live_for_longer"
-    COMPARE_CLOCK = "compare_clock"
-    NO_RECORDING_DECIDES = "no_recording_decides"
-    DECIDES_AGAINST = "decides_against"
+    RECORD_AT_SPEED = "record again at {speed_ratio:g} times the speed"
+    RECORD_REVERSED = "record again rolling in the opposite direction"
+    RECORD_WARMER = "record again with the tire {difference_k:g K} warmer"
+    RECORD_AT_LOAD = "record again at {load_ratio:g} times the load"
+    RECORD_AT_PRESSURE = "record again at {pressure_ratio:g} times the pressure"
+    RECORD_AT_REST = (
+        "record at rest with the axle level and the tire lifted: the lateral axis then reads the zero-g offset alone"
+    )
+    RECORD_ROAD_AT_ANOTHER_SPEED = "record again at another speed: road vibration grows with it, sensor noise does not"
+    RECORD_ON_ANOTHER_ROAD = (
+        "record again on another road or drum: a resonance of the tire keeps its frequency, vibration from a track "
+        "does not"
+    )
+    RECORD_LIVE = "record live, with host time stamps"
+    RECORD_LIVE_FOR_LONGER = "record live for longer: the hub's clock is known to {clock_std:.0f ppm} so far"
+    COMPARE_CLOCK = "compare the hub's clock with one better than {host_clock:.0f ppm}"
+    NO_RECORDING_DECIDES = "no other speed, load, pressure, temperature or direction tried here would decide"
+    DECIDES_AGAINST = "against {effect}: {recording}"
 
     # Diagnosis: notes
-    MEANS_NOT_COMPARED = "means_not_compared"
-    REVOLUTIONS_LEFT_OUT = "revolutions_left_out"
-    REVOLUTION_NOT_MEASURED = "revolution_not_measured"
-    BEYOND_RECORDING_LIMIT = "beyond_recording_limit"
-    BEYOND_GROUP_LIMIT = "beyond_group_limit"
-    BETWEEN_GROUP_SPEEDS = "between_group_speeds"
-    TOO_FEW_ALIKE = "too_few_alike"
-    OUTLIER_OF_GROUP = "outlier_of_group"
-    CLIPPED_UNLIKE_GROUP = "clipped_unlike_group"
-    CIRCUMFERENTIAL_REVERSED = "circumferential_reversed"
-    BASELINE_UNFITTED = "baseline_unfitted"
-    CONTACT_UNLIKE_OTHERS = "contact_unlike_others"
-    CONTACTS_CONTRADICT = "contacts_contradict"
-    LATERAL_OPPOSITE = "lateral_opposite"
-    LATERAL_OPPOSITE_TO_OTHERS = "lateral_opposite_to_others"
-    LOADS_CONTRADICT = "loads_contradict"
-    RADIUS_UNLIKE_OTHERS = "radius_unlike_others"
-    WIDTH_UNLIKE_OTHERS = "width_unlike_others"
-    FEW_REVOLUTIONS = "few_revolutions"
-    EDGES_ALIGNED = "edges_aligned"
-    ONE_SPEED = "one_speed"
-    GROUPS_TOO_SHORT = "groups_too_short"
-    NOISE_ROLLS_OFF = "noise_rolls_off"
+    MEANS_NOT_COMPARED = (
+        "the paper's model has no mean, so the means of the axes are not compared, and a zero-g offset or a "
+        "constant gain error in them is not detected; start from --model exact to detect it"
+    )
+    REVOLUTIONS_LEFT_OUT = "{revolutions} revolutions left out: {reason}"
+    REVOLUTION_NOT_MEASURED = "the radial axis or the sampling rate is not known"
+    BEYOND_RECORDING_LIMIT = "beyond the first {limit} of a recording"
+    BEYOND_GROUP_LIMIT = "beyond the first {limit} at the same speed, load, pressure and temperature"
+    BETWEEN_GROUP_SPEEDS = "at speeds between those of the {groups} most informative groups"
+    TOO_FEW_ALIKE = "too few at the same speed, load, pressure and temperature"
+    OUTLIER_OF_GROUP = "an outlier at the same conditions, as after an impact"
+    CLIPPED_UNLIKE_GROUP = "the radial axis is clipped, unlike in others at the same conditions"
+    CIRCUMFERENTIAL_REVERSED = (
+        "the sign of its circumferential axis is opposite to that of a rolling tire: the tire rolled backwards or was "
+        "reversed on its rim, or the axis is reversed"
+    )
+    BASELINE_UNFITTED = "the baseline model cannot be fitted to it: its belt radius, load or pressure is not as stated"
+    CONTACT_UNLIKE_OTHERS = (
+        "its contact half angle is {angle_rad:.1f deg}, that of {count} others with the same stated load and pressure "
+        "{other_rad:.1f deg}: its load, pressure or tire is not as stated"
+    )
+    CONTACTS_CONTRADICT = (
+        "contact half angle {short_rad:.1f deg} in {short}, {long_rad:.1f deg} in {long}: load, pressure or tire is "
+        "not as stated"
+    )
+    LATERAL_OPPOSITE = (
+        "the lateral waveforms of {recording} and {other} are opposite: the lateral axis of one is reversed, or its "
+        "sensor or tire is turned round"
+    )
+    LATERAL_OPPOSITE_TO_OTHERS = (
+        "its lateral waveform is the opposite of that of {count} others: its lateral axis is reversed, or its sensor "
+        "or tire is turned round"
+    )
+    LOADS_CONTRADICT = (
+        "Cw, which no load changes, is {low:.4g} to {high:.4g}: a stated load or pressure is {share:.1%} off; all "
+        "errors contain that"
+    )
+    RADIUS_UNLIKE_OTHERS = "its belt radius is stated as {radius_m:.1f mm}, that of {count} others as {other_m:.1f mm}"
+    WIDTH_UNLIKE_OTHERS = (
+        "Cw, which no load changes, is {value:.4g} in it and {other:.4g} in {count} others: its load or pressure is "
+        "not as stated"
+    )
+    FEW_REVOLUTIONS = "only {revolutions} revolutions: a pattern common to all of them may still be chance"
+    EDGES_ALIGNED = (
+        "the contact edges of {revolutions} revolutions, held-out ones too, are aligned by up to {parameters} "
+        "parameters of their own, whatever moves them; as recorded, the held-out rms is {before_mps2:.4g m/s²} before "
+        "and {after_mps2:.4g m/s²} after"
+    )
+    ONE_SPEED = "one speed only: effects that depend on speed cannot be separated from those that do not"
+    GROUPS_TOO_SHORT = (
+        "no spectrum of the signal that does not repeat with the wheel: {groups} of {of} groups are too short"
+    )
+    NOISE_ROLLS_OFF = "the noise rolls off at about {corner_hz:.0f Hz}, as behind a low-pass filter"
 
 
 @dataclass(frozen=True, slots=True, init=False)

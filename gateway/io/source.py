@@ -75,7 +75,7 @@ _EVENT_CODES: Final = {
 
 _LONGEST_PAUSE_S: Final = 1e9
 
-EVENT_DETAILS: Final[Mapping[str, Mapping[str, type]]] = {
+EVENT_DETAILS: Final[Mapping[Code, Mapping[str, type]]] = {
     Code.BATTERY_LEVEL: {"level": float},
     Code.BLE_DEVICE: {"device": str},
     Code.COMPUTER_PAUSED: {"paused_s": float},

@@ -149,9 +149,9 @@ def _event_details(recorded: list[dict[str, Any]]) -> tuple[Reason, ...]:
     """Return the details of a recorded event; what this version does not know is left out."""
     details = []
     for entry in recorded:
-        values, types = entry["values"], EVENT_DETAILS.get(entry["code"])
-        if types is not None and {name: type(value) for name, value in values.items()} == types:
-            details.append(Reason(Code(entry["code"]), **values))
+        values, code = entry["values"], Code.__members__.get(str(entry["code"]).upper())
+        if code in EVENT_DETAILS and {name: type(value) for name, value in values.items()} == EVENT_DETAILS[code]:
+            details.append(Reason(code, **values))
     return tuple(details)
 
 

@@ -1,4 +1,4 @@
-"""Every reason has a template, and is made with the values that the template needs."""
+"""Reasons are made with the values that their templates need, and only views fill templates."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ from pathlib import Path
 import pytest
 
 from gateway.reasons import Code, Reason
-from gateway.views.wording import TEMPLATES, as_json, fields, joined, text
+from gateway.views.wording import as_json, fields, joined, text
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
 
 
-def test_every_code_has_a_template():
-    assert set(TEMPLATES) == set(Code)
+def test_only_wording_reads_templates() -> None:
+    readers = {
+        str(path.relative_to(GATEWAY))
+        for path in GATEWAY.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text("utf-8")))
+        if isinstance(node, ast.Attribute) and node.attr == "text_template" and isinstance(node.ctx, ast.Load)
+    }
+    assert readers == {"views/wording.py"}
 
 
 def test_reasons_have_the_values_of_their_template():

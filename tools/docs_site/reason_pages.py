@@ -1,4 +1,4 @@
-"""Reference of reasons, generated from the codes and their texts."""
+"""Reference of reasons, generated from the codes and their templates."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import string
 from collections.abc import Iterator
 
 from gateway.reasons import Code
-from gateway.views.wording import TEMPLATES, fields
+from gateway.views.wording import fields
 from tools.docs_site.markdown import code, escaped, table
 
 _INTRODUCTION = """\
@@ -35,7 +35,7 @@ def reasons_markdown() -> str:
         lines += table(
             ("Code", "Values", "Text"),
             (
-                (code(str(item)), ", ".join(code(name) for name in sorted(fields(item))), _readable(TEMPLATES[item]))
+                (code(str(item)), ", ".join(code(name) for name in sorted(fields(item))), _readable(item.text_template))
                 for item in codes
             ),
         )
