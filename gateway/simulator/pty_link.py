@@ -53,6 +53,11 @@ class PtyPort:
         """Whether a reader holds the other end open."""
         return not any(event & select.POLLHUP for _, event in self._poll.poll(0))
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether bytes wait for the reader."""
+        return bool(self._waiting)
+
     def write(self, data: bytes) -> None:
         """Hand a chunk to the reader, as much as it accepts now; the rest waits for the next call."""
         if not self.connected:

@@ -1,0 +1,107 @@
+"""A short test day is played, and the accounts of a day tell what is lost, missed and falsely named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.estimators.weighted_mean import WeightedMean
+from gateway.io.source import Chunk
+from gateway.reasons import Code
+from gateway.recording.writer import RecordingWriter
+from gateway.session.alarms import AlarmName
+from tests.recording.streams import frames
+
+pytest.importorskip("tty", reason="pseudo-terminals exist on POSIX only")
+can = pytest.importorskip("can")
+
+from tools.rehearsal.accounts import account  # noqa: E402 - needs both
+from tools.rehearsal.day import START_NS, Played  # noqa: E402
+from tools.rehearsal.plan import BUS, HUBS, NOBODY, Fault, Kind, planned_day  # noqa: E402
+from tools.rehearse import quiet_day, rehearse  # noqa: E402
+
+LINKS = [*(f"serial:hub{hub}" for hub in range(HUBS)), "can:bus"]
+CUT = Fault(Kind.CUT, 2.0, 4.0, 2)
+
+
+@pytest.mark.parametrize("rounds", [1, 2])
+def test_a_day_has_every_fault_and_a_seed_its_day(rounds: int) -> None:
+    faults, day_s = planned_day(7, rounds)
+    assert planned_day(7, rounds) == (faults, day_s)
+    assert planned_day(8, rounds)[0] != faults
+    assert [sum(fault.kind is kind for fault in faults) for kind in Kind] == [
+        1 if kind is Kind.REPLACED else rounds for kind in Kind
+    ]
+    assert all(before.end_s < after.begin_s for before, after in zip(faults, faults[1:], strict=False))
+    assert faults[-1].end_s < day_s
+
+
+@pytest.fixture
+def played(tmp_path: Path) -> Played:
+    """Return a day of hub 2, whose frames of the third second are in no recording."""
+    sent = [(number * 0.1, frame) for number, frame in enumerate(frames(np.random.default_rng(1), 60, hub=2))]
+    path = tmp_path / "day.mcap"
+    writer = RecordingWriter(path, start_ns=START_NS)
+    for at_s, frame in sent:
+        if not 2.5 <= at_s < 3.5:
+            writer.write(Chunk(LINKS[2], START_NS + round(at_s * 1e9), frame))
+    writer.close()
+    every = [[], [], sent, [], []]
+    return Played(every, recordings=[path], links=LINKS, restored_s={link: [] for link in LINKS})
+
+
+def test_what_is_lost_has_a_cause_or_is_told(played: Played) -> None:
+    played.said = [(2.1, LINKS[2], str(AlarmName.LINK))]
+    accounts = account(played, played, [CUT])
+    assert (accounts.frames, dict(accounts.lost), accounts.unaccounted) == (60, {Kind.CUT: 10}, 0)
+    assert (accounts.named, accounts.missed, accounts.false) == (1, [], [])
+    elsewhere = account(played, played, [CUT._replace(target=3)])
+    assert elsewhere.unaccounted == 10
+    assert elsewhere.missed == [CUT._replace(target=3)]
+    assert elsewhere.false == played.said
+    assert account(played, played, [CUT._replace(kind=Kind.SENSOR)]).unaccounted == 10, "a sensor loses no frame"
+
+
+def test_a_name_is_of_its_fault_and_its_time(played: Played) -> None:
+    pause = Fault(Kind.PAUSE, 10.0, 13.0, NOBODY)
+    blamed = (13.0, "hub 2", str(AlarmName.SILENT))
+    late = (30.0, "", str(Code.COMPUTER_PAUSED))
+    played.said = [blamed, late]
+    accounts = account(played, played, [pause])
+    assert accounts.missed == [pause]
+    assert accounts.false == [blamed, late]
+    played.said = [(12.0, "", str(Code.COMPUTER_PAUSED)), (5.0, LINKS[BUS], str(AlarmName.SILENT))]
+    accounts = account(played, played, [Fault(Kind.BUS, 1.0, 6.0, BUS), pause])
+    assert (accounts.named, accounts.false) == (2, [])
+
+
+def test_an_alarm_that_stays_is_false_except_of_a_replaced_hub(played: Played) -> None:
+    played.standing = [("FL", str(AlarmName.MISPLACED)), (LINKS[0], str(AlarmName.LOSS))]
+    assert [name for _, _, name in account(played, played, []).false] == ["loss"]
+
+
+def test_numbers_are_compared_with_the_quiet_day(played: Played, tmp_path: Path) -> None:
+    quiet = Played([[] for _ in range(HUBS + 1)])
+    for day, value in ((quiet, 2.0), (played, 2.3)):
+        mean = WeightedMean()
+        mean.add(value, 0.1)
+        day.means["FL", "Rs"] = mean
+        day.single_std["FL", "Rs"] = [0.1]
+    accounts = account(played, quiet, [])
+    assert accounts.compared == 1
+    assert accounts.worst == pytest.approx(3.0)
+
+
+def test_a_short_day_is_accounted_for() -> None:
+    kinds = (Kind.UNPLUGGED, Kind.PAUSE, Kind.CLOCK, Kind.DISK)
+    accounts, faults = rehearse(1, quiet_day(15.0), kinds=kinds)
+    assert len(faults) == len(kinds)
+    assert accounts.missed == []
+    assert accounts.false == []
+    assert accounts.unaccounted == 0
+    assert accounts.lost[Kind.UNPLUGGED] > 0
+    assert accounts.lost[Kind.DISK] > 0
+    assert accounts.compared > 20
+    assert accounts.worst < 1.0

@@ -1,0 +1,353 @@
+"""Driver of a day: hubs, bus, broker and disk beside a real session, whose clock moves as fast as it can follow."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+import can
+
+from gateway.config.validation import parse_document
+from gateway.config.vehicle import VehicleConfig, parse_vehicle
+from gateway.estimators.estimator import Status
+from gateway.estimators.weighted_mean import WeightedMean
+from gateway.io.source import Chunk, is_live, open_source
+from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnapshot, SinkSnapshot, SinkState
+from gateway.publishing.publisher import Publisher, open_publisher
+from gateway.publishing.sink import SinkSetting
+from gateway.reasons import Code, Notice, Reason
+from gateway.recording.writer import RecordingWriter
+from gateway.session.live import LiveSession
+from gateway.session.recording_stage import Recorder
+from gateway.simulator.link_faults import apply_faults, frame_pieces, parse_fault
+from gateway.simulator.scenario import vehicle_toml
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
+from gateway.views.session_summary import ResultSummary
+from tools.mqtt_broker import Broker
+from tools.rehearsal.ends import DayClock, GatedSource, HubEnd, PtyEnd, TcpEnd
+from tools.rehearsal.plan import BUS, HUBS, POSITIONS, TERMINALS, Fault, Kind
+
+START_NS: Final = 1_790_000_000_000_000_000
+ESTIMATORS: Final = ("kinematic", "weak-form")
+STEP_NS: Final = 50_000_000
+_BUS_STEP_NS: Final = 100_000_000
+# The session may lag behind the readers by this much of the day.
+_MOST_LAG_NS: Final = 2_000_000_000
+_TIMEOUT_S: Final = 60.0
+_RESYNC_S: Final = 0.5
+_CHANGED_HUB_S: Final = 1.5
+# Alarms are heard from the session itself, and the bus of this day has no mapping.
+_NOT_NAMES: Final = frozenset(
+    {Code.ALARM_RAISED, Code.ALARM_CLEARED, Code.ALARM_STANDS, Code.ALARM_COMES_AND_GOES, Code.BUS_NOT_MAPPED}
+)
+_SCENARIO: Final = """
+[scenario]
+seed = {seed}
+name = "Rehearsal"
+[motion]
+speed_kmh = 45.0
+[sensor]
+rate_hz = 2000.0
+"""
+_THRESHOLDS: Final = "\n[thresholds]\nframe_loss_max_percent = 5.0\n"
+
+
+@dataclass(slots=True)
+class Played:
+    """What a day left behind; times in s from its beginning.
+
+    Attributes:
+        sent: frames of each hub and content of those of the bus, with their times.
+        recordings: files, in their order.
+        said: time, subject and name of each alarm and warning.
+        standing: alarms that stand at the end: subject and name.
+        restored_s: of each link, the times at which it came back.
+        means: weighted mean of the valid estimates, by position and name.
+        single_std: sum and number of their standard errors.
+        revolutions: number of results.
+        published: revolutions and alarms that the broker took, and those that it did not get.
+        links: name of the link of each hub, then of the bus.
+    """
+
+    sent: list[list[tuple[float, bytes]]]
+    recordings: list[Path] = field(default_factory=list)
+    said: list[tuple[float, str, str]] = field(default_factory=list)
+    standing: list[tuple[str, str]] = field(default_factory=list)
+    restored_s: dict[str, list[float]] = field(default_factory=dict)
+    means: dict[tuple[str, str], WeightedMean] = field(default_factory=lambda: defaultdict(WeightedMean))
+    single_std: dict[tuple[str, str], list[float]] = field(default_factory=lambda: defaultdict(list))
+    revolutions: int = 0
+    published: tuple[int, int] = (0, 0)
+    links: list[str] = field(default_factory=list)
+
+
+class _Heard:
+    """Live outputs that also keep what alarms say."""
+
+    def __init__(self, publisher: Publisher | None, played: Played) -> None:
+        self.publisher = publisher
+        self._played = played
+
+    def take(self, items: Sequence[RevolutionResult | AlarmChange], host_ns: int) -> None:
+        for item in items:
+            if isinstance(item, RevolutionResult):
+                self._count(item)
+            elif item.is_raised:
+                self._played.said.append((item.at_s, item.alarm.position, str(item.alarm.name)))
+        if self.publisher is not None:
+            self.publisher.take(items, host_ns)
+
+    def _count(self, result: RevolutionResult) -> None:
+        self._played.revolutions += 1
+        for estimate in result.estimates:
+            if estimate.status is Status.VALID and estimate.std > 0.0:
+                key = result.position, estimate.name
+                self._played.means[key].add(estimate.value, estimate.std)
+                self._played.single_std[key].append(estimate.std)
+
+    def show(self, snapshot: SessionSnapshot, host_ns: int) -> None:
+        if self.publisher is not None:
+            self.publisher.show(snapshot, host_ns)
+
+    def sinks(self) -> tuple[SinkSnapshot, ...]:
+        return self.publisher.sinks() if self.publisher is not None else ()
+
+
+def _hub_scenario(seed: int, hub: int, *, sensor: int = 0xA000) -> str:
+    return (
+        _SCENARIO.format(seed=seed)
+        + f'[[hub]]\nhub = {hub}\n[[wheel]]\nposition = "{POSITIONS[hub]}"\nhub = {hub}\nwheel = 0\n'
+        f'sensor_id = "{sensor + hub:08x}"\nload_n = {4000 + 100 * hub}\n'
+    )
+
+
+def _vehicle() -> VehicleConfig:
+    wheels = [_hub_scenario(0, hub).partition("[[hub]]")[2] for hub in range(HUBS)]
+    text = _SCENARIO.format(seed=0) + "".join(f"[[hub]]{wheel}" for wheel in wheels)
+    return parse_vehicle(vehicle_toml(parse_document(Scenario, text, "rehearsal")) + _THRESHOLDS, "rehearsal")
+
+
+def _hub_chunks(seed: int, hub: int, faults: Sequence[Fault], day_s: float) -> Iterator[Chunk]:
+    """Yield what a hub sends, before its line: restarts and silence are its own, and change no other frame's number."""
+    mine = [fault for fault in faults if fault.target == hub]
+
+    def stream(text: str, start_s: float) -> Iterator[Chunk]:
+        start_ns = START_NS + round(start_s * 1e9)
+        return simulate(parse_document(Scenario, text, "rehearsal"), duration_s=day_s - start_s).chunks("", start_ns)
+
+    own = {
+        Kind.RESTART: "reboot:at={begin},gap={gap}",
+        Kind.SENSOR: "silence:part=1,at={begin},for={gap}",
+    }
+    texts = [own[f.kind].format(begin=f.begin_s, gap=f.end_s - f.begin_s) for f in mine if f.kind in own]
+    replaced = next((fault for fault in mine if fault.kind is Kind.REPLACED), None)
+    until_ns = START_NS + round((day_s if replaced is None else replaced.begin_s) * 1e9)
+    first = stream(_hub_scenario(hub, hub), 0.0)
+    for chunk in apply_faults([parse_fault(text, seed) for text in texts], first):
+        if chunk.host_ns >= until_ns:
+            break
+        yield chunk
+    if replaced is not None:
+        other = _hub_scenario(HUBS + hub, hub, sensor=0xB000)
+        yield from stream(other, replaced.begin_s + _CHANGED_HUB_S)
+
+
+class Day:
+    """A day that is played once."""
+
+    def __init__(self, folder: Path, seed: int, faults: Sequence[Fault], day_s: float, broker: Broker | None) -> None:
+        """Prepare; `folder` takes ports and recordings, `broker` runs."""
+        self._folder, self._seed, self._faults, self._day_s = folder, seed, list(faults), day_s
+        self._broker = broker
+        self._clock = DayClock(START_NS)
+        self._played = Played([[] for _ in range(HUBS + 1)])
+        self._ends: list[HubEnd] = []
+        self._goals = [0] * (HUBS + 1)
+        self._paused_ns = 0
+        self._reopened: set[int] = set()
+
+    def play(self) -> Played:
+        """Play the day and return what it left.
+
+        Raises:
+            AssertionError: the session does not follow.
+        """
+        with ExitStack() as stack:
+            for hub in range(HUBS):
+                end: HubEnd = PtyEnd(self._folder / f"ttyDay{hub}") if hub in TERMINALS else TcpEnd()
+                stack.callback(end.unplug)
+                self._ends.append(end)
+            channel = f"rehearsal-{self._folder}"
+            bus = stack.enter_context(can.Bus(channel, "virtual"))
+            uris = [*(end.uri for end in self._ends), f"can:virtual:{channel}"]
+            self._sources = [GatedSource(open_source(uri, self._clock)) for uri in uris]
+            self._played.links = [source.link for source in self._sources]
+            publish = [f"mqtt://127.0.0.1:{self._broker.port}/day?discovery=off"] if self._broker is not None else []
+            self._heard = _Heard(open_publisher(publish, SinkSetting(POSITIONS), self._clock), self._played)
+            self._live = LiveSession(
+                self._sources,
+                _vehicle(),
+                self._clock,
+                patient=[not is_live(uri) for uri in uris],
+                summary=ResultSummary(),
+                recorder=self._recorder(),
+                estimators=ESTIMATORS,
+                publication=self._heard,
+                open_recorder=self._recorder,
+            )
+            stack.callback(self._live.request_stop)
+            self._live.start()
+            self._until(lambda: all(source.is_connected for source in self._sources), "every link is open")
+            self._drive(bus)
+            self._end()
+        return self._played
+
+    def _recorder(self) -> Recorder:
+        path = self._folder / f"part{len(self._played.recordings) + 1}.mcap"
+        self._played.recordings.append(path)
+        return RecordingWriter(path, start_ns=self._clock.now_ns())
+
+    def _drive(self, bus: can.BusABC) -> None:
+        streams = [frame_pieces(_hub_chunks(self._seed, hub, self._faults, self._day_s)) for hub in range(HUBS)]
+        heads = [next(stream, None) for stream in streams]
+        bits = {
+            fault: parse_fault("flip:rate=0.3", (self._seed, number))
+            for number, fault in enumerate(self._faults)
+            if fault.kind is Kind.NOISE
+        }
+        waiting = [*self._faults]
+        present: list[Fault] = []
+        for step in range(round(self._day_s * 1e9) // STEP_NS):
+            now_s = step * STEP_NS * 1e-9
+            for fault in [fault for fault in present if fault.end_s <= now_s]:
+                self._finish(fault)
+                present.remove(fault)
+            while waiting and waiting[0].begin_s <= now_s:
+                present.append(waiting.pop(0))
+                self._begin(present[-1])
+            for hub, stream in enumerate(streams):
+                while (head := heads[hub]) is not None and head[1] < START_NS + (step + 1) * STEP_NS:
+                    heads[hub] = next(stream, None)
+                    data = b"".join(piece.data for piece in head[2])
+                    self._played.sent[hub] += [(now_s, piece.data) for piece in head[2] if piece.whole]
+                    noise = next((f for f in present if f.kind is Kind.NOISE and f.target == hub), None)
+                    if noise is not None:
+                        data = b"".join(chunk.data for chunk in bits[noise]([Chunk("", 0, data)]))
+                    self._send(hub, data)
+            if step * STEP_NS % _BUS_STEP_NS == 0 and not any(fault.kind is Kind.BUS for fault in present):
+                content = step.to_bytes(8, "little")
+                bus.send(can.Message(arbitration_id=0x123, data=content, is_extended_id=False))
+                self._played.sent[BUS].append((now_s, content))
+                self._goals[BUS] += 1
+            if any(fault.kind is Kind.PAUSE for fault in present):
+                self._paused_ns += STEP_NS  # nothing of this computer runs
+            else:
+                self._clock.advance_ns(STEP_NS)
+                self._follow()
+            self._take_notices()
+        for fault in present:
+            self._finish(fault)
+
+    def _send(self, hub: int, data: bytes) -> None:
+        lost = self._ends[hub].send(data)
+        if self._sources[hub].is_connected:
+            self._goals[hub] += len(data) - lost
+
+    def _follow(self) -> None:
+        """Wait until the readers have what was sent, and the session is not far behind."""
+        begin_s = time.monotonic()
+        while behind := [number for number in range(len(self._sources)) if self._is_behind(number)]:
+            waited_s = time.monotonic() - begin_s
+            assert waited_s < _TIMEOUT_S, f"not read within {_TIMEOUT_S:g} s: {behind}"
+            if waited_s > _RESYNC_S:
+                for number in self._reopened.intersection(behind):  # what was sent before the reader was there is gone
+                    self._goals[number] = self._sources[number].read
+            time.sleep(0.0005)
+        self._reopened = {hub for hub in self._reopened if not self._sources[hub].is_connected}
+        self._until(lambda: self._clock.now_ns() - self._live.core.newest_ns < _MOST_LAG_NS, "the session follows")
+
+    def _is_behind(self, number: int) -> bool:
+        is_waiting = number < HUBS and self._sources[number].is_connected and self._ends[number].waiting()
+        return is_waiting or self._sources[number].read < self._goals[number]
+
+    def _begin(self, fault: Fault) -> None:
+        if fault.kind in (Kind.UNPLUGGED, Kind.CUT):
+            self._ends[fault.target].unplug()
+            self._until(lambda: not self._sources[fault.target].is_connected, "the link is lost")
+            self._goals[fault.target] = self._sources[fault.target].read
+        elif fault.kind is Kind.PAUSE:
+            for source in self._sources:
+                source.gate.clear()
+        elif fault.kind is Kind.CLOCK:
+            self._clock.set_system_time(round(fault.size_s * 1e9))
+        elif fault.kind is Kind.BROKER and self._broker is not None:
+            self._broker.kill()
+            self._until(lambda: self._sink_state() is not SinkState.UP, "the broker is missed")
+        elif fault.kind is Kind.DISK:
+            size = self._played.recordings[-1].stat().st_size
+            self._limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, self._limit[1]))
+
+    def _finish(self, fault: Fault) -> None:
+        if fault.kind in (Kind.UNPLUGGED, Kind.CUT):
+            self._ends[fault.target].plug()
+            self._reopened.add(fault.target)
+        elif fault.kind is Kind.PAUSE:
+            self._clock.pause_computer(self._paused_ns)
+            self._paused_ns = 0
+            for source in self._sources:
+                source.gate.set()
+        elif fault.kind is Kind.BROKER and self._broker is not None:
+            self._broker.start()
+        elif fault.kind is Kind.DISK:
+            resource.setrlimit(resource.RLIMIT_FSIZE, self._limit)
+            self._until(lambda: self._live.core.recording.recorder is None, "the full disk is noticed", moves=True)
+            self._live.start_recording()
+
+    def _sink_state(self) -> SinkState:
+        return self._heard.sinks()[0].state
+
+    def _end(self) -> None:
+        self._follow()
+        snapshot = self._live.close()
+        self._take_notices()
+        if self._heard.publisher is not None:
+            (sink,) = self._heard.publisher.close()
+            self._played.published = sink.published, sink.dropped
+        self._played.standing = [(r.position, str(r.name)) for r in snapshot.alarm_records if r.is_standing]
+        for source in self._sources:
+            self._played.restored_s[source.link] = [(event.host_ns - START_NS) * 1e-9 for event in source.events]
+
+    def _take_notices(self) -> None:
+        at_s = (self._live.core.newest_ns - START_NS) * 1e-9
+        self._live.results()
+        self._played.said += [
+            (at_s, notice.subject, name) for notice in self._live.notices() for name in _names(notice)
+        ]
+
+    def _until(self, condition: Callable[[], bool], what: str, *, moves: bool = False) -> None:
+        """Wait in real time; `moves` lets the clock of the day run with it."""
+        due_s = time.monotonic() + _TIMEOUT_S
+        while not condition():
+            assert time.monotonic() < due_s, f"not within {_TIMEOUT_S:g} s: {what}"
+            self._live.check()
+            time.sleep(0.001)
+            if moves:
+                self._clock.advance_ns(1_000_000)
+
+
+def _names(notice: Notice) -> Iterator[str]:
+    """Yield what a notice says to be wrong: its code, or that of the event of a link; alarms are heard as such."""
+    reason = notice.reason
+    if str(notice.level) not in ("warning", "error") or reason.code in _NOT_NAMES:
+        return
+    event = reason["event"] if reason.code is Code.LINK_EVENT else reason
+    if isinstance(event, Reason) and event.code is not Code.COMPUTER_EVENT:  # the recording has those
+        yield str(event.code)
