@@ -10,6 +10,7 @@ import numpy as np
 
 from gateway.reasons import Code
 from gateway.session.alarms import AlarmName
+from gateway.session.recent_loss import WINDOW_S
 
 HUBS: Final = 4
 TERMINALS: Final = (0, 1)
@@ -94,7 +95,7 @@ def planned_day(seed: int, rounds: int = 1, *, without: frozenset[Kind] = frozen
     """
     rng = np.random.default_rng(seed)
     faults = list(_faults(rng, rounds, without))
-    return faults, (faults[-1].end_s if faults else 0.0) + WARM_UP_S + SETTLE_S
+    return faults, (faults[-1].end_s if faults else WARM_UP_S) + WINDOW_S + SETTLE_S
 
 
 def _faults(rng: np.random.Generator, rounds: int, without: frozenset[Kind]) -> Iterator[Fault]:
