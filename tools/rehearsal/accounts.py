@@ -11,6 +11,7 @@ import numpy as np
 
 from gateway.io.bus_frames import unpack
 from gateway.io.source import BusFrames, Chunk, LinkEventKind
+from gateway.reasons import Code
 from gateway.recording.reader import RecordingReader
 from gateway.session.alarms import AlarmName
 from gateway.simulator.link_faults import frame_pieces
@@ -20,6 +21,8 @@ from tools.rehearsal.plan import EXPECTED, HUBS, NOBODY, POSITIONS, SETTLE_S, Fa
 # A frame may wait in a chunk before the fault, and in a line after it.
 _BEFORE_S: Final = 0.5
 _AFTER_S: Final = 0.3
+# The share of damaged frames is that of a thousand; a hub of this day sends 65 a second.
+_JUDGED_S: Final = 32.0
 
 
 @dataclass(slots=True)
@@ -114,7 +117,8 @@ def _covers(fault: Fault, at_s: float, back_s: list[float]) -> bool:
 
 def _explains(fault: Fault, at_s: float, target: int, name: str) -> bool:
     expected = EXPECTED[fault.kind]
-    if name not in expected.names | expected.may or not fault.begin_s - _BEFORE_S <= at_s <= fault.end_s + SETTLE_S:
+    settle_s = _JUDGED_S if name == Code.FRAMES_DAMAGED else SETTLE_S
+    if name not in expected.names | expected.may or not fault.begin_s - _BEFORE_S <= at_s <= fault.end_s + settle_s:
         return False
     return NOBODY in (fault.target, target) or fault.target == target
 

@@ -135,7 +135,7 @@ def _vehicle() -> VehicleConfig:
 
 
 def _hub_chunks(seed: int, hub: int, faults: Sequence[Fault], day_s: float) -> Iterator[Chunk]:
-    """Yield what a hub sends, before its line: restarts and silence are its own, and change no other frame's number."""
+    """Return what a hub sends. Restarts and silence are its own, before its line: they lose no frame."""
     mine = [fault for fault in faults if fault.target == hub]
 
     def stream(text: str, start_s: float) -> Iterator[Chunk]:
@@ -149,14 +149,16 @@ def _hub_chunks(seed: int, hub: int, faults: Sequence[Fault], day_s: float) -> I
     texts = [own[f.kind].format(begin=f.begin_s, gap=f.end_s - f.begin_s) for f in mine if f.kind in own]
     replaced = next((fault for fault in mine if fault.kind is Kind.REPLACED), None)
     until_ns = START_NS + round((day_s if replaced is None else replaced.begin_s) * 1e9)
-    first = stream(_hub_scenario(hub, hub), 0.0)
-    for chunk in apply_faults([parse_fault(text, seed) for text in texts], first):
-        if chunk.host_ns >= until_ns:
-            break
-        yield chunk
-    if replaced is not None:
-        other = _hub_scenario(HUBS + hub, hub, sensor=0xB000)
-        yield from stream(other, replaced.begin_s + _CHANGED_HUB_S)
+
+    def hubs() -> Iterator[Chunk]:
+        for chunk in stream(_hub_scenario(hub, hub), 0.0):
+            if chunk.host_ns >= until_ns:
+                break
+            yield chunk
+        if replaced is not None:
+            yield from stream(_hub_scenario(HUBS + hub, hub, sensor=0xB000), replaced.begin_s + _CHANGED_HUB_S)
+
+    return apply_faults([parse_fault(text, seed) for text in texts], hubs())
 
 
 class Day:
