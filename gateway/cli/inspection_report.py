@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Notice, Reason
-from gateway.recording.inspection import Inspection, LinkInspection, WheelInspection
+from gateway.recording.inspection import AlarmSpan, Inspection, LinkInspection, WheelInspection
 from gateway.recording.reader import RecordingInfo
 from gateway.recording.writer import utc_text
 from gateway.views.numbers import duration, file_size, fixed, percent
@@ -57,6 +58,13 @@ def inspection_lines(inspection: Inspection, notices: Sequence[Notice]) -> Itera
             printed = f"the first {len(inspection.events)}" if inspection.events_omitted else "all"
             more = len(inspection.events) + inspection.events_omitted - _EVENTS_SHOWN
             yield f"    ... and {more} more (--json prints {printed})"
+    if inspection.alarms:
+        yield ""
+        yield "  alarms"
+        for alarm in inspection.alarms[:_EVENTS_SHOWN]:
+            yield f"    {_alarm_text(alarm, begin)}"
+        if len(inspection.alarms) > _EVENTS_SHOWN:
+            yield f"    ... and {len(inspection.alarms) - _EVENTS_SHOWN} more (--json prints all)"
     if inspection.topics:
         yield ""
         yield "  decoded topics: " + ", ".join(
@@ -73,6 +81,15 @@ def _state_text(info: RecordingInfo) -> str:
     if info.in_progress:
         return "BEING RECORDED: this is what it contains so far"
     return "NOT FINISHED (recording was interrupted); `treadlink repair` completes it"
+
+
+def _alarm_text(alarm: AlarmSpan, begin: int) -> str:
+    def at(time_ns: int) -> str:
+        return f"{fixed((time_ns - begin) * 1e-9, 2)} s"
+
+    end = "the end" if alarm.end_ns is None else at(alarm.end_ns)
+    seen = "" if alarm.acknowledged_ns is None else f" (acknowledged at {at(alarm.acknowledged_ns)})"
+    return f"{at(alarm.begin_ns):>11} to {end}  {escaped(alarm.subject)}: {escaped(alarm.text)}{seen}"
 
 
 def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:
@@ -223,6 +240,7 @@ def inspection_json(inspection: Inspection, notices: Sequence[Notice]) -> dict[s
             for event in inspection.events
         ],
         "events_omitted": inspection.events_omitted,
+        "alarms": [asdict(alarm) for alarm in inspection.alarms],
         "topics": inspection.topics,
     }
 

@@ -79,8 +79,8 @@ def live(
       replay:FILE?speed=1                     a recording; speed=10, speed=max
       can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
 
-    Keys: space pauses, m sets a mark in the recording, tab or 1 to 8 select a wheel, z zooms the waveform, t shows
-    trends, ? shows help, q quits. A summary is printed at the end.
+    Keys: space pauses, m sets a mark in the recording, a acknowledges alarms, tab or 1 to 8 select a wheel, z zooms the
+    waveform, t shows trends, ? shows help, q quits. A summary is printed at the end.
     """
     from gateway.cli.session_setup import chosen_split, start_session
 
@@ -130,6 +130,7 @@ class _Stoppable:
         self._live = live
         self._stop = stop
         self.mark = live.mark
+        self.acknowledge = live.acknowledge
         self.results = live.results
         self.pause = live.pause
         self.request_stop = live.request_stop

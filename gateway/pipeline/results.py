@@ -239,6 +239,7 @@ class AlarmRecord:
         first_s: time of its first raising, from the beginning of the session or recording.
         last_s: time at which it was last seen standing.
         is_standing: whether it stood at the end.
+        is_acknowledged: whether the user has acknowledged it since it was last raised.
     """
 
     position: str
@@ -249,23 +250,31 @@ class AlarmRecord:
     first_s: float
     last_s: float
     is_standing: bool
+    is_acknowledged: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class AlarmChange:
-    """An alarm that was raised, has got another reason, or is over.
+    """An alarm that was raised, has got another reason, was acknowledged, or is over.
 
     Attributes:
         alarm: with its reason; of an alarm that is over, as last seen.
         is_raised: False when it is over.
         at_s: time from the beginning of the session, in the time of its frames.
         stood_s: time for which it stood, 0 when it is raised.
+        is_acknowledged: True when the user has acknowledged it, while it stands on.
     """
 
     alarm: Alarm
     is_raised: bool
     at_s: float
     stood_s: float = 0.0
+    is_acknowledged: bool = False
+
+    @property
+    def state(self) -> str:
+        """What the alarm is now: raised, acknowledged or over."""
+        return "over" if not self.is_raised else "acknowledged" if self.is_acknowledged else "raised"
 
 
 class SinkState(StrEnum):
@@ -346,3 +355,11 @@ class SessionSnapshot:
     alarm_records: tuple[AlarmRecord, ...] = ()
     sinks: tuple[SinkSnapshot, ...] = ()
     disk: DiskRoom | None = None
+
+    def is_acknowledged(self, alarm: Alarm) -> bool:
+        """Return whether the user has acknowledged a present alarm."""
+        return any(
+            record.is_acknowledged and record.is_standing
+            for record in self.alarm_records
+            if (record.position, record.name) == (alarm.position, alarm.name)
+        )

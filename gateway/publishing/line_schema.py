@@ -94,8 +94,11 @@ def _alarm() -> dict[str, Any]:
             "reason": _REASON,
             "raised": {"type": "boolean", "description": "false when it is over"},
         },
-        {"stood_s": {**_NUMBER, "description": "time for which it stood, when it is over"}},
-        "an alarm that was raised, has another reason, or is over",
+        {
+            "stood_s": {**_NUMBER, "description": "time for which it stood, when it is over"},
+            "acknowledged": {"type": "boolean", "description": "true when the user has acknowledged it"},
+        },
+        "an alarm that was raised, has another reason, was acknowledged, or is over",
     )
 
 

@@ -291,7 +291,7 @@ class PageSink:
         await page.connection.send(encoded(trend), text=True)
 
     async def _take(self, page: _Page, message: str | bytes) -> None:
-        """Carry out what a page asks for: what to show, a mark, the start or the end of the recording."""
+        """Carry out what a page asks for: what to show, a mark, alarms seen, the start or the end of the recording."""
         try:
             asked: Any = json.loads(message)
         except ValueError:
@@ -306,6 +306,8 @@ class PageSink:
         if isinstance(asked.get("mark"), str):
             text = clean(asked["mark"].strip())[:_LONGEST_MARK] or "mark"
             await self._control(page, lambda control: control.mark(text), f"mark set: {text}")
+        if asked.get("acknowledge") is True:
+            await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged")
         if isinstance(asked.get("record"), bool):
             is_start = asked["record"]
             await self._control(

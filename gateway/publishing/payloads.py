@@ -56,13 +56,14 @@ def revolution(item: PublishedRevolution) -> JsonObject:
 
 
 def alarm(item: PublishedAlarm) -> JsonObject:
-    """Return an alarm that was raised or is over."""
+    """Return an alarm that was raised, acknowledged or is over."""
     change = item.change
     return {
         "type": "alarm",
         "time_s": _seconds(item.host_ns),
         **_alarm(change.alarm),
         "raised": change.is_raised,
+        **({"acknowledged": True} if change.is_acknowledged else {}),
         **({} if change.is_raised else {"stood_s": round(change.stood_s, 3)}),
     }
 

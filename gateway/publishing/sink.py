@@ -169,6 +169,10 @@ class SessionControl(Protocol):
         """Mark an event in the recording, with the present time."""
         ...
 
+    def acknowledge(self) -> None:
+        """Note that the user has seen the alarms that stand."""
+        ...
+
     def start_recording(self) -> None:
         """Begin a recording; does nothing while one runs.
 

@@ -49,9 +49,14 @@ class Webhook:
             self._headers["Authorization"] = f"Bearer {token}"
         # A redirected request would lose its content, and could take the token to another server.
         self._opener = build_opener(_NoRedirect)
+        self._item: PublishedAlarm | None = None
+        self._is_posted = False
 
     def open(self, stop: threading.Event) -> None:
-        """Do nothing: a server that is away is noticed by the next alarm."""
+        """Post the alarm that was refused: without one, a server that is away is noticed by the next alarm."""
+        if self._item is not None:
+            self._post(self._item, stop)
+            self._is_posted = True
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Post an alarm that was raised, acknowledged or is over, and wait for the answer.
@@ -61,6 +66,13 @@ class Webhook:
         """
         if not isinstance(item, PublishedAlarm):
             return
+        if item is not self._item:
+            self._item, self._is_posted = item, False
+        if not self._is_posted:
+            self._post(item, stop)
+        self._item = None
+
+    def _post(self, item: PublishedAlarm, stop: threading.Event) -> None:
         if stop.is_set():
             raise SinkDownError("the session has ended")
         request = Request(self._url, encoded(alarm(item)), self._headers, method="POST")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from gateway.io.bus_frames import has_frames, unpack
 from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import DecodedLinks
-from gateway.recording.mcap_layout import BUS_ENCODING, MAX_TIME_NS, RAW_ENCODING
+from gateway.recording.mcap_layout import ALARMS_TOPIC, BUS_ENCODING, MAX_TIME_NS, RAW_ENCODING, RecordedMessage
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000
@@ -99,6 +100,27 @@ class WheelInspection:
             self.measured_hz = (first - self._first[0]) * 1e6 / (self._tick - self._first[1])
 
 
+@dataclass(slots=True)
+class AlarmSpan:
+    """A time for which an alarm stood; times in ns since the epoch.
+
+    Attributes:
+        subject: wheel, link, hub or live output.
+        name: kind of the alarm.
+        text: its last reason.
+        begin_ns: it was raised.
+        acknowledged_ns: the user acknowledged it, None when not.
+        end_ns: it was over, None when it stood at the end.
+    """
+
+    subject: str
+    name: str
+    text: str
+    begin_ns: int
+    acknowledged_ns: int | None = None
+    end_ns: int | None = None
+
+
 class LogLine(NamedTuple):
     """A line of a hub's log: its arrival, the number of the hub, and the message."""
 
@@ -166,6 +188,7 @@ class Inspection:
         events_omitted: number of further ones.
         topics: number of messages by decoded topic.
         damage: what was unreadable, None when everything was read.
+        alarms: history of the alarms as the session raised them, the first MAX_EVENTS.
     """
 
     info: RecordingInfo
@@ -174,6 +197,7 @@ class Inspection:
     events_omitted: int
     topics: dict[str, int]
     damage: Reason | None
+    alarms: tuple[AlarmSpan, ...] = ()
 
     @property
     def span_ns(self) -> tuple[int, int]:
@@ -203,6 +227,7 @@ def inspect_recording(
     links: dict[str, LinkInspection] = {}
     decoded = DecodedLinks()
     events: list[LinkEvent] = []
+    alarms = _AlarmHistory()
     topics: Counter[str] = Counter()
     omitted = end_ns = 0
     last_heard_ns: dict[str, int] = {}
@@ -219,6 +244,8 @@ def inspect_recording(
             on_position(reader.position)
         if message.channel.encoding not in (RAW_ENCODING, BUS_ENCODING):
             topics[message.channel.topic] += 1
+        if message.channel.topic == ALARMS_TOPIC:
+            alarms.take(message)
         # Topics and events go on while nothing arrives.
         end_ns = max(end_ns, min(message.log_time_ns, MAX_TIME_NS))
         for item in reader.link_items(message):
@@ -250,7 +277,35 @@ def inspect_recording(
     count(decoded.finish())
     for name, counters in decoded.counters.items():
         links[name].counters = counters
-    return Inspection(reader.info, links, tuple(events), omitted, dict(topics), reader.damage)
+    return Inspection(reader.info, links, tuple(events), omitted, dict(topics), reader.damage, tuple(alarms.spans))
+
+
+class _AlarmHistory:
+    """Spans of alarms from the topic of their changes; what is no change is left out."""
+
+    def __init__(self) -> None:
+        self.spans: list[AlarmSpan] = []
+        self._standing: dict[tuple[str, str], AlarmSpan] = {}
+
+    def take(self, message: RecordedMessage) -> None:
+        """Take a message of the topic."""
+        try:
+            change = json.loads(message.data)
+            key, state = (str(change["subject"]), str(change["name"])), change["state"]
+        except (ValueError, TypeError, KeyError, RecursionError):
+            return
+        span = self._standing.get(key)
+        if span is None:
+            span = AlarmSpan(*key, "", message.log_time_ns)
+            if state == "raised" and len(self.spans) < MAX_EVENTS:
+                self.spans.append(span)
+                self._standing[key] = span
+        span.text = str(change.get("text", ""))
+        if state == "acknowledged":
+            span.acknowledged_ns = message.log_time_ns
+        elif state == "over":
+            span.end_ns = message.log_time_ns
+            self._standing.pop(key, None)
 
 
 def _count(link: LinkInspection, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:

@@ -36,6 +36,7 @@ BUS_SCHEMA_TEXT: Final = bus_frames.LAYOUT
 JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
 COMPUTER_TOPIC: Final = "/computer"
+ALARMS_TOPIC: Final = "/alarms"
 
 _MAX_CHANNEL_DIGITS: Final = 5
 MAX_TIME_NS: Final = 1 << 62

@@ -15,6 +15,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.recording import revolution_fields
 from gateway.recording.mcap_layout import (
+    ALARMS_TOPIC,
     BUS_ENCODING,
     BUS_SCHEMA_NAME,
     BUS_SCHEMA_TEXT,
@@ -182,6 +183,21 @@ TOPICS: Final[tuple[TopicSchema, ...]] = (
         kind: s: always computer
         text: s: always empty
         details: [o]: codes with their values
+        """,
+    ),
+    _topic(
+        "treadlink.Alarm",
+        re.escape(ALARMS_TOPIC),
+        "subject name state",
+        """
+        subject: s: wheel, link, hub or live output
+        name: s: kind of the alarm
+        state: s: raised, acknowledged or over
+        at_s: n: time from the beginning of the session
+        stood_s: n: time for which it has stood
+        code: s: code of its reason
+        values: o: values of the code, in SI units
+        text: s: its reason in words
         """,
     ),
     _topic(

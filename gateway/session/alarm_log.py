@@ -41,6 +41,7 @@ class _Entry:
     before_s: float = 0.0
     is_standing: bool = False
     is_muted: bool = False
+    is_acknowledged: bool = False
     recent_s: list[float] = field(default_factory=list)
     reminded_s: float = 0.0
     past: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=_PAST_SPANS))
@@ -56,7 +57,15 @@ class _Entry:
         total_s = self.before_s + standing_s
         alarm = self.alarm
         return AlarmRecord(
-            alarm.position, alarm.name, alarm.reason, self.count, total_s, self.first_s, self.seen_s, self.is_standing
+            alarm.position,
+            alarm.name,
+            alarm.reason,
+            self.count,
+            total_s,
+            self.first_s,
+            self.seen_s,
+            self.is_standing,
+            self.is_acknowledged,
         )
 
 
@@ -74,6 +83,13 @@ class AlarmLog:
         taken = list(self._changes)
         self._changes.clear()
         return taken
+
+    def acknowledge(self, at_s: float) -> None:
+        """Note that the user has seen the alarms that stand; one with another reason has to be seen again."""
+        for entry in self._entries.values():
+            if entry.is_standing and not entry.is_acknowledged:
+                entry.is_acknowledged = True
+                self._changes.append(AlarmChange(entry.alarm, True, at_s, at_s - entry.raised_s, is_acknowledged=True))
 
     def standing(self) -> Mapping[AlarmKey, Code]:
         """Return the standing alarms with the codes of their reasons."""
@@ -132,6 +148,7 @@ class AlarmLog:
         is_other = entry.alarm.reason.code is not alarm.reason.code
         entry.alarm, entry.seen_s = alarm, at_s
         if is_new or is_other:
+            entry.is_acknowledged = False
             self._changes.append(AlarmChange(alarm, True, at_s))
         if is_new:
             entry.is_standing, entry.raised_s, entry.reminded_s = True, at_s, 0.0

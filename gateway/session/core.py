@@ -122,8 +122,9 @@ class SessionCore:
         self._records_items = records_items
         self._notices: deque[Notice] = deque(maxlen=_SHOWN_NOTICES)
         self._new_notices: deque[Notice] = deque(maxlen=_WAITING_NOTICES)
+        self._alarm_changes: deque[AlarmChange] = deque(maxlen=_WAITING_NOTICES)
         self._links: dict[str, _Link] = {}
-        self.newest_ns = 0
+        self.newest_ns = self._ticked_ns = 0
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators, Latency(latency_s).hold_s)
@@ -154,8 +155,20 @@ class SessionCore:
         return taken
 
     def take_alarm_changes(self) -> list[AlarmChange]:
-        """Return the alarms that were raised or are over since the last call."""
-        return self._alarms.log.take_changes()
+        """Return the alarms that were raised, acknowledged or are over since the last call."""
+        self._record_alarm_changes()
+        taken = list(self._alarm_changes)
+        self._alarm_changes.clear()
+        return taken
+
+    def acknowledge_alarms(self) -> None:
+        """Note that the user has seen the alarms that stand."""
+        self._alarms.log.acknowledge(self._alarms.silence.elapsed_s())
+
+    def _record_alarm_changes(self) -> None:
+        for change in self._alarms.log.take_changes():
+            self.recording.alarm(change, self.newest_ns or self._ticked_ns)
+            self._alarm_changes.append(change)
 
     def publishes_to(self, sinks: tuple[SinkSnapshot, ...]) -> None:
         """Set the present state of the live outputs, for alarms and snapshots."""
@@ -328,6 +341,7 @@ class SessionCore:
             link_times_ns: time up to which each link is known, in the time of its items; links without one stand
                 still. None when all of them have the time of the clock.
         """
+        self._ticked_ns = now_ns
         self.recording.tick(now_ns)
         self._report("", self._watch.tick(now_ns), now_ns)
         results: list[RevolutionResult] = []
@@ -376,6 +390,7 @@ class SessionCore:
         results += self._deliver(self._pipeline.finish(), self.newest_ns)
         self._report("", self._alarms.review(), self.newest_ns)
         self._report("", self._watch.finish(), self.newest_ns)
+        self._record_alarm_changes()
         self.recording.close()
         _logger.info("session finished, %d wheels", len(self._pipeline.wheels()))
         return results

@@ -101,6 +101,7 @@ class LiveSession:
         self._clock = clock
         self._stop = threading.Event()
         self._done = threading.Event()
+        self._acknowledged = threading.Event()
         self._items: Buffer[LinkItem] = Buffer(_QUEUE_ITEMS, _QUEUE_BYTES)
         self._results: deque[RevolutionResult] = deque(maxlen=_RESULT_ITEMS)
         self._results_lost = 0
@@ -235,6 +236,10 @@ class LiveSession:
         """Return the notices since the last call."""
         return _taken(self._notices)
 
+    def acknowledge(self) -> None:
+        """Note that the user has seen the alarms that stand, at the session's next look."""
+        self._acknowledged.set()
+
     # Life cycle
 
     def wait(self, timeout_s: float) -> bool:
@@ -362,6 +367,9 @@ class LiveSession:
                     break
             self._take_over_recording()
             self._check_recording()
+            if self._acknowledged.is_set():
+                self._acknowledged.clear()
+                self.core.acknowledge_alarms()
             now_ns = self._clock.now_ns()
             # A pause since the last look must not be taken for silence of the links.
             if is_of_computer:
@@ -442,8 +450,9 @@ class LiveSession:
         if results:
             self._has_results.set()
         self._notices.extend(self.core.take_notices())
+        changes = self.core.take_alarm_changes()
         if self._publication is not None:
-            self._publication.take([*results, *self.core.take_alarm_changes()], self.core.newest_ns)
+            self._publication.take([*results, *changes], self.core.newest_ns)
 
     def _publish(self, now_ns: int, *, ended: bool) -> None:
         # Drops that concern no link in particular are counted with the first.
@@ -461,8 +470,9 @@ class LiveSession:
         self.core.watches_disk(None if recording is None else recording.room)
         self._snapshot = self.core.snapshot(self._elapsed_s(now_ns), ended=ended)
         self._notices.extend(self.core.take_notices())
+        changes = self.core.take_alarm_changes()
         if self._publication is not None:
-            self._publication.take(self.core.take_alarm_changes(), self.core.newest_ns)
+            self._publication.take(changes, self.core.newest_ns)
             self._publication.show(self._snapshot, self.core.newest_ns)
 
 

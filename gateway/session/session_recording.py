@@ -9,11 +9,13 @@ from typing import Any, Final
 from firmware_protocol.messages import Frame
 from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
-from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.results import AlarmChange, RevolutionResult
 from gateway.reasons import Code, Level, Notice, Reason
+from gateway.recording.mcap_layout import ALARMS_TOPIC
 from gateway.session.recording_stage import Recorder
 from gateway.types import FloatArray
 from gateway.views.recording_topics import (
+    alarm_payload,
     message_topic,
     notice_payload,
     revolution_payload,
@@ -68,6 +70,11 @@ class SessionRecording:
         """Record a notice."""
         if self.recorder is not None:
             self._topic("/log", host_ns, notice_payload(notice, link))
+
+    def alarm(self, change: AlarmChange, host_ns: int) -> None:
+        """Record an alarm that was raised, acknowledged or is over."""
+        if self.recorder is not None:
+            self._topic(ALARMS_TOPIC, host_ns, alarm_payload(change))
 
     def message(self, frame: Frame, position: str, link: str, host_ns: int) -> None:
         """Record a frame without samples of a wheel or hub."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from firmware_protocol.messages import Environment, Frame, Hello, HubStatus, LogLevel, LogText
 from gateway.estimators.estimator import Estimate
-from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.results import AlarmChange, RevolutionResult
 from gateway.reasons import Level, Notice, Reason
 from gateway.types import FloatArray
 from gateway.views.numbers import distinct_name
@@ -124,6 +124,19 @@ def message_topic(frame: Frame, position: str, link: str) -> tuple[str, dict[str
     if isinstance(message, LogText):
         return "/log", {"level": log_level(message), "text": message.text, "hub": frame.hub, "link": link}
     return None
+
+
+def alarm_payload(change: AlarmChange) -> dict[str, Any]:
+    """Return a change of an alarm as an entry of the history of alarms."""
+    alarm = change.alarm
+    return {
+        "subject": alarm.position,
+        "name": str(alarm.name),
+        "state": change.state,
+        "at_s": change.at_s,
+        "stood_s": change.stood_s,
+        **as_json(alarm.reason),
+    }
 
 
 def notice_payload(notice: Notice, link: str) -> dict[str, Any]:

@@ -41,6 +41,9 @@ class Session:
     def mark(self, text: str) -> None:
         self.asked.append(f"mark {text}")
 
+    def acknowledge(self) -> None:
+        self.asked.append("acknowledge")
+
     def start_recording(self) -> None:
         if self.failure is not None:
             raise self.failure
@@ -176,10 +179,22 @@ def test_trend_comes_whole_then_in_parts(served, items, drive) -> None:
 def test_mark_and_recording_reach_the_session_and_failures_the_page(served, items) -> None:
     show(served, items)
     with guest(served) as connection:
-        for wish in ({"mark": " pothole\x1b[2J "}, {"record": True}, {"record": False}, {"mark": ""}):
+        for wish in (
+            {"mark": " pothole\x1b[2J "},
+            {"record": True},
+            {"record": False},
+            {"acknowledge": True},
+            {"mark": ""},
+        ):
             connection.send(json.dumps(wish))
-        said = [next_of(connection, "said")["text"] for _ in range(4)]
-        assert said == ["mark set: pothole [2J", "recording started", "recording finished", "mark set: mark"]
+        said = [next_of(connection, "said")["text"] for _ in range(5)]
+        assert said == [
+            "mark set: pothole [2J",
+            "recording started",
+            "recording finished",
+            "alarms acknowledged",
+            "mark set: mark",
+        ]
         served.session.failure = RecordingError("the disk is full", "Free some space.")
         connection.send(json.dumps({"record": True}))
         assert next_of(connection, "said")["text"] == "the disk is full. Free some space."
@@ -187,7 +202,7 @@ def test_mark_and_recording_reach_the_session_and_failures_the_page(served, item
             connection.send(rubbish)
         connection.send(json.dumps({"mark": "x" * 999}))
         assert len(next_of(connection, "said")["text"]) < 250
-    assert served.session.asked[:4] == ["mark pothole [2J", "start", "stop", "mark mark"]
+    assert served.session.asked[:5] == ["mark pothole [2J", "start", "stop", "acknowledge", "mark mark"]
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])

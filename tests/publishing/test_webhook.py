@@ -77,8 +77,9 @@ def test_a_refused_alarm_is_sent_again(server, items, status) -> None:
     worker = SinkWorker(name, sink, SystemClock())
     worker.start()
     worker.offer(next(item for item in items if isinstance(item, PublishedAlarm)))
-    until(lambda: len(server.requests) > 1)
-    assert worker.snapshot().state is SinkState.DOWN
+    until(lambda: worker.snapshot().state is SinkState.DOWN)
+    until(lambda: len(server.requests) > 2)
+    assert worker.snapshot().state is SinkState.DOWN, "it is down until the alarm is taken"
     server.status = 200
     worker.finish()
     assert worker.join(TIMEOUT_S)

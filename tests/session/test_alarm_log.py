@@ -88,3 +88,23 @@ def test_alarms_of_links_are_left_to_their_events() -> None:
     down = Alarm("ble:x", AlarmName.LINK, Reason(Code.LINK_DOWN, state=Reason(Code.LINK_LOST)))
     assert log.update([down], 1.0) == []
     assert [record.name for record in log.records()] == [AlarmName.LINK]
+
+
+def test_an_acknowledged_alarm_is_new_with_another_reason_or_when_raised_again() -> None:
+    log = AlarmLog()
+    log.update([low()], 1.0)
+    log.acknowledge(2.0)
+    log.acknowledge(2.5)
+    assert [(change.state, change.at_s, change.stood_s) for change in log.take_changes()] == [
+        ("raised", 1.0, 0.0),
+        ("acknowledged", 2.0, 1.0),
+    ]
+    assert log.records()[0].is_acknowledged
+    high = Reason(Code.PRESSURE_ABOVE_LIMIT, pressure_pa=290e3, limit_pa=260e3)
+    log.update([Alarm("FL", AlarmName.PRESSURE, high)], 3.0)
+    assert not log.records()[0].is_acknowledged
+    log.acknowledge(4.0)
+    log.update([], 5.0)
+    log.update([low()], 6.0)
+    assert not log.records()[0].is_acknowledged
+    assert [change.state for change in log.take_changes()] == ["raised", "acknowledged", "over", "raised"]

@@ -7,7 +7,11 @@ import textwrap
 
 import pytest
 
+from gateway.pipeline.results import Alarm, AlarmRecord
+from gateway.reasons import Code, Reason
 from gateway.views.console.screen import ConsoleApp
+
+LOAD = Reason(Code.LOAD_ABOVE_LIMIT, load_n=6000.0, limit_n=5000.0)
 
 SIZES = [(80, 24), (120, 40), (200, 60)]
 
@@ -31,6 +35,10 @@ class FakeSession:
 
     def mark(self, text):
         self.marks.append(text)
+
+    def acknowledge(self):
+        record = AlarmRecord("FL", "load", LOAD, 1, 1.0, 1.0, 2.0, is_standing=True, is_acknowledged=True)
+        self.change(alarm_records=(record,))
 
     def pause(self, paused):
         self.pauses.append(paused)
@@ -193,6 +201,18 @@ async def test_mark_has_text_and_time_of_its_key(session):
         assert len(session.marks) == 2
         assert app.view.selected == 1
         assert not has(screen(app), "text of the mark")
+
+
+async def test_acknowledged_alarms_come_last_and_say_so(session):
+    session.change(alarms=(Alarm("FL", "load", LOAD), Alarm("FR", "load", LOAD)), alarm_records=())
+    app = ConsoleApp(session)
+    async with app.run_test(size=(120, 24)) as pilot:
+        rows = [row.strip() for row in await drawn(app, pilot) if "ALARM" in row]
+        assert [row.partition(":")[0] for row in rows[:2]] == ["ALARM  FL", "ALARM  FR"]
+        await pilot.press("a")
+        rows = [row.strip() for row in await drawn(app, pilot) if "ALARM" in row]
+        assert [row.partition(":")[0] for row in rows[:2]] == ["ALARM  FR", "ALARM  FL"]
+        assert ["acknowledged" in row for row in rows[:2]] == [False, True]
 
 
 @pytest.mark.parametrize("key", ["q", "Q", "ctrl+c", "ctrl+q"])

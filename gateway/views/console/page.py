@@ -67,7 +67,7 @@ def compose(
     alarm_rows = 2 if height < 30 else 4
     link_rows = 2 if height < 30 else 4
     notice_rows = 1 if height < 30 else 3 if height < 50 else 6
-    top = [status.header(live, view.paused_at_s, cells), *status.alarms(live.alarms, cells, alarm_rows)]
+    top = [status.header(live, view.paused_at_s, cells), *status.alarms(live, cells, alarm_rows)]
     bottom = [
         *status.links(snapshot.links, cells, link_rows),
         *status.sinks(live.sinks, cells, link_rows),

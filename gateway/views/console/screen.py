@@ -33,6 +33,10 @@ class ShownSession(Protocol):
         """Put a mark into the recording and among the notices."""
         ...
 
+    def acknowledge(self) -> None:
+        """Note that the user has seen the alarms that stand."""
+        ...
+
     def pause(self, paused: bool) -> bool:
         """Pause a replay, or let it go on; return whether the session can be paused, as a live hub cannot."""
         ...
@@ -77,6 +81,7 @@ class ConsoleApp(App[None]):
         Binding("q,Q", "quit_session"),
         Binding("space", "pause"),
         Binding("m", "mark"),
+        Binding("a", "acknowledge"),
         Binding("z", "zoom"),
         Binding("t", "trend"),
         Binding("comma", "quantity(-1)"),
@@ -197,6 +202,10 @@ class ConsoleApp(App[None]):
         self._input.value = ""
         self._input.display = True
         self._input.focus()
+
+    def action_acknowledge(self) -> None:
+        """Acknowledge the alarms that stand."""
+        self._session.acknowledge()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
         """Set the mark, with the time of its key press."""

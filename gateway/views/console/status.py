@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Final
 
 from gateway.pipeline.results import (
-    Alarm,
     LinkSnapshot,
     SessionSnapshot,
     SinkSnapshot,
@@ -28,6 +27,7 @@ _VERIFIED: Final = "verified"
 _HELP: Final = (
     ("space", "pause: a replay stops; of a live hub only the view freezes"),
     ("m", "mark an event in the recording at the time of the key press"),
+    ("a", "acknowledge the alarms that stand; the recording has when"),
     ("tab  1-8  arrows", "switch wheel"),
     ("z", "waveform: whole revolution or ±90° around the contact"),
     ("t  , .", "trend of the last three minutes in place of the waveform; previous, next quantity"),
@@ -71,11 +71,15 @@ def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> 
     return spread(tuple(left_runs), tuple(right_runs), cells, Role.BAR)
 
 
-def alarms(present: Sequence[Alarm], cells: int, rows: int) -> list[Row]:
-    """Return one prominent row per alarm; the last row names those without room."""
+def alarms(snapshot: SessionSnapshot, cells: int, rows: int) -> list[Row]:
+    """Return one prominent row per alarm, acknowledged ones last; the last row names those without room."""
+    present = sorted(snapshot.alarms, key=snapshot.is_acknowledged)
     shown = present if len(present) <= rows else present[: rows - 1]
     rest = present[len(shown) :]
-    texts = [f" ALARM  {alarm.position}: {reason_text(alarm.reason)}" for alarm in shown]
+    texts = [
+        f" ALARM  {alarm.position}: {reason_text(alarm.reason)}{' (acknowledged)' * snapshot.is_acknowledged(alarm)}"
+        for alarm in shown
+    ]
     if rest:
         texts.append(f" ALARM  {len(rest)} more: " + ", ".join(f"{alarm.position} {alarm.name}" for alarm in rest))
     return [fit(((clean(text), Role.ALARM),), cells, Role.ALARM) for text in texts]

@@ -81,6 +81,7 @@
     record.dataset.on = String(isRecording);
     setText(record, isRecording ? "Stop recording" : "Record");
     setRows(byId("alarms"), shown.alarms.map((text) => `ALARM ${text}`));
+    byId("acknowledge").hidden = !shown.to_acknowledge;
     if (!shown.wheels.some((one) => one.key === wheel) && shown.wheels.length) choose(shown.wheels[0].key);
     showWheels(shown.wheels);
     setRows(byId("links"), [...shown.links, ...shown.outputs]);
@@ -293,6 +294,7 @@
     ask({ mark: byId("mark-text").value });
     byId("mark-text").value = "";
   });
+  byId("acknowledge").addEventListener("click", () => ask({ acknowledge: true }));
   byId("record").addEventListener("click", (event) => ask({ record: event.currentTarget.dataset.on !== "true" }));
   byId("quantity").addEventListener("change", (event) => { quantity = event.currentTarget.value; askForTrend(); });
   byId("minutes").addEventListener("change", showTrend);

@@ -48,7 +48,11 @@ def page_state(snapshot: SessionSnapshot, *, may_record: bool) -> JsonObject:
         "recording": clean(snapshot.recording),
         "recorded": file_size(snapshot.recorded_bytes),
         "may_record": may_record,
-        "alarms": [clean(f"{alarm.position}: {reason_text(alarm.reason)}") for alarm in snapshot.alarms],
+        "alarms": [
+            clean(f"{alarm.position}: {reason_text(alarm.reason)}{' (acknowledged)' * snapshot.is_acknowledged(alarm)}")
+            for alarm in snapshot.alarms
+        ],
+        "to_acknowledge": not all(map(snapshot.is_acknowledged, snapshot.alarms)),
         "wheels": [_wheel(wheel, is_alarmed=wheel.position in alarmed) for wheel in snapshot.wheels],
         "links": [_runs(link_row(link, _NAME_CELLS, _CELLS)) for link in snapshot.links],
         "outputs": [_runs(sink_row(sink, _NAME_CELLS, _CELLS)) for sink in snapshot.sinks],
