@@ -83,7 +83,8 @@ def orders(
     from gateway.cli.summary_output import SummaryOutput
     from gateway.security.key_file import default_key_file
     from gateway.session.recorded_orders import recorded_orders
-    from gateway.views.orders.order_figure import check_figure, write_figure
+    from gateway.views.figure_file import check_figure
+    from gateway.views.orders.order_figure import SUFFIXES, write_figure
     from gateway.views.orders.order_tables import order_lines, write_csv, write_json
     from gateway.views.output_file import check_outputs, is_stdout
     from gateway.views.progress import progress_bar
@@ -91,7 +92,7 @@ def orders(
     outputs = (figure, csv_path, json_path)
     check_outputs(outputs, (recording, config_path, *effects_paths, key_file or default_key_file()), force=force)
     if figure is not None:
-        check_figure(figure)
+        check_figure(figure, SUFFIXES)
     say = SummaryOutput(err=any(map(is_stdout, outputs)))
     with progress_bar(f"reading {recording.name}") as bar:
         spectra, damage = recorded_orders(

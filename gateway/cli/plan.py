@@ -75,6 +75,13 @@ _SPEEDS_KMH = (60.0, 100.0, 150.0)
     metavar="FILE",
     help="Write everything to a JSON file.",
 )
+@click.option(
+    "--figure",
+    "figure_path",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw the errors over speed and the usable speeds: .svg or .png. Without --want.",
+)
 @force_option
 def plan(
     scenario: str,
@@ -87,6 +94,7 @@ def plan(
     wheels: int,
     seed: int,
     json_path: Path | None,
+    figure_path: Path | None,
     force: bool,
 ) -> None:
     """Say what accelerometers will be able to measure on the first tire of SCENARIO.
@@ -104,13 +112,19 @@ def plan(
     from gateway.errors import ConfigError
     from gateway.planning.accelerometer import parse_accelerometers, shipped_accelerometers
     from gateway.planning.least_sensor import least_sensors
+    from gateway.planning.plan_figure import write_plan_figure
     from gateway.planning.plan_report import least_json, least_line, parts_line, plan_json, plan_lines
     from gateway.planning.planned_errors import plan_sensor, tire_at
     from gateway.planning.wants import parse_speeds_mps, parse_want
     from gateway.simulator.scenario import load_scenario
+    from gateway.views.figure_file import check_figure
     from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
-    check_outputs((json_path,), (sensors_path, Path(scenario)), force=force)
+    if figure_path is not None:
+        if want_texts:
+            raise click.UsageError("--figure draws the errors of sensors; --want has none.")
+        check_figure(figure_path)
+    check_outputs((json_path, figure_path), (sensors_path, Path(scenario)), force=force)
     if sensors_path is None:
         parts = shipped_accelerometers()
     else:
@@ -142,6 +156,9 @@ def plan(
                 plans.append(planned)
                 for line in plan_lines(planned):
                     say(line)
+        if figure_path is not None:
+            write_plan_figure(figure_path, plans, force=force)
+            say(f"written: {figure_path}")
         document, has_result = plan_json(plans), any(planned.usable for planned in plans)
     if json_path is not None:
         write_whole(json_path, document, force=force)

@@ -9,8 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from gateway.cli.plan import plan
-from gateway.errors import ConfigError
+from gateway.errors import ConfigError, OutputError
 from gateway.planning.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
+from gateway.planning.plan_figure import fastest_mps, write_plan_figure
 from gateway.planning.planned_errors import SensorPlan, plan_sensor
 from gateway.reasons import Code
 from gateway.simulator.scenario import load_scenario
@@ -97,3 +98,25 @@ def test_command_prints_and_writes_what_is_refused(tmp_path):
     assert "1000 samples per second" in done.output
     (entry,) = json.loads(out.read_text())
     assert entry["reasons"][0]["code"] == "plan_rate"
+
+
+def test_fastest_speed_is_where_the_range_ends():
+    unknown = QUIET.model_copy(update={"noise_mg_rthz": None})
+    limit_kmh = 3.6 * fastest_mps(planned(unknown, 60.0))
+    assert planned(unknown, 0.995 * limit_kmh).usable
+    assert Code.PLAN_RANGE in codes(unknown, 1.005 * limit_kmh)
+
+
+def test_figure_has_each_sensor_and_quantity(tmp_path):
+    odd = QUIET.model_copy(update={"name": "50 $mg^", "range_g": 100.0})
+    write_plan_figure(tmp_path / "plan.svg", [planned(QUIET), planned(odd)])
+    text = (tmp_path / "plan.svg").read_text()
+    for label in ("quiet", "50 $mg^", "wear, mm", "load by width, N", "Ts/Cw"):
+        assert f"<!-- {label} -->" in text
+    write_plan_figure(tmp_path / "refused.png", [planned(odd)])
+    assert (tmp_path / "refused.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_figure_of_no_format_is_refused_before_the_work(tmp_path):
+    with pytest.raises(OutputError, match="names no format"):
+        write_plan_figure(tmp_path / "plan.txt", [])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,8 +12,8 @@ import numpy as np
 
 from gateway import __version__
 from gateway.constants import AXIS_NAMES
-from gateway.errors import OutputError
 from gateway.signal.angle_resampling import angle_grid
+from gateway.views.figure_file import check_figure, figure_bytes
 from gateway.views.orders.order_tables import order_lines, share_texts
 from gateway.views.orders.wheel_orders import WheelOrders
 from gateway.views.output_file import write_whole
@@ -35,29 +34,13 @@ _SHOWN_ORDERS: Final = 30
 _SPEED_COLOURS: Final = ("#56B4E9", "#0072B2", "#E69F00", "#D55E00")
 
 
-def check_figure(path: Path) -> None:
-    """Fail before the work if a figure cannot be drawn.
-
-    Raises:
-        OutputError: the suffix names no format, or matplotlib is missing.
-    """
-    if path.suffix.lower() not in SUFFIXES:
-        raise OutputError(f"the suffix of '{path}' names no format of a figure", f"Give one of {', '.join(SUFFIXES)}.")
-    try:
-        import matplotlib  # noqa: F401 - only whether it is installed
-    except ImportError as error:
-        raise OutputError(
-            "figures need matplotlib, which is not installed", "Install it with: pip install 'treadlink[plot]'."
-        ) from error
-
-
 def write_figure(path: Path, wheels: Sequence[WheelOrders], recording: str, *, force: bool = False) -> None:
     """Draw the orders of wheels.
 
     Raises:
         OutputError: as `check_figure`, or the file cannot be written.
     """
-    check_figure(path)
+    check_figure(path, SUFFIXES)
     import matplotlib
 
     suffix = path.suffix.lower()
@@ -77,10 +60,7 @@ def _drawn(wheels: Sequence[WheelOrders], kind: str, *, title: str = "") -> byte
     parts = figure.subfigures(len(wheels), 1, squeeze=False)[:, 0]
     for part, wheel in zip(parts, wheels, strict=True):
         _draw(part, wheel)
-    buffer = io.BytesIO()
-    # No date, so that the same recording gives the same file.
-    figure.savefig(buffer, format=kind, metadata={"Date": None} if kind == "svg" else None)
-    return buffer.getvalue()
+    return figure_bytes(figure, kind)
 
 
 def _draw(figure: Any, wheel: WheelOrders) -> None:
