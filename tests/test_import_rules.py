@@ -65,8 +65,8 @@ ALLOWED: dict[str, set[str]] = {
         "gateway.views",
     },
     "gateway.planning": {
-        "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.pipeline", "gateway.simulator",
-        "gateway.views",
+        "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.physics", "gateway.pipeline",
+        "gateway.simulator", "gateway.views",
     },
     "gateway.cli": {"*"},
 }  # fmt: skip

@@ -69,7 +69,7 @@ def _drawn(plans: Sequence[SensorPlan], kind: str) -> bytes:
 
 
 def _errors(axes: Axes, quantity: str, by_sensor: dict[str, list[SensorPlan]], colours: dict[str, str]) -> None:
-    """Draw the scatter after the longest time as lines, and with what stays as dots."""
+    """Draw the scatter after the longest time and its bound as lines, and the scatter with what stays as circles."""
     label, unit = split_name(quantity)
     for name, plans in by_sensor.items():
         points = [(plan.speed_mps, _last(plan, quantity)) for plan in plans]
@@ -78,6 +78,8 @@ def _errors(axes: Axes, quantity: str, by_sensor: dict[str, list[SensorPlan]], c
         scatter = [unit.factor * error.scatter for _, error in known]
         whole = [unit.factor * math.hypot(error.scatter, error.stays) for _, error in known]
         axes.plot(kmh, scatter, color=colours[name], marker=".", lw=1.2)
+        bounds = [unit.factor * error.bound for _, error in known]
+        axes.plot(kmh, bounds, color=colours[name], ls="--", lw=0.7)
         axes.plot(kmh, whole, color=colours[name], marker="o", markersize=3.5, fillstyle="none", ls=":", lw=1.0)
     axes.set(yscale="log", title=f"{label}, {unit.symbol}" if unit.symbol else label)
     axes.grid(color="0.9", lw=0.6)
@@ -101,7 +103,7 @@ def _windows(axes: Axes, by_sensor: dict[str, list[SensorPlan]], colours: dict[s
     axes.set(
         xlabel="km/h",
         title=f"usable (dot), not usable (cross), up to where the peak fills the range (bar). Above: scatter after "
-        f"{AFTER[-1]} revolutions (line), with what stays (circles)",
+        f"{AFTER[-1]} revolutions (line), with what stays (circles), Cramer-Rao bound (dashes)",
     )
     axes.set_xlim(left=0.0)
     axes.invert_yaxis()

@@ -36,14 +36,15 @@ def plan_lines(plan: SensorPlan) -> Iterator[str]:
         return
     counts = sorted({error.revolutions for error in plan.errors})
     header = "".join(f"{f'after {count}':>12}" for count in counts)
-    yield f"  {'quantity':<18}{'true':>12}{header}{'stays':>12}{'stated':>12}"
+    yield f"  {'quantity':<18}{'true':>12}{header}{'bound':>12}{'stays':>12}{'stated':>12}"
     by_name: dict[str, dict[int, PlannedError]] = {}
     for error in plan.errors:
         by_name.setdefault(error.quantity, {})[error.revolutions] = error
     for name, errors in by_name.items():
         last = errors[max(errors)]
         scatters = "".join(f"{errors[count].scatter:12.3g}" if count in errors else f"{'-':>12}" for count in counts)
-        yield f"  {name:<18}{last.truth:12.4g}{scatters}{last.stays:12.3g}{last.stated:12.3g}"
+        bound = f"{last.bound:12.3g}" if math.isfinite(last.bound) else f"{'-':>12}"
+        yield f"  {name:<18}{last.truth:12.4g}{scatters}{bound}{last.stays:12.3g}{last.stated:12.3g}"
 
 
 def plan_json(plans: Sequence[SensorPlan]) -> str:

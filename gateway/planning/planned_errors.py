@@ -23,13 +23,15 @@ from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.planning.accelerometer import Accelerometer
+from gateway.planning.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, Reason
+from gateway.simulator.disturbances import REFERENCE_MPS
 from gateway.simulator.hub import hello_of
 from gateway.simulator.scenario import vehicle_toml
-from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.scenario_model import Scenario, Wheel
 from gateway.simulator.scenario_tables import Motion
-from gateway.simulator.sensor import REFERENCE_DEGC
+from gateway.simulator.sensor import FULL_SCALE_COUNTS, REFERENCE_DEGC
 from gateway.simulator.simulated_wheel import WheelSimulator
 from gateway.simulator.time_series import constant
 from gateway.simulator.truth import WheelTruth
@@ -49,6 +51,9 @@ _LARGEST_BAND: Final = 0.45
 _LEAST_BAND: Final = 60.0
 _LARGEST_AC_CORNER: Final = 0.1
 _STEPS_OF_NOISE: Final = 2.0
+# Of the ring that the bound is made of; its relative error is then below a percent.
+_BOUND_NODES: Final = 960
+_BOUND_ORDERS: Final = 150
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +66,8 @@ class PlannedError:
         scatter: standard deviation over wheels, in the quantity's unit.
         stays: mean error over wheels, which no averaging removes.
         stays_std: standard error of this mean.
+        bound: Cramer-Rao bound of the scatter: what the waveform holds, with the radius, and load or width, known; the
+            waveform leaves tread stiffness and contact centre open. NaN for a quantity without one.
         stated: median of the standard errors that the estimator itself states.
         truth: true value.
         wheels: that gave an estimate.
@@ -72,6 +79,7 @@ class PlannedError:
     scatter: float
     stays: float
     stays_std: float
+    bound: float
     stated: float
     truth: float
     wheels: int
@@ -168,7 +176,8 @@ def plan_sensor(
         if len(complete) < wheels:
             doubts += (Reason(Code.PLAN_FEW_REVOLUTIONS, share=100.0 * (1.0 - len(complete) / wheels)),)
         if len(complete) > 1:
-            errors = tuple(_errors(complete, tire.truths))
+            bounds = _bounds(planned.wheels()[0], sensor, plan, omega_radps, tire.truths)
+            errors = tuple(_errors(complete, tire.truths, bounds))
     return SensorPlan(
         sensor=sensor,
         speed_mps=speed_mps,
@@ -283,7 +292,40 @@ def _truths(truth: WheelTruth, wear_mm: float) -> dict[str, float]:
     return values | {f"{name}/Cw": values[name] / values["Cw"] for name in RING_NUMBERS if name != "Cw"}
 
 
-def _errors(drives: Sequence[Sequence[RevolutionResult]], truths: Mapping[str, float]) -> Iterator[PlannedError]:
+def _bounds(
+    wheel: Wheel, sensor: Accelerometer, plan: WheelPlan, omega_radps: float, truths: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the Cramer-Rao bounds of one revolution, each in its quantity's unit.
+
+    A sensor's band and AC corner filter its noise with the signal, so they take nothing from the bound.
+    """
+    load_n, pressure_pa, rate_hz = plan.load_n.at(0.0), plan.pressure_pa.at(0.0), plan.sensor.rate_hz
+    sensitivity = waveform_sensitivity(
+        plan.tire.ring_at(pressure_pa),
+        load_n,
+        pressure_pa,
+        omega_radps,
+        nodes=_BOUND_NODES,
+        sensor_offset_m=plan.tire.sensor_offset_m,
+    )
+    step_g = max(1e-3 * (sensor.resolution_mg or 0.0), sensor.range_g / FULL_SCALE_COUNTS)
+    # Steps have the variance step^2 / 12 over half the rate.
+    density_g_rthz = math.hypot(1e-3 * (sensor.noise_mg_rthz or 0.0), step_g / math.sqrt(6.0 * rate_hz))
+    variance = order_variance(
+        sensitivity.period_s,
+        density_g_rthz * STANDARD_GRAVITY_MPS2,
+        road_rms_mps2=plan.road.rms_mps2 * omega_radps * plan.radius_m / REFERENCE_MPS,
+        road_bandwidth_hz=plan.road.bandwidth_hz,
+        max_order=min(_BOUND_ORDERS, math.floor(0.5 * rate_hz * sensitivity.period_s)),
+    )
+    relative = relative_bounds(sensitivity, cramer_rao(sensitivity, variance))
+    scales = {**truths, "wear_mm": wheel.tire.ring_thickness_mm - wheel.tire.wear_mm}
+    return {name: share * abs(scales[name]) for name, share in relative.items() if name in scales}
+
+
+def _errors(
+    drives: Sequence[Sequence[RevolutionResult]], truths: Mapping[str, float], bounds: Mapping[str, float]
+) -> Iterator[PlannedError]:
     for name, truth in truths.items():
         for count in AFTER:
             estimates = [given for drive in drives if (given := _estimate(drive, name, count)) is not None]
@@ -297,6 +339,8 @@ def _errors(drives: Sequence[Sequence[RevolutionResult]], truths: Mapping[str, f
                 scatter=scatter,
                 stays=float(values.mean()) - truth,
                 stays_std=scatter / math.sqrt(len(values)),
+                # The mean speed rests on the first and the last contact alone: N revolutions divide its error by N.
+                bound=bounds.get(name, math.nan) / (count if name == "speed_mps" else math.sqrt(count)),
                 stated=float(np.median([std for _, std, _ in estimates])),
                 truth=truth,
                 wheels=len(values),

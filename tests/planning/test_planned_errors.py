@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from functools import cache
 
 import pytest
@@ -98,6 +99,19 @@ def test_command_prints_and_writes_what_is_refused(tmp_path):
     assert "1000 samples per second" in done.output
     (entry,) = json.loads(out.read_text())
     assert entry["reasons"][0]["code"] == "plan_rate"
+
+
+def test_bound_lies_below_the_scatter_and_scales_with_the_noise():
+    noisy = QUIET.model_copy(update={"noise_mg_rthz": 20.0})
+    bounds = [
+        {(e.quantity, e.revolutions): e.bound for e in planned(sensor).errors if math.isfinite(e.bound)}
+        for sensor in (noisy, noisy.model_copy(update={"noise_mg_rthz": 40.0}))
+    ]
+    assert {name for name, _ in bounds[0]} >= {"speed_mps", "contact_length_m", "wear_mm", "Ts/Cw"}
+    for (name, count), bound in bounds[0].items():
+        # The scatter of four drives is known to a third.
+        assert bounds[1][name, count] == pytest.approx(2.0 * bound, rel=0.01)
+        assert scatter(planned(noisy), name, count) > 0.3 * bound
 
 
 def test_fastest_speed_is_where_the_range_ends():

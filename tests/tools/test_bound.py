@@ -8,15 +8,15 @@ import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.physics.rolling_ring import solve_rolling_ring
-from gateway.quantity_catalogue import RING_NUMBERS
-from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, omega_at
-from tools.accuracy.bound import (
+from gateway.planning.cramer_rao import (
     DEFAULT_PARAMETERS,
     cramer_rao,
     order_variance,
     waveform_orders,
     waveform_sensitivity,
 )
+from gateway.quantity_catalogue import RING_NUMBERS
+from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, omega_at
 
 OMEGA = omega_at(65.0)
 DENSITY = 5e-3 * STANDARD_GRAVITY_MPS2

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
 from accuracy.chain import Turn, hello_of, take, turns_of
 from accuracy.signals import samples_of, truth_of
@@ -19,7 +18,7 @@ from gateway.estimators.registry import make_estimator
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.quantity_catalogue import RING_NUMBERS
+from gateway.planning.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
 from gateway.reasons import Reason
 from gateway.signal.synchronous_average import RunningAverage
 
@@ -139,9 +138,7 @@ def truths(case: Case) -> dict[str, float]:
 
 def bounds(case: Case) -> dict[str, float]:
     """Return the relative Cramer-Rao bound of one revolution, for the base tire with unknown tread stiffness."""
-    sensitivity = waveform_sensitivity(
-        case.ring, case.load_n, case.pressure_pa, case.omega_radps, parameters=DEFAULT_PARAMETERS, nodes=960
-    )
+    sensitivity = waveform_sensitivity(case.ring, case.load_n, case.pressure_pa, case.omega_radps, nodes=960)
     highest = math.floor(0.5 * case.rate_hz * sensitivity.period_s)
     variance = order_variance(
         sensitivity.period_s,
@@ -149,15 +146,9 @@ def bounds(case: Case) -> dict[str, float]:
         road_rms_mps2=case.road_rms_mps2,
         max_order=min(150, highest),
     )
-    bound = cramer_rao(sensitivity, variance)
-    half = 0.5 * float(sensitivity.edges_rad[1] - sensitivity.edges_rad[0])
-    result = {name: bound.std(name) for name in RING_NUMBERS}
-    result |= {f"{name}/Cw": bound.ratio_std(name, "Cw") for name in ("Bs", "Rs", "Ts")}
-    # b known in place of the load gives it with the error of Cw; thickness goes with the cube root of Bs.
-    result["load_by_width_n"] = result["Cw"]
-    result["wear_mm"] = (RING_THICKNESS_MM - case.wear_mm) / 3.0 * result["Bs"]
-    result["half_angle_rad"] = bound.half_angle_std_rad / half
-    result["speed_mps"] = bound.period_std_s / sensitivity.period_s
+    result = relative_bounds(sensitivity, cramer_rao(sensitivity, variance))
+    # In mm, as it may be 0.
+    result["wear_mm"] *= RING_THICKNESS_MM - case.wear_mm
     return result
 
 

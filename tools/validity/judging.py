@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from accuracy.bound import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.kinematic import CENTRE_STD_RAD
 from gateway.estimators.registry import in_order
 from gateway.pipeline.results import RevolutionResult
+from gateway.planning.cramer_rao import DEFAULT_PARAMETERS, cramer_rao, order_variance, waveform_sensitivity
 from gateway.quantity_catalogue import CATALOGUE, RING_NUMBERS, RING_RATIOS
 from validity.cases import Case
 from validity.runs import Run, Store

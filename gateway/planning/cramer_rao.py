@@ -223,5 +223,21 @@ def cramer_rao(
     )
 
 
+def relative_bounds(sensitivity: WaveformSensitivity, bound: Bound) -> dict[str, float]:
+    """Return the bound of each quantity after one revolution as a share of its value; of wear, of the ring's thickness.
+
+    The radius, and load or width, are known.
+    """
+    half_rad = 0.5 * float(sensitivity.edges_rad[1] - sensitivity.edges_rad[0])
+    result = {name: bound.std(name) for name in RING_NUMBERS}
+    result |= {f"{name}/Cw": bound.ratio_std(name, "Cw") for name in RING_NUMBERS if name != "Cw"}
+    result["half_angle_rad"] = result["contact_length_m"] = bound.half_angle_std_rad / half_rad
+    # b known in place of the load gives it with the error of Cw; thickness goes with the cube root of Bs.
+    result["load_by_width_n"] = result["Cw"]
+    result["wear_mm"] = result["Bs"] / 3.0
+    result["speed_mps"] = bound.period_std_s / sensitivity.period_s
+    return result
+
+
 def _edges(solution: RingSolution) -> FloatArray:
     return np.array([solution.leading_edge_rad, solution.trailing_edge_rad])
