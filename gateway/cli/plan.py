@@ -126,9 +126,10 @@ def plan(
         check_figure(figure_path)
     check_outputs((json_path, figure_path), (sensors_path, Path(scenario)), force=force)
     if sensors_path is None:
-        parts = shipped_accelerometers()
+        listed = shipped_accelerometers()
     else:
-        parts = parse_accelerometers(read_text(sensors_path, "the accelerometers"), str(sensors_path))
+        listed = parse_accelerometers(read_text(sensors_path, "the accelerometers"), str(sensors_path))
+    parts = listed.sensor
     for name in names:
         if not any(part.name.lower().startswith(name.lower()) for part in parts):
             raise ConfigError(
@@ -154,12 +155,12 @@ def plan(
             for speed_kmh in speeds_kmh:
                 planned = plan_sensor(loaded, part, speed_kmh / 3.6, wheels=wheels, seed=seed)
                 plans.append(planned)
-                for line in plan_lines(planned):
+                for line in plan_lines(planned, listed.power):
                     say(line)
         if figure_path is not None:
             write_plan_figure(figure_path, plans, force=force)
             say(f"written: {figure_path}")
-        document, has_result = plan_json(plans), any(planned.usable for planned in plans)
+        document, has_result = plan_json(plans, listed.power), any(planned.usable for planned in plans)
     if json_path is not None:
         write_whole(json_path, document, force=force)
         if not is_stdout(json_path):

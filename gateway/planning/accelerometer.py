@@ -8,6 +8,7 @@ from typing import Final
 from pydantic import Field
 
 from gateway.config.validation import Section, parse_document
+from gateway.planning.link_load import PowerModel
 
 SHIPPED: Final = "accelerometers.toml"
 
@@ -37,17 +38,18 @@ class AccelerometerList(Section):
     """A file of accelerometers."""
 
     sensor: tuple[Accelerometer, ...] = Field(strict=False, min_length=1, description="the accelerometers")
+    power: PowerModel | None = Field(default=None, description="power model of the wheel's electronics")
 
 
-def parse_accelerometers(text: str, origin: str) -> tuple[Accelerometer, ...]:
-    """Return the accelerometers of a TOML document.
+def parse_accelerometers(text: str, origin: str) -> AccelerometerList:
+    """Return the accelerometers of a TOML document, with its power model.
 
     Raises:
         ConfigError: it has faults; the message names every one.
     """
-    return parse_document(AccelerometerList, text, origin).sensor
+    return parse_document(AccelerometerList, text, origin)
 
 
-def shipped_accelerometers() -> tuple[Accelerometer, ...]:
-    """Return the accelerometers of the list that is shipped."""
+def shipped_accelerometers() -> AccelerometerList:
+    """Return the list that is shipped."""
     return parse_accelerometers((files("gateway.planning") / SHIPPED).read_text("utf-8"), SHIPPED)

@@ -6,20 +6,18 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import Any, Final
+from typing import Any
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.planning.accelerometer import Accelerometer
 from gateway.planning.least_sensor import LeastSensor, WorstError
+from gateway.planning.link_load import LinkLoad, PowerModel, link_load
 from gateway.planning.planned_errors import PlannedError, SensorPlan, sampling_rate_hz
 from gateway.views.numbers import finite_or_none, split_name
 from gateway.views.wording import as_json, joined
 
-# One axis in words of the protocol, without its frames.
-_BITS_PER_SAMPLE: Final = 16
 
-
-def plan_lines(plan: SensorPlan) -> Iterator[str]:
+def plan_lines(plan: SensorPlan, power: PowerModel | None = None) -> Iterator[str]:
     """Yield the lines of one sensor at one speed: its state, then scatter and what stays of each quantity."""
     peak_g = plan.peak_mps2 / STANDARD_GRAVITY_MPS2
     state = "usable" if plan.usable else "not usable"
@@ -27,9 +25,10 @@ def plan_lines(plan: SensorPlan) -> Iterator[str]:
     known_rate = not math.isnan(plan.rate_hz)
     rate = "rate unknown"
     if known_rate:
-        kbps = plan.rate_hz * _BITS_PER_SAMPLE * 1e-3
-        rate = f"{plan.rate_hz:.0f} Hz, {plan.contact_samples:.0f} samples in the contact, {kbps:.0f} kbit/s of samples"
+        rate = f"{plan.rate_hz:.0f} Hz, {plan.contact_samples:.0f} samples in the contact"
     yield f"  peak {peak_g:.0f} g of {plan.sensor.range_g:g} g; {rate}"
+    if known_rate:
+        yield f"  {_load_line(link_load(plan.rate_hz, plan.sensor.current_ma, power), power)}"
     if plan.reasons:
         yield f"  {joined(plan.reasons)}"
     if not plan.errors:
@@ -47,9 +46,24 @@ def plan_lines(plan: SensorPlan) -> Iterator[str]:
         yield f"  {name:<18}{last.truth:12.4g}{scatters}{bound}{last.stays:12.3g}{last.stated:12.3g}"
 
 
-def plan_json(plans: Sequence[SensorPlan]) -> str:
+def _load_line(load: LinkLoad, power: PowerModel | None) -> str:
+    parts = [f"{load.data_kbps:.0f} kbit/s"]
+    if power is not None and load.radio_share > 1.0:
+        parts.append(f"more than the {power.radio_kbps:g} kbit/s of the radio")
+    elif power is not None:
+        parts.append(f"radio on {100.0 * load.radio_share:.0f} % of the time")
+        known = math.isfinite(load.battery_h)
+        parts.append(
+            f"{load.battery_h:.3g} h from {power.battery_mah:g} mAh"
+            if known
+            else "battery: the sensor's current is unknown"
+        )
+    return ", ".join(parts)
+
+
+def plan_json(plans: Sequence[SensorPlan], power: PowerModel | None = None) -> str:
     """Return plans as a JSON document; what is not known is null."""
-    return json.dumps([_as_json(plan) for plan in plans], indent=2, allow_nan=False) + "\n"
+    return json.dumps([_as_json(plan, power) for plan in plans], indent=2, allow_nan=False) + "\n"
 
 
 def least_line(least: LeastSensor) -> str:
@@ -87,13 +101,14 @@ def least_json(leasts: Sequence[LeastSensor]) -> str:
     return json.dumps(rows, indent=2, allow_nan=False) + "\n"
 
 
-def _as_json(plan: SensorPlan) -> dict[str, Any]:
+def _as_json(plan: SensorPlan, power: PowerModel | None) -> dict[str, Any]:
     return {
         "sensor": plan.sensor.model_dump(mode="json"),
         "speed_mps": plan.speed_mps,
         "rate_hz": finite_or_none(plan.rate_hz),
         "peak_mps2": plan.peak_mps2,
         "contact_samples": finite_or_none(plan.contact_samples),
+        **_finite_values(link_load(plan.rate_hz, plan.sensor.current_ma, power)._asdict()),
         "usable": plan.usable,
         "reasons": [as_json(reason) for reason in plan.reasons],
         "errors": [_finite_values(asdict(error)) for error in plan.errors],

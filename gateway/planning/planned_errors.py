@@ -24,6 +24,7 @@ from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.planning.accelerometer import Accelerometer
 from gateway.planning.cramer_rao import cramer_rao, order_variance, relative_bounds, waveform_sensitivity
+from gateway.planning.link_load import BLOCK_SAMPLES
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.reasons import Code, Reason
 from gateway.simulator.disturbances import REFERENCE_MPS
@@ -40,7 +41,6 @@ from gateway.simulator.wheel_plan import WheelPlan, wheel_plans
 AFTER: Final = (1, 10, 100)
 """Revolutions after which the errors are given."""
 ESTIMATORS: Final = ("kinematic", "weak-form", "wear", "load")
-_BLOCK: Final = 36
 # The pipeline needs the contacts before and after a revolution, and its first ones may be left out.
 _SPARE_REVOLUTIONS: Final = 6
 # An analog part is sampled so that its band lies within 0.4 of the rate.
@@ -267,11 +267,11 @@ def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[Rev
     reading = Environment(wheel.plan.pressure_pa.at(0.0), wheel.plan.temperature_degc.at(0.0), None)
     counts = wheel.advance(seconds).counts
     results: list[RevolutionResult] = []
-    second = max(1, round(rate_hz) // _BLOCK) * _BLOCK
-    for first in range(0, len(counts) // _BLOCK * _BLOCK, second):
+    second = max(1, round(rate_hz) // BLOCK_SAMPLES) * BLOCK_SAMPLES
+    for first in range(0, len(counts) // BLOCK_SAMPLES * BLOCK_SAMPLES, second):
         part = counts[first : first + second]
-        part = part[: len(part) // _BLOCK * _BLOCK]
-        ticks = [round((first + start) * 1e6 / rate_hz) for start in range(0, len(part), _BLOCK)]
+        part = part[: len(part) // BLOCK_SAMPLES * BLOCK_SAMPLES]
+        ticks = [round((first + start) * 1e6 / rate_hz) for start in range(0, len(part), BLOCK_SAMPLES)]
         pipeline.environment(ticks[0], reading)
         results += pipeline.samples(first, ticks, wheel.chain.axes, part, host)
     return results + pipeline.finish(host)

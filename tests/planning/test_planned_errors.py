@@ -6,13 +6,18 @@ import json
 import math
 from functools import cache
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from firmware_protocol.codec import encode_frame
+from firmware_protocol.messages import Frame, MessageType, SampleBlock
 from gateway.cli.plan import plan
 from gateway.errors import ConfigError, OutputError
 from gateway.planning.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
+from gateway.planning.link_load import BLOCK_SAMPLES, PowerModel, link_load
 from gateway.planning.plan_figure import fastest_mps, write_plan_figure
+from gateway.planning.plan_report import plan_json, plan_lines
 from gateway.planning.planned_errors import SensorPlan, plan_sensor
 from gateway.reasons import Code
 from gateway.simulator.scenario import load_scenario
@@ -80,7 +85,7 @@ def test_doubts_leave_the_sensor_usable(changed, code):
 
 
 def test_shipped_list_has_sources_and_no_guessed_noise():
-    parts = shipped_accelerometers()
+    parts = shipped_accelerometers().sensor
     assert len(parts) >= 12
     assert all(part.source for part in parts)
     assert len({part.name for part in parts}) == len(parts)
@@ -134,3 +139,34 @@ def test_figure_has_each_sensor_and_quantity(tmp_path):
 def test_figure_of_no_format_is_refused_before_the_work(tmp_path):
     with pytest.raises(OutputError, match="names no format"):
         write_plan_figure(tmp_path / "plan.txt", [])
+
+
+POWER = PowerModel(radio_kbps=700.0, radio_ma=6.0, controller_ma=1.0, battery_mah=210.0)
+
+
+def test_link_carries_the_frames_of_the_wire():
+    counts = np.zeros((BLOCK_SAMPLES, 1), np.int16)
+    frame = encode_frame(Frame(MessageType.SAMPLES, 0, 0, 0, 0, SampleBlock(0, 0b100, counts)))
+    assert link_load(3600.0, None, None).data_kbps == pytest.approx(8e-3 * len(frame) * 3600.0 / BLOCK_SAMPLES)
+
+
+def test_battery_lasts_by_the_currents_and_the_radio_share():
+    load = link_load(3600.0, 0.5, POWER)
+    assert load.radio_share == pytest.approx(load.data_kbps / 700.0)
+    assert load.battery_h == pytest.approx(210.0 / (1.5 + 6.0 * load.radio_share))
+    assert math.isnan(link_load(3600.0, None, POWER).battery_h)
+    overloaded = link_load(50_000.0, 0.5, POWER)
+    assert overloaded.radio_share > 1.0
+    assert math.isnan(overloaded.battery_h)
+
+
+def test_lines_say_what_the_link_and_the_battery_do():
+    sensor = QUIET.model_copy(update={"noise_mg_rthz": None})
+    text = "\n".join(plan_lines(planned(sensor), POWER))
+    assert "87 kbit/s, radio on 12 % of the time, battery: the sensor's current is unknown" in text
+    slow = POWER.model_copy(update={"radio_kbps": 50.0})
+    assert "more than the 50 kbit/s of the radio" in "\n".join(plan_lines(planned(sensor), slow))
+    fed = planned(sensor.model_copy(update={"current_ma": 0.5}))
+    assert "93.5 h from 210 mAh" in "\n".join(plan_lines(fed, POWER))
+    (row,) = json.loads(plan_json([fed], POWER))
+    assert row["battery_h"] == pytest.approx(93.5, abs=0.1)
