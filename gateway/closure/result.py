@@ -177,6 +177,7 @@ class Unexplained:
         speeds: (with it, recorded) number of speeds of a "time" residual that keeps its frequency over several.
         other_axes: (axis, rms) of the other axes that show a "time" residual.
         largest_in: label of the group where a non-stationary one changes most.
+        timing_s: rms error of the sampling times that makes the scatter of a "place", NaN where another cause does.
         drifts: what changes in each group, of a non-stationary one that the drift of one quantity explains.
     """
 
@@ -196,6 +197,7 @@ class Unexplained:
     speeds: tuple[int, int] | None = None
     other_axes: tuple[tuple[str, float], ...] = ()
     largest_in: str = ""
+    timing_s: float = math.nan
     drifts: tuple[Drift, ...] = ()
 
 

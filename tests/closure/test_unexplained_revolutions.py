@@ -209,3 +209,37 @@ def test_report_says_what_single_turns_show(lock: str, words: str) -> None:
     assert words in residual_remarks(entry)[0]
     assert "circumferential" in residual_sentence(entry)
     assert place_text(entry)
+
+
+def contact(axis: int, times_s: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return a wheel's waveform with two steep edges, read late by times, (..., GRID) on one axis."""
+    late = THETA + 60.0 / 3.6 / 0.32 * np.asarray(times_s)
+    edges = np.tanh((late + 0.25) / 0.04) - np.tanh((late - 0.25) / 0.04)
+    return np.asarray((900.0, 0.0, 1500.0)[axis] * (1.0 - 0.5 * edges))
+
+
+def steep(scatter: np.ndarray, **others: float) -> Group:
+    """Return a group with that waveform and scatter."""
+    made = group(scatter, **others)
+    waves = np.fft.rfft(np.roll([contact(axis) for axis in range(3)], GRID // 2, axis=-1)) * 2.0 / GRID
+    mean = waves[:, :ORDERS].copy()
+    mean[:, 0] *= 0.5
+    return replace(made, blocks=(replace(made.blocks[0], orders_mps2=mean),))
+
+
+def test_timing_noise_is_told_by_the_slope_of_the_waveform() -> None:
+    times_s = 12e-6 * np.random.default_rng(4).standard_normal((COUNT, GRID))
+    late = np.stack([contact(axis, times_s) - contact(axis) for axis in range(3)], axis=1)
+    found = unexplained_revolutions([steep(late)])
+    assert len(found) == 2
+    for one in found:
+        assert one.timing_s == pytest.approx(12e-6, rel=0.15)
+        assert residual_remarks(one)[0].startswith("timing noise of 1")
+
+
+@pytest.mark.parametrize(("at_rad", "axes"), [(-0.25, (0, 2)), (1.2, (0, 1, 2)), (-0.25, (1,))])
+def test_rubbing_is_no_timing_noise(at_rad: float, axes: tuple[int, ...]) -> None:
+    """Not at a steep edge either, while the other edge or another axis is quiet."""
+    (found, *_) = unexplained_revolutions([steep(burst(at_rad, 3.0, axes=axes))])
+    assert math.isnan(found.timing_s)
+    assert "rubs" in residual_remarks(found)[0]

@@ -28,6 +28,8 @@ _MOST: Final = 4
 _BESIDE: Final = 1
 # Independent values in the mean square of successive differences, per value: each is part of two of them.
 _SUCCESSIVE: Final = 2.0 / 3.0
+# Angles of a cell at which a waveform's rate is worked out.
+_FINER: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,7 +210,44 @@ def _entry(
         float(std[largest, axis]),
         other_axes=others,
         largest_in=groups[largest].label,
+        timing_s=_timing_s(groups[largest], profiles, largest, part, mirrored[largest]) if lock == PLACE else math.nan,
     )
+
+
+def _timing_s(group: Group, profiles: _Profiles, number: int, cells: IntArray, mirrored: bool) -> float:
+    """Return the timing noise that makes the scatter of a place, rms; NaN where another cause does.
+
+    Samples that come late by tau read tau times the waveform's rate, so that tau^2 is the power over the square of the
+    rate at every angle and on every axis. It is fitted to all of them: what scatters at one steep place and not at the
+    others is no timing noise.
+
+    Args:
+        group: with the place.
+        profiles: of all groups.
+        number: of the group.
+        cells: of the place.
+        mirrored: whether the group's angles are mirrored in the profiles.
+    """
+    count = profiles.power.shape[-1]
+    weight = np.array([block.count for block in group.blocks], dtype=np.float64)
+    mean = np.tensordot(weight / weight.sum(), np.nan_to_num([block.orders_mps2 for block in group.blocks]), axes=1)
+    angles = _angles(_FINER * count).reshape(count, _FINER)
+    orders = np.arange(mean.shape[-1])
+    slope = np.einsum("an,ncf->acf", 1j * orders * mean, np.exp(1j * orders[:, None, None] * angles)).real
+    square = np.square(group.conditions.omega_radps * slope).mean(axis=-1)
+    if mirrored:
+        square = square[:, ::-1]
+    measured = (profiles.freedom[number] > 0.0)[:, None] & (profiles.std[number] > 0.0)
+    precision = np.where(measured, 1.0 / np.square(np.where(measured, profiles.std[number], 1.0)), 0.0)
+    power = profiles.power[number]
+    below = float((precision * np.square(square)).sum())
+    tau_square = float((precision * square * power).sum()) / below if below > 0.0 else 0.0
+    if not tau_square > 0.0:
+        return math.nan
+    here = measured[:, cells]
+    rest = float(np.abs((power - tau_square * square)[:, cells][here]).sum())
+    is_timing = rest < criteria.EDGE_SHAPE * float(np.abs(power[:, cells][here]).sum())
+    return math.sqrt(tau_square) if is_timing else math.nan
 
 
 def _angles(count: int) -> FloatArray:

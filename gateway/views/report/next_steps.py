@@ -117,7 +117,7 @@ def _of_residual(residual: Unexplained, half_angle_rad: float) -> str:
     """Return what would tell more about a residual, by its own features."""
     if residual.changes:
         return "record one state at a time: load, slip angle, camber, pressure and temperature as steady as possible"
-    if residual.lock == "samples":
+    if residual.lock == "samples" or math.isfinite(residual.timing_s):
         return "repair or replace sensor, hub or link"
     if residual.lock == "turns":
         return "look for what comes every second turn: a belt, a chain or a part that two turns bring back"

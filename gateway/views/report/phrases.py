@@ -46,8 +46,7 @@ SCALINGS: Final = {
 NON_STATIONARY: Final = "changes during the recording"
 
 SINGLE_TURNS: Final = {
-    "place": "at one angle with another waveform each turn: for example a part that rubs, rattles or slips there, or "
-    "timing noise where the waveform is steep",
+    "place": "at one angle with another waveform each turn: for example a part that rubs, rattles or slips there",
     "turns": "differs between odd and even turns",
     "samples": "error by samples that repeat the one before on every axis: a data fault of sensor, hub or link",
 }
@@ -160,7 +159,7 @@ def residual_remarks(residual: Unexplained) -> list[str]:
             if residual.other_axes
             else []
         )
-        return [SINGLE_TURNS[residual.lock], *also, f"most in {residual.largest_in}"]
+        return [single_turns(residual), *also, f"most in {residual.largest_in}"]
     if residual.lock != "time":
         return []
     parts = []
@@ -175,6 +174,16 @@ def residual_remarks(residual: Unexplained) -> list[str]:
         seen, there = residual.speeds
         parts.append(f"at the same frequency at {'every speed' if seen == there else f'{seen} of {there} speeds'}")
     return [*parts, *_other_axes(residual)]
+
+
+def single_turns(residual: Unexplained) -> str:
+    """Return what a residual of single turns is like: at a place with its scatter, the timing noise that makes it."""
+    if math.isfinite(residual.timing_s):
+        return (
+            f"timing noise of {1e6 * residual.timing_s:.2g} us: on every axis and at every angle the scatter goes with "
+            "the slope of the waveform"
+        )
+    return SINGLE_TURNS[residual.lock]
 
 
 def drift_texts(residual: Unexplained) -> list[str]:
@@ -217,7 +226,7 @@ def residual_sentence(residual: Unexplained) -> str:
     if residual.lock in SINGLE_TURNS:
         also = "".join(f", {value:.2g} m/s^2 {axis}" for axis, value in residual.other_axes)
         return (
-            f"{residual.axis} axis, {place_text(residual)}: {size} over the turn{also}; {SINGLE_TURNS[residual.lock]}; "
+            f"{residual.axis} axis, {place_text(residual)}: {size} over the turn{also}; {single_turns(residual)}; "
             f"most in {residual.largest_in}; scaling: {scaling_text(residual.scaling)}"
         )
     if residual.lock != "time":

@@ -27,6 +27,7 @@ from gateway.views.report.phrases import (
     place_text,
     reason_text,
     remark,
+    single_turns,
     undecided_sets,
     undetermined,
     why_undetermined,
@@ -164,7 +165,7 @@ class _Lines:
             text = f"{clean(residual.axis)}, {place_text(residual)}"
             yield self._row("unexplained" if index == 0 else "", text, size)
             if residual.lock in SINGLE_TURNS:
-                yield from self._rows("", SINGLE_TURNS[residual.lock])
+                yield from self._rows("", single_turns(residual))
             elif residual.drifts:
                 first, *others = drift_texts(residual)
                 yield from self._rows("", f"{first} (+{len(others)})" if others else first)
