@@ -48,7 +48,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires."),
     "plan": ("gateway.cli.plan:plan", "Say what a sensor will be able to measure before it is bought."),
-    "figures": ("gateway.cli.figures:figures", "Draw the figures of the papers from simulated tires."),
+    "figures": ("gateway.cli.figures:figures", "Draw the papers' figures from simulated tires or measurements."),
     "scan": ("gateway.cli.scan:scan", "List hubs in range and serial ports."),
     "command": ("gateway.cli.command:command", "Send a command to a hub and print its reply."),
     "keys": ("gateway.cli.keys:keys", "Manage sensor signing keys."),

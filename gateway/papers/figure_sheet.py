@@ -29,6 +29,7 @@ def draw_figures(
     suffix: str,
     write: Callable[[Path, bytes], None],
     force: bool = False,
+    is_measured: bool = False,
     on_figure: Callable[[str, str], None] = lambda _name, _caption: None,
 ) -> list[Path]:
     """Draw figures into the folder `out`, with an index page of captions; return the files written.
@@ -39,6 +40,7 @@ def draw_figures(
         suffix: one of FORMATS.
         write: writes a whole file.
         force: whether existing files may be replaced.
+        is_measured: whether they are of measurements, not of simulated tires.
         on_figure: called with name and caption after each figure.
 
     Raises:
@@ -46,7 +48,7 @@ def draw_figures(
     """
     matplotlib, make_figure = _matplotlib()
     files = [out / f"{name}.{suffix}" for name in figures]
-    _make_room(out, [*files, out / INDEX], force=force)
+    make_room(out, [*files, out / INDEX], force=force)
     captions: dict[str, str] = {}
     with matplotlib.rc_context(_style()):
         for (name, draw), file in zip(figures.items(), files, strict=True):
@@ -59,7 +61,7 @@ def draw_figures(
             figure.savefig(drawn, format=suffix, metadata={"Date": None} if suffix == "svg" else None)
             write(file, drawn.getvalue())
             on_figure(name, captions[name])
-    write(out / INDEX, _index(figures, captions, suffix).encode())
+    write(out / INDEX, _index(figures, captions, suffix, is_measured=is_measured).encode())
     return [*files, out / INDEX]
 
 
@@ -94,7 +96,12 @@ def _style() -> dict[str, object]:
     }
 
 
-def _make_room(out: Path, files: list[Path], *, force: bool) -> None:
+def make_room(out: Path, files: list[Path], *, force: bool) -> None:
+    """Create the folder of files that are to be written.
+
+    Raises:
+        OutputError: it cannot be created, or a file exists and `force` is not set.
+    """
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -104,7 +111,9 @@ def _make_room(out: Path, files: list[Path], *, force: bool) -> None:
         raise OutputError(f"'{existing[0]}' already exists", "Choose another folder, or replace it with --force.")
 
 
-def _index(figures: Mapping[str, Callable[[Figure], str]], captions: Mapping[str, str], suffix: str) -> str:
+def _index(
+    figures: Mapping[str, Callable[[Figure], str]], captions: Mapping[str, str], suffix: str, *, is_measured: bool
+) -> str:
     """Return the HTML page that shows the figures with their captions."""
     parts = [
         "<!doctype html>",
@@ -112,8 +121,10 @@ def _index(figures: Mapping[str, Callable[[Figure], str]], captions: Mapping[str
         "<style>body{font:16px/1.5 sans-serif;max-width:46rem;margin:2rem auto;padding:0 1rem}"
         "img{width:100%}figure{margin:2.5rem 0}</style></head><body>",
         "<h1>Figures of the papers, redrawn</h1>",
-        "<p>Drawn from simulated tires and the estimators of treadlink. Each caption reports what is reproduced and "
-        "what is not.</p>",
+        "<p>Drawn from measurements by the estimators of treadlink.</p>"
+        if is_measured
+        else "<p>Drawn from simulated tires and the estimators of treadlink. Each caption reports what is reproduced "
+        "and what is not.</p>",
     ]
     for name, draw in figures.items():
         parts.append(

@@ -99,7 +99,7 @@ def _fig_9(figure: Figure) -> str:
     model.plot(_ORDERS, -fitted, color="#D55E00", label="fitted")
     model.plot(_ORDERS, -true, ":", color="black", label="true numbers")
     model.set(xlabel="mode number n", ylabel="modal tire model -An p0", yscale="log")
-    measured, by_fit = measured_orders(tire), fitted_orders(tire)
+    measured, by_fit = measured_orders(tire.average), fitted_orders(tire)
     signal.plot(_ORDERS, 1e3 * measured, ":", color="black", label="sensor")
     signal.plot(_ORDERS, 1e3 * by_fit, color="#D55E00", label="Eq. 27, fitted")
     signal.set(xlabel="mode number n", ylabel="cosine coefficient of s / Ω², mm")

@@ -103,11 +103,11 @@ def new_tire() -> Condition:
     return condition(0.0, TABLE_3_PRESSURE_PA, TABLE_3_LOAD_N)
 
 
-def measured_orders(tire: Condition) -> FloatArray:
+def measured_orders(average: AngleAverage) -> FloatArray:
     """Return the cosine coefficients of s / Omega^2 about the contact centre, orders 1 to 60, m."""
-    centre = 0.5 * (tire.average.trailing_edge_rad + tire.average.leading_edge_rad)
-    turned = tire.average.orders_mps2[1:] * np.exp(1j * np.arange(1, ORDER_COUNT) * centre)
-    result: FloatArray = turned.real / OMEGA_RADPS**2
+    centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
+    turned = average.orders_mps2[1:] * np.exp(1j * np.arange(1, ORDER_COUNT) * centre)
+    result: FloatArray = turned.real / average.omega_radps**2
     return result
 
 
@@ -132,7 +132,7 @@ def _averaged(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
     running = RunningAverage(horizon_revolutions=REVOLUTIONS)
     for index in range(REVOLUTIONS):
         revolution = _revolution(index, clean + noise * rng.standard_normal(GRID_SIZE))
-        average = _update(running, revolution)
+        average = extended(running, revolution)
     return revolution, average
 
 
@@ -149,14 +149,15 @@ def clean_wave(ring: RingSolution) -> FloatArray:
 def quiet_average(ring: RingSolution) -> tuple[Revolution, AngleAverage]:
     """Return one revolution without noise and the average of it alone."""
     revolution = _revolution(0, clean_wave(ring))
-    return revolution, _update(RunningAverage(), revolution)
+    return revolution, extended(RunningAverage(), revolution)
 
 
-def _update(running: RunningAverage, revolution: Revolution) -> AngleAverage:
+def extended(running: RunningAverage, revolution: Revolution) -> AngleAverage:
+    """Return a running average after one more revolution."""
     return running.update(
         revolution.radial_mps2,
         revolution.orders_mps2,
-        OMEGA_RADPS,
+        revolution.omega_radps,
         edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
         edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
         noise_mps2=revolution.noise_mps2,

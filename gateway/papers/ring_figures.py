@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 _ORDERS: Final = np.arange(1, 61)
 # Style of truth and estimators in all figures; the colours are safe for colour-blind readers.
-_STYLES: Final[dict[str, dict[str, Any]]] = {
+STYLES: Final[dict[str, dict[str, Any]]] = {
     "truth": {"marker": "_", "color": "black", "markersize": 13, "markeredgewidth": 1.6, "label": "true"},
     "ring-paper": {"marker": "o", "color": "#D55E00", "markersize": 5.5, "label": "ring-paper (Eq. 28)"},
     "weak-form": {"marker": "^", "color": "#0072B2", "markersize": 5.5, "label": "weak form"},
@@ -70,13 +70,9 @@ def _fig_11(figure: Figure) -> str:
     """Standing-wave amplitudes of the radial acceleration: signal and fitted linear ring."""
     axes = figure.subplots()
     tire = new_tire()
-    measured, fitted = measured_orders(tire), fitted_orders(tire)
-    axes.plot(_ORDERS, 1e3 * measured, "o:", color="black", markersize=3.5, label="simulated sensor")
-    axes.plot(_ORDERS, 1e3 * fitted, color="#D55E00", label="Eq. 27 with the fitted numbers")
-    axes.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
-    axes.set(xlim=(0, 60), xlabel="standing-wave mode number n", ylabel="cosine coefficient of s / Ω², mm")
-    axes.legend()
-    misfit = _relative_residual(measured, fitted)
+    measured, fitted = measured_orders(tire.average), fitted_orders(tire)
+    draw_orders(axes, measured, fitted, "simulated sensor")
+    misfit = relative_residual(measured, fitted)
     ratios = tire.estimates["ring-paper"] / tire.truth
     return (
         f"Reproduced: Eq. 27 fits the orders of an exact ring (5000 N, 2.1 bar, new) with a residual of {misfit:.0%}, "
@@ -86,22 +82,22 @@ def _fig_11(figure: Figure) -> str:
     )
 
 
+def draw_orders(axes: Axes, measured_m: FloatArray, fitted_m: FloatArray, label: str) -> None:
+    """Draw the orders of a sensor, and of Eq. 27 with fitted numbers, Fig. 11."""
+    axes.plot(_ORDERS, 1e3 * measured_m, "o:", color="black", markersize=3.5, label=label)
+    axes.plot(_ORDERS, 1e3 * fitted_m, color="#D55E00", label="Eq. 27 with the fitted numbers")
+    axes.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
+    axes.set(xlim=(0, 60), xlabel="standing-wave mode number n", ylabel="cosine coefficient of s / Ω², mm")
+    axes.legend()
+
+
 def _fig_12(figure: Figure) -> str:
     """Radial acceleration over a revolution: signal and fitted linear ring."""
-    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     tire = new_tire()
-    theta = angle_grid()
-    measured = tire.average.radial_mps2
-    # Eq. 27 has no order 0; its baseline is R Omega^2, like that of the signal.
-    fitted = signal_waveform(theta, OMEGA_RADPS, RADIUS_M, fitted_orders(tire))
-    error = fitted - measured
-    upper.plot(np.degrees(theta), measured, color="black", label=f"simulated sensor, {REVOLUTIONS} revolutions")
-    upper.plot(np.degrees(theta), fitted, "--", color="#D55E00", label="Eq. 27 with the fitted numbers")
-    upper.set(ylabel="radial acceleration\n(inward), m/s²")
-    upper.legend(loc="center left")
-    lower.plot(np.degrees(theta), error, color="#D55E00")
-    lower.set(xlim=(-180, 180), xlabel="angle from contact centre, °", ylabel="Eq. 27 less\nsensor, m/s²")
-    lower.set_xticks(range(-180, 181, 60))
+    theta, measured = angle_grid(), tire.average.radial_mps2
+    error = draw_waveform(
+        figure, measured, OMEGA_RADPS, RADIUS_M, fitted_orders(tire), f"simulated sensor, {REVOLUTIONS} revolutions"
+    )
     inside = np.abs(theta) < tire.half_angle_rad
     return (
         f"Reproduced: the four numbers of Eq. 28 give the waveform within {np.sqrt(np.mean(error**2)):.0f} m/s² rms of "
@@ -109,6 +105,25 @@ def _fig_12(figure: Figure) -> str:
         f"contact and at its edges (rms {np.sqrt(np.mean(error[inside] ** 2)):.0f} m/s² inside, "
         f"{np.sqrt(np.mean(error[~inside] ** 2)):.0f} outside), because the pressure is not uniform as in Eq. 22."
     )
+
+
+def draw_waveform(
+    figure: Figure, measured_mps2: FloatArray, omega_radps: float, radius_m: float, fitted_m: FloatArray, label: str
+) -> FloatArray:
+    """Draw a sensor and Eq. 27 with fitted numbers over a revolution, Fig. 12; return Eq. 27 less sensor, m/s^2."""
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    theta = angle_grid()
+    # Eq. 27 has no order 0; its baseline is R Omega^2, like that of the signal.
+    fitted = signal_waveform(theta, omega_radps, radius_m, fitted_m)
+    error: FloatArray = fitted - measured_mps2
+    upper.plot(np.degrees(theta), measured_mps2, color="black", label=label)
+    upper.plot(np.degrees(theta), fitted, "--", color="#D55E00", label="Eq. 27 with the fitted numbers")
+    upper.set(ylabel="radial acceleration\n(inward), m/s²")
+    upper.legend(loc="center left")
+    lower.plot(np.degrees(theta), error, color="#D55E00")
+    lower.set(xlim=(-180, 180), xlabel="angle from contact centre, °", ylabel="Eq. 27 less\nsensor, m/s²")
+    lower.set_xticks(range(-180, 181, 60))
+    return error
 
 
 def _fig_13(figure: Figure) -> str:
@@ -145,7 +160,9 @@ def _fig_14(figure: Figure) -> str:
         axes.set(xlabel="pressure number Pn = Q / (2 p0 θr R²)", ylim=(0, None))
     left_axes.set_ylabel("contact width number Cw")
     left_axes.legend(fontsize=8.0)
-    paper, weak = (_trend(numbers, [tire.estimates[name][1] for tire in grid]) for name in ("ring-paper", "weak-form"))
+    paper, weak = (
+        linear_trend(numbers, [tire.estimates[name][1] for tire in grid]) for name in ("ring-paper", "weak-form")
+    )
     return (
         "Not reproduced by a tire of constant width (left): the weak form estimates b as constant (slope "
         f"{weak[0]:+.3f}), and with Eq. 28 Cw falls with Pn (slope {paper[0]:+.2f}, r {paper[1]:+.2f}); in the paper "
@@ -176,8 +193,8 @@ def _against_angle(figure: Figure, number: str, label: str, in_paper: str) -> st
         axes.set(xlabel="contact half angle, °", ylim=(0, None))
     left_axes.set_ylabel(label)
     left_axes.legend(fontsize=8.0)
-    truth = _trend(angles, [tire.truth[index] for tire in grid])
-    paper = _trend(angles, [tire.estimates["ring-paper"][index] for tire in grid])
+    truth = linear_trend(angles, [tire.truth[index] for tire in grid])
+    paper = linear_trend(angles, [tire.estimates["ring-paper"][index] for tire in grid])
     error = np.array([tire.estimates["weak-form"][index] / tire.truth[index] - 1.0 for tire in grid])
     direction = "rises" if paper[0] > 0.0 else "falls"
     verdict = (
@@ -211,7 +228,7 @@ def _draw_readings(axes: Axes, number: str) -> Trend:
         ("ring-paper", [reading.numbers[index] for reading in series]),
         ("weak-form", [reading.weak_form[index] for reading in series]),
     ):
-        axes.plot(places, values, linestyle="none", alpha=0.85, **_STYLES[name])
+        axes.plot(places, values, linestyle="none", alpha=0.85, **STYLES[name])
     return trend(number, series)
 
 
@@ -235,7 +252,7 @@ def _trends(figure: Figure) -> str:
         by_eq_28 = [trend(number, tire_readings) for tire_readings in series]
         weak = [trend(number, tire_readings, weak_form=True) for tire_readings in series]
         for name, values in (("ring-paper", by_eq_28), ("weak-form", weak)):
-            axes.plot([line.exponent for line in values], places, linestyle="none", **_STYLES[name])
+            axes.plot([line.exponent for line in values], places, linestyle="none", **STYLES[name])
         axes.axvline(0.0, color="0.4", linewidth=0.8)
         low, high = axes.get_xlim()
         low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
@@ -271,7 +288,7 @@ def _draw(
 ) -> None:
     """Draw truth and estimates; `spread` is the horizontal distance between estimators."""
     index = RING_NUMBERS.index(number)
-    for shift, (name, style) in zip((0.0, -spread, spread), _STYLES.items(), strict=True):
+    for shift, (name, style) in zip((0.0, -spread, spread), STYLES.items(), strict=True):
         values = [scale * (tire.truth if name == "truth" else tire.estimates[name])[index] for tire in grid]
         axes.plot(np.array(places) + shift, values, linestyle="none", alpha=0.85, **style)
 
@@ -280,11 +297,12 @@ def _pressure_number(tire: Condition) -> float:
     return pressure_number(tire.ring.load_n, tire.ring.pressure_pa, RADIUS_M, tire.half_angle_rad)
 
 
-def _relative_residual(data: FloatArray, model: FloatArray) -> float:
+def relative_residual(data: FloatArray, model: FloatArray) -> float:
+    """Return the root mean square of data less model over that of the data."""
     return float(np.linalg.norm(data - model) / np.linalg.norm(data))
 
 
-def _trend(x: list[float], y: list[float]) -> tuple[float, float]:
+def linear_trend(x: list[float], y: list[float]) -> tuple[float, float]:
     """Return slope and correlation."""
     slope = float(np.polyfit(x, y, 1)[0])
     spread = float(np.std(y))

@@ -1,0 +1,131 @@
+"""`treadlink figures --from` and `--grid`: the papers' figures of recordings and datasets."""
+
+from __future__ import annotations
+
+import csv
+import importlib.util
+import math
+
+import pytest
+from click.testing import CliRunner
+
+from gateway.cli import treadlink
+from gateway.cli.figure_sources import FigureSource, measured_tires, read_grid
+from gateway.errors import ConfigError, RecordingError
+from gateway.papers.measured_figures import measured_figures
+from gateway.quantity_catalogue import RING_NUMBERS
+from tests.testkit.campaign_recordings import write_recording
+
+pytestmark = pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")
+
+LOADS_N = (3000.0, 5000.0)
+WAVEFORMS = ("ring-fig-7", "ring-fig-11", "ring-fig-12", "ply-steer-fig-13")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("grid")
+    lines = ["recording, wheel, load_n, wear_mm, speed_kmh"]
+    for index, load_n in enumerate(LOADS_N):
+        keys = f"load_n = {load_n}\npressure_kpa = {210 + 20 * index}"
+        path = write_recording(folder / f"{index}.mcap", "[motion]\nspeed_kmh = 65.0", wheels=(keys,), duration_s=4.0)
+        lines.append(f"{path.name}, W0, {load_n}, {3 * index}, {65 + 20 * index}")
+    (folder / "grid.csv").write_text("\n".join(lines) + "\n")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def tires(folder):
+    return measured_tires(read_grid(folder / "grid.csv"), None, lambda _: None)
+
+
+def test_conditions_are_those_of_table_and_recording(tires):
+    assert [tire.load_n for tire in tires] == list(LOADS_N)
+    assert [tire.wear_mm for tire in tires] == [0.0, 3.0]
+    assert [tire.pressure_pa for tire in tires] == pytest.approx([210e3, 230e3], rel=0.02)
+    assert [tire.speed_kmh for tire in tires] == pytest.approx([65.0, 65.0], rel=0.01)
+
+
+def test_weak_form_of_the_average_agrees_with_that_of_the_revolutions(folder, tires, tmp_path):
+    out = tmp_path / "rows.csv"
+    assert CliRunner().invoke(treadlink, ["estimate", str(folder / "1.mcap"), "--csv", str(out)]).exit_code == 0
+    last = list(csv.DictReader(out.open()))[-1]
+    values, stds = tires[1].numbers["weak-form"]
+    for name, value, std in zip(RING_NUMBERS, values, stds, strict=True):
+        assert value == pytest.approx(float(last[name]), abs=2.0 * std), name
+        assert 0.0 < std < abs(value)
+
+
+def test_stated_load_scales_what_rests_on_it(folder, tires):
+    """Eq. 28 has the load as a factor of the force, which divides every number."""
+    source = FigureSource(folder / "1.mcap")
+    (recorded,) = measured_tires([source], None, lambda _: None)
+    assert recorded.load_n == pytest.approx(LOADS_N[1])
+    assert recorded.numbers["ring-paper"][0] == pytest.approx(tires[1].numbers["ring-paper"][0])
+    assert math.isnan(recorded.wear_mm)
+
+
+def test_command_draws_tabulates_and_warns_of_another_speed(folder, tmp_path):
+    out = tmp_path / "out"
+    result = CliRunner().invoke(treadlink, ["figures", "--grid", str(folder / "grid.csv"), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    rows = list(csv.DictReader((out / "conditions.csv").open()))
+    assert [float(row["load_n"]) for row in rows] == list(LOADS_N)
+    assert all(float(row["weak-form_Bs_std"]) > 0.0 for row in rows)
+    assert len(list(out.glob("*.svg"))) == 10
+    assert "the table states 85.0 km/h" in result.output
+    assert "Drawn from measurements" in (out / "index.html").read_text(encoding="utf-8")
+    again = CliRunner().invoke(treadlink, ["figures", "--grid", str(folder / "grid.csv"), "--out", str(out)])
+    assert "already exists" in str(again.exception)
+
+
+def test_one_condition_has_no_trends(tires):
+    figures, missing = measured_figures(tires[:1])
+    assert set(figures) == set(WAVEFORMS)
+    assert missing["ring-fig-13"] == "all wheels have the same wear"
+    with pytest.raises(ConfigError, match="cannot be drawn: all wheels have the same load"):
+        measured_figures(tires[:1], ["ply-steer-fig-15"])
+
+
+def test_unknown_figure_is_named(tires):
+    with pytest.raises(ConfigError) as caught:
+        measured_figures(tires, ["ring-fig-71"])
+    assert "Did you mean ring-fig-7" in caught.value.remedy
+
+
+def test_dataset_gives_trends_without_waveforms(folder, tmp_path):
+    pytest.importorskip("pyarrow")
+    pytest.importorskip("psutil")
+    dataset = tmp_path / "a.dataset"
+    recordings = [str(folder / f"{index}.mcap") for index in range(2)]
+    made = CliRunner().invoke(treadlink, ["campaign", *recordings, "--out", str(dataset), "--jobs", "1"])
+    assert made.exit_code == 0, made.output
+    tires = measured_tires([FigureSource(dataset)], None, lambda _: None)
+    assert [tire.load_n for tire in tires] == pytest.approx(LOADS_N)
+    figures, missing = measured_figures(tires)
+    assert {"ring-fig-14", "ring-fig-15", "ring-fig-16", "ply-steer-fig-15"} <= set(figures)
+    assert {missing[name] for name in WAVEFORMS} == {"a dataset has no waveforms"}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("load_n\n3\n", "no column 'recording'"),
+        ("recording,laod_n\na,3\n", "a column 'laod_n'"),
+        ("recording,load_n\na,-3\n", "line 2: load_n is '-3'"),
+        ("recording,wear_mm\na,x\n", "line 2: wear_mm is 'x'"),
+        ("recording,load_n\na,3,4\n", "line 2 does not fit"),
+        ("recording,load_n\n,3\n", "line 2 does not fit"),
+        ("recording\n", "has no recording"),
+    ],
+)
+def test_faults_of_a_table_are_named(tmp_path, text, message):
+    path = tmp_path / "grid.csv"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=message):
+        read_grid(path)
+
+
+def test_wheel_that_is_not_there_is_named(folder):
+    with pytest.raises(RecordingError, match="wheel 'FL' has no revolution"):
+        measured_tires([FigureSource(folder / "0.mcap", "FL")], None, lambda _: None)
