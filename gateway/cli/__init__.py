@@ -46,6 +46,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "manifest": ("gateway.cli.manifest:manifest", "Write hashes of recordings that copies are compared with."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),
+    "merge": ("gateway.cli.merge:merge", "Merge recordings of one drive."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires."),
     "plan": ("gateway.cli.plan:plan", "Say what a sensor will be able to measure before it is bought."),
     "figures": ("gateway.cli.figures:figures", "Draw the papers' figures from simulated tires or measurements."),
