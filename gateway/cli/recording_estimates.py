@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 
 from firmware_protocol.counters import LinkCounters
 from gateway.cli.estimate_order import EstimateOrder, RecordingEstimated
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
 from gateway.reasons import Code
+from gateway.recording.recorded_file import RawDump, open_recorded_file
 from gateway.recording.reference_topic import ReferenceReader
 from gateway.session.recording_pass import RecordingPass, open_recording
 from gateway.session.reference_check import ReferenceCheck
@@ -46,7 +48,7 @@ def estimate_recording(
         on_position: called with the bytes of the file read so far.
         tables: take the rows.
     """
-    reader = ReferenceReader(order.path)
+    reader = _opened(order.path)
     recording = open_recording(
         reader,
         order.config_path,
@@ -56,10 +58,12 @@ def estimate_recording(
     )
     vehicle = recording.vehicle
     drive = Drive(order.path.name) if order.is_drawn else None
-    summary, check, name = ResultSummary(), ReferenceCheck(reader, vehicle), order.path.name
+    check = ReferenceCheck(reader, vehicle) if isinstance(reader, ReferenceReader) else None
+    summary, name = ResultSummary(), order.path.name
     estimation = RecordingPass(recording, order.estimators, signals=recording.signals())
     for result in estimation:
-        check.add(result)
+        if check is not None:
+            check.add(result)
         summary.add(result)
         if drive is not None:
             drive.add(result)
@@ -77,13 +81,13 @@ def estimate_recording(
             if wheel_summary.position == table.position:
                 lines.append(clean(f"  {effects_line(wheel_summary, effect_names)}"))
                 lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, table),) if line]
+    comparisons = check.comparisons() if check is not None else ()
     alarms = estimation.alarms()
     for alarm in alarms:
         for rows in tables:
             rows.write_alarm(alarm, name)
     lines += [
-        clean(f"  {line}".rstrip())
-        for line in (*summary_lines(wheels, alarms=alarms), *reference_lines(check.comparisons()))
+        clean(f"  {line}".rstrip()) for line in (*summary_lines(wheels, alarms=alarms), *reference_lines(comparisons))
     ]
     lines += _link_lines(estimation.links)
     missing = estimation.missing()
@@ -95,6 +99,12 @@ def estimate_recording(
     if drive is not None:
         drive.finish(estimation.wheels, alarms, (*notices, *missing))
     return RecordingEstimated(tuple(lines), len(missing), reader.damage, drive)
+
+
+def _opened(path: Path) -> ReferenceReader | RawDump:
+    """Return the recording, or the dump of a link, which has no references."""
+    dump = open_recorded_file(path) if path.suffix.lower() == ".bin" else None
+    return dump if isinstance(dump, RawDump) else ReferenceReader(path)
 
 
 def _link_lines(counters: Mapping[str, LinkCounters]) -> Iterator[str]:

@@ -214,13 +214,13 @@ class Pipeline:
         self._heard.append((clock, wheel))
         return wheel
 
-    def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64]) -> list[RevolutionResult]:
+    def batch(self, link: str, batch: FrameBatch, host_ns: NDArray[np.int64] | None) -> list[RevolutionResult]:
         """Take a block of decoded frames of a dump; the results are those of `frames`, wheel by wheel.
 
         Args:
             link: link on which they arrived.
             batch: the block.
-            host_ns: (frames,) arrival time of each.
+            host_ns: (frames,) arrival time of each; None where they are not known, as of a dump.
         """
         self._router.batch(link, batch, host_ns)
         return [result for _, wheel in self._heard for result in wheel.complete()]

@@ -189,7 +189,9 @@ class RecordingPass:
                 self.sensors.take(batch)
                 self.statements.batch(link, batch)
                 self._alarms.batch(link, batch, arrivals_ns)
-            yield from map(self._completed, self._pipeline.batch(link, batch, arrivals_ns))
+            # A dump has no arrival times.
+            times_ns = arrivals_ns if arrivals_ns.any() else None
+            yield from map(self._completed, self._pipeline.batch(link, batch, times_ns))
             if self._alarms is not None:
                 self._alarms.end_of_block()
         yield from map(self._completed, self._pipeline.finish())

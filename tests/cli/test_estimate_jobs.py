@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+import io
+
 import pytest
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
 from gateway.errors import RecordingError
+from gateway.recording.reader import RecordingReader
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
 TABLES = ("csv", "json", "parquet", "html")
@@ -51,3 +55,23 @@ def test_jobs_report_the_first_error_in_order(recordings, tmp_path):
     assert str(recordings[0]) in result.output
     assert str(recordings[1]) not in result.output
     assert list(folder.iterdir()) == []
+
+
+def test_dump_of_a_link_has_the_same_estimates_and_no_times(recordings, tmp_path):
+    dump, vehicle = tmp_path / "raw.bin", tmp_path / "vehicle.toml"
+    reader = RecordingReader(recordings[0])
+    dump.write_bytes(b"".join(item.data for item in reader.items()))
+    vehicle.write_text(reader.vehicle_toml, encoding="utf-8")
+    rows = []
+    for path in (recordings[0], dump):
+        arguments = ["estimate", str(path), "--config", str(vehicle), "--csv", "-"]
+        result = CliRunner().invoke(treadlink, arguments)
+        assert result.exit_code == 0, result.output
+        rows.append(list(csv.DictReader(io.StringIO(result.stdout))))
+    timed, untimed = rows
+    assert {row["host_utc"] for row in untimed} == {""}
+    for name in ("recording", "host_utc", "host_ns", "alarms"):
+        for row in (*timed, *untimed):
+            del row[name]
+    assert timed == untimed
+    assert len(timed) > 10
