@@ -16,6 +16,7 @@ from gateway.views.text import escaped
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import FigureBase
 
 # The palette of Okabe and Ito, which is safe for colour-blind readers; further sensors begin again.
 _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -56,9 +57,9 @@ def _drawn(plans: Sequence[SensorPlan], kind: str) -> bytes:
     rows = math.ceil(len(quantities) / _COLUMNS)
     heights = (rows * _PANEL_INCH[1], 1.0 + _ROW_INCH * len(by_sensor))
     figure = Figure(figsize=(_COLUMNS * _PANEL_INCH[0], sum(heights)), dpi=110, layout="constrained")
-    windows = figure
+    windows: FigureBase = figure
     if quantities:
-        panels, windows = figure.subfigures(2, 1, height_ratios=heights)
+        panels, windows = figure.subfigures(2, 1, height_ratios=heights).tolist()
         axes = panels.subplots(rows, _COLUMNS, squeeze=False).ravel()
         for quantity, panel in zip(quantities, axes, strict=False):
             _errors(panel, quantity, by_sensor, colours)
