@@ -59,7 +59,7 @@ def _drawn(plans: Sequence[SensorPlan], kind: str) -> bytes:
     figure = Figure(figsize=(_COLUMNS * _PANEL_INCH[0], sum(heights)), dpi=110, layout="constrained")
     windows: FigureBase = figure
     if quantities:
-        panels, windows = figure.subfigures(2, 1, height_ratios=heights).tolist()
+        panels, windows = figure.subfigures(2, 1, squeeze=False, height_ratios=heights)[:, 0]
         axes = panels.subplots(rows, _COLUMNS, squeeze=False).ravel()
         for quantity, panel in zip(quantities, axes, strict=False):
             _errors(panel, quantity, by_sensor, colours)
