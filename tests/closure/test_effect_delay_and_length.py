@@ -71,3 +71,10 @@ def test_cause_is_identified_beside_its_rivals(plant: Plant, name: str, size: fl
     assert identified == {name}
     fit = found.best.fit
     assert float(fit.vector[fit.model.layout.effect(name)][0]) == pytest.approx(size, rel=0.05)
+
+
+def test_filter_at_a_single_speed_may_be_a_length() -> None:
+    """What is locked to frequency is certain only if its rival locked to the angle loses."""
+    found, _ = searched(campaign_of(GROUPS[:1], slow, noise_mps2=0.5), among("sensor length", "anti-alias filter"))
+    assert not found.identified()
+    assert {"sensor length", "anti-alias filter"} in [set(names) for names in found.alternatives()]

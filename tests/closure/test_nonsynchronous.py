@@ -20,6 +20,7 @@ from gateway.closure.inference.unexplained_spectrum import Part, parts_left
 from gateway.closure.result import Finding, Scaling, ScalingStatus, Verdict
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.reasons import Code, Reason
+from gateway.views.report.phrases import residual_remarks
 from tests.closure.nonsynchronous_data import simulated_groups
 from tests.testkit.agreement import values_of
 
@@ -270,6 +271,17 @@ class TestLock:
         groups = [self.line(kmh, hz, seed) for seed, (kmh, hz) in enumerate(zip((50.0, 80.0), turns, strict=True))]
         (entry,) = diagnose_time_locked(groups).unexplained
         assert (entry.lock_known, entry.orders) == (False, (2, 2))
+
+    def test_joints_of_the_road_have_their_distance(self) -> None:
+        joint_m = 0.57
+        groups = []
+        for seed, kmh in enumerate((50.0, 80.0)):
+            here = conditions(kmh)
+            groups.append(self.line(kmh, here.omega_radps * here.radius_m / joint_m, seed))
+        (entry,) = diagnose_time_locked(groups).unexplained
+        assert entry.lock_known
+        assert entry.road_m == pytest.approx(joint_m, rel=0.01)
+        assert "but every 0.57" in residual_remarks(entry)[0]
 
     def test_line_seen_at_one_of_two_speeds(self) -> None:
         rng = np.random.default_rng(9)

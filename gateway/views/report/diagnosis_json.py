@@ -165,6 +165,7 @@ def _unexplained(residual: Unexplained) -> dict[str, Any]:
         "scaling_exponent": _number(residual.scaling.exponent),
         "rms_mps2": _number(residual.rms_mps2),
         "std_mps2": _number(residual.std_mps2),
+        "road_m": _number(residual.road_m),
         "timing_s": _number(residual.timing_s),
         "drifts": [
             {

@@ -167,8 +167,9 @@ def residual_remarks(residual: Unexplained) -> list[str]:
         parts.append("at multiples of the wheel frequency: time-locked, or angle-locked but not the same every turn")
     elif residual.orders is not None:
         parts.append(
-            "its frequency rises with the wheel's, but it does not repeat every turn: for example a bearing, a gear, a "
-            "drum or another wheel"
+            "its frequency rises with the wheel's, but it does not repeat every turn"
+            + (f" but every {residual.road_m:.3g} m of road" if math.isfinite(residual.road_m) else "")
+            + ": for example joints of the road, a bearing, a gear, a drum or another wheel"
         )
     elif residual.speeds is not None:
         seen, there = residual.speeds
