@@ -6,6 +6,7 @@ wheel may turn once between blocks at equal distances.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -14,7 +15,6 @@ from numpy.typing import NDArray
 from firmware_protocol.messages import Axis, Coupling, Hello
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Value
-from gateway.types import FloatArray
 
 # One block in 32 is looked at, by a multiplicative hash of its first sample (2^32 over the golden ratio).
 _HASH: Final = 2_654_435_761
@@ -46,58 +46,55 @@ Contradiction = tuple[Code, dict[str, Value]]
 class SampleContent:
     """Chosen blocks of one sensor."""
 
-    __slots__ = ("_blocks", "_highest", "_lowest", "_samples", "_stated", "_steps", "_sum", "_varied")
+    __slots__ = ("_blocks", "_stated")
 
     def __init__(self) -> None:
         self._stated: tuple[object, ...] | None = None
-        self._begin(0)
-
-    def _begin(self, channels: int) -> None:
-        self._blocks = self._samples = 0
-        self._sum: FloatArray = np.zeros(channels)
-        self._lowest: FloatArray = np.full(channels, np.inf)
-        self._highest: FloatArray = np.full(channels, -np.inf)
-        # Sums of the steps as sent, and with the bytes the other way round.
-        self._steps: FloatArray = np.zeros((2, channels))
-        self._varied = 0
+        # Not judged yet. Together they take a tenth of the work that they take one by one.
+        self._blocks: list[NDArray[np.int16]] = []
 
     def block(self, hello: Hello, counts: NDArray[np.int16]) -> tuple[Contradiction, ...]:
         """Take the (n, channels) samples of a chosen block; return what contradicts the hello, after some blocks."""
         stated = hello.axes, hello.coupling, hello.scale_mps2, hello.offset_counts, hello.sensor_id
-        channels = counts.shape[1]
         if stated != self._stated:
             self._stated = stated
-            self._begin(channels)
-        if channels != len(self._sum):
+            self._blocks.clear()
+        if self._blocks and counts.shape[1] != self._blocks[0].shape[1]:
             return ()
-        values = counts.astype(np.float64)
-        self._blocks += 1
-        self._samples += len(values)
-        self._sum += values.sum(axis=0)
-        self._lowest = np.minimum(self._lowest, values.min(axis=0))
-        self._highest = np.maximum(self._highest, values.max(axis=0))
-        self._steps[0] += np.abs(np.diff(values, axis=0)).sum(axis=0)
-        self._steps[1] += np.abs(np.diff(counts.byteswap().astype(np.float64), axis=0)).sum(axis=0)
-        self._varied |= int(np.bitwise_or.reduce(counts, axis=None)) & 0xFF
-        if self._blocks < _WINDOW_BLOCKS:
+        # Samples may be a view of much more.
+        self._blocks.append(counts.copy())
+        if len(self._blocks) < _WINDOW_BLOCKS:
             return ()
-        contradictions = self._contradictions(hello)
-        self._begin(channels)
+        contradictions = _contradictions(hello, self._blocks)
+        self._blocks.clear()
         return contradictions
 
-    def _contradictions(self, hello: Hello) -> tuple[Contradiction, ...]:
-        as_sent, swapped = self._steps
-        # Words of 8 bits in the upper byte look swapped and are not.
-        if self._varied and (swapped > 0.0).all() and (as_sent > _SWAPPED_RATIO * swapped).all():
-            return ((Code.SAMPLES_BYTES_SWAPPED, {"ratio": float((as_sent / swapped).min())}),)
-        if hello.coupling != Coupling.AC or 0.0 < hello.highpass_hz < _LOWEST_CORNER_HZ:
-            return ()
-        axes = [axis for axis in Axis if hello.axes >> axis & 1]
-        scale = np.abs([hello.scale_mps2[axis] for axis in axes])
-        steady = np.abs(self._sum / self._samples - [hello.offset_counts[axis] for axis in axes]) * scale
-        worst = int(np.argmax(steady))
-        span = (self._highest[worst] - self._lowest[worst]) * scale[worst]
-        if steady[worst] < max(_STEADY_MPS2, _STEADY_SHARE * span) or span < _LEAST_SPAN * steady[worst]:
-            return ()
-        values: dict[str, Value] = {"axis": AXIS_NAMES[axes[worst]], "steady_mps2": float(steady[worst])}
-        return ((Code.HELLO_AC_WITH_STEADY_VALUE, values),)
+
+def _contradictions(hello: Hello, blocks: Sequence[NDArray[np.int16]]) -> tuple[Contradiction, ...]:
+    """Return what (n, channels) samples of blocks that do not follow each other say against the hello."""
+    counts = np.concatenate(blocks)
+    last = np.cumsum([len(block) for block in blocks])[:-1] - 1
+    as_sent, swapped = _steps(counts, last), _steps(counts.byteswap(), last)
+    # Words of 8 bits in the upper byte look swapped and are not.
+    varied = int(np.bitwise_or.reduce(counts, axis=None)) & 0xFF
+    if varied and (swapped > 0).all() and (as_sent > _SWAPPED_RATIO * swapped).all():
+        return ((Code.SAMPLES_BYTES_SWAPPED, {"ratio": float((as_sent / swapped).min())}),)
+    if hello.coupling != Coupling.AC or 0.0 < hello.highpass_hz < _LOWEST_CORNER_HZ:
+        return ()
+    axes = [axis for axis in Axis if hello.axes >> axis & 1]
+    scale = np.abs([hello.scale_mps2[axis] for axis in axes])
+    steady = np.abs(counts.mean(axis=0) - [hello.offset_counts[axis] for axis in axes]) * scale
+    worst = int(np.argmax(steady))
+    span = float(np.ptp(counts[:, worst].astype(np.int64))) * scale[worst]
+    if steady[worst] < max(_STEADY_MPS2, _STEADY_SHARE * span) or span < _LEAST_SPAN * steady[worst]:
+        return ()
+    values: dict[str, Value] = {"axis": AXIS_NAMES[axes[worst]], "steady_mps2": float(steady[worst])}
+    return ((Code.HELLO_AC_WITH_STEADY_VALUE, values),)
+
+
+def _steps(counts: NDArray[np.int16], last: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the sums of the steps within blocks, by channel; `last` is the last sample of each block but one."""
+    steps = np.abs(np.diff(counts.astype(np.int64), axis=0))
+    steps[last] = 0
+    result: NDArray[np.int64] = steps.sum(axis=0)
+    return result
