@@ -9,10 +9,10 @@ from typing import Final
 _LEAST_READ_S: Final = 0.004
 _MOST_READ_S: Final = 0.02
 _MOST_ROUND_S: Final = 0.1
-# Shares of the latency. The rest is for the work itself.
-_READ_SHARE: Final = 0.04
-_ROUND_SHARE: Final = 0.2
-_HOLD_SHARE: Final = 0.7
+# Shares of the latency. The rest is for the wheels that are due together, one of which is worked on with each chunk.
+_READ_SHARE: Final = 0.12
+_ROUND_SHARE: Final = 0.12
+_HOLD_SHARE: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True)
