@@ -6,7 +6,6 @@ are never followed.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -69,33 +68,23 @@ class Hdf5Columns:
         """List the columns.
 
         Raises:
-            ImportDataError: it is not a readable HDF5 file.
-            OSError: the file cannot be read.
+            ImportDataError: it has too many objects.
+            Exception: of h5py, where it is no HDF5 file or damaged.
         """
         import h5py
 
         self._path = path
         with path.open("rb") as file:
-            start = file.read(128)
-        if not start:
-            raise ImportDataError(f"{path} is empty", "Check the file.")
-        self._matlab = start.startswith(b"MATLAB ")
+            self._matlab = file.read(7) == b"MATLAB "
         self._columns: dict[str, _Column] = {}
         self._units: dict[str, str] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}
         self._objects: set[str] = set()
         self._count = 0
-        try:
-            self._file = h5py.File(path, "r")
-            self._add_group("", self._file, 0, frozenset())
-            self._add_objects()
-        except (MemoryError, ImportDataError):
-            raise
-        except Exception as error:  # h5py raises whatever a damaged file makes it stumble over
-            raise ImportDataError(
-                f"{path} is not a readable HDF5 file: {_first_line(error)}", "Check the file, or write it again."
-            ) from error
+        self._file = h5py.File(path, "r")
+        self._add_group("", self._file, 0, frozenset())
+        self._add_objects()
 
     @property
     def facts(self) -> FileFacts:
@@ -106,22 +95,6 @@ class Hdf5Columns:
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns, which must have equal lengths."""
-        try:
-            yield from self._blocks(names)
-        except (MemoryError, ImportDataError):
-            raise
-        except Exception as error:  # as above
-            raise ImportDataError(
-                f"{self._path} is damaged: {_first_line(error)}", "Copy or write the file again."
-            ) from error
-
-    def close(self) -> None:
-        """Close the file."""
-        self._columns.clear()
-        with contextlib.suppress(Exception):  # a damaged file; nothing was written
-            self._file.close()
-
-    def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
         columns = [self._columns[name] for name in names]
         require_equal_lengths(self._path, {name: column.rows for name, column in zip(names, columns, strict=True)})
         for name, column in zip(names, columns, strict=True):
@@ -131,6 +104,11 @@ class Hdf5Columns:
             end = min(first + BLOCK_ROWS, count)
             values = np.column_stack([_read(column, first, end) for column in columns])
             yield Block(first, values, row_places(first), end / count)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._columns.clear()
+        self._file.close()
 
     def _add_group(self, prefix: str, group: h5py.Group, depth: int, above: frozenset[int]) -> None:
         import h5py
@@ -156,7 +134,8 @@ class Hdf5Columns:
             except (MemoryError, ImportDataError):
                 raise
             except Exception as error:  # one damaged object leaves the others
-                self._unusable[name] = (f"is damaged: {_first_line(error)}", "Write the file again.")
+                cause = next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
+                self._unusable[name] = (f"is damaged: {cause}", "Write the file again.")
 
     def _add_link(self, name: str, group: h5py.Group, key: str, depth: int, above: frozenset[int]) -> None:
         import h5py
@@ -330,8 +309,3 @@ def _attribute(data: Any, name: str) -> str:
 def _text(name: str) -> str:
     """Return a name without parts that no terminal can print."""
     return name.encode("utf-8", "backslashreplace").decode()
-
-
-def _first_line(error: BaseException) -> str:
-    text = str(error).splitlines()
-    return text[0][:200] if text else type(error).__name__

@@ -13,7 +13,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import ImportDataError
 from gateway.importing.columns import (
     BLOCK_ROWS,
     MAX_MATRIX_COLUMNS,
@@ -37,27 +36,15 @@ class MatColumns:
         """Load the file.
 
         Raises:
-            ImportDataError: it is not a readable MATLAB file.
-            OSError: the file cannot be read.
+            Exception: of scipy, where it is no MATLAB file or damaged.
         """
         from scipy.io import loadmat
         from scipy.io.matlab import MatlabOpaque
 
-        with path.open("rb") as file:
-            start = file.read(128)
         self._path = path
-        if not start:
-            raise ImportDataError(f"{path} is empty", "Check the file.")
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # objects have no name of their own
-                content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
-        except MemoryError:
-            raise
-        except Exception as error:  # scipy raises whatever a damaged file makes it stumble over
-            raise ImportDataError(
-                f"{path} is not a readable MATLAB file: {error or type(error).__name__}", "Save it again in MATLAB."
-            ) from error
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # objects have no name of their own
+            content = loadmat(str(path), squeeze_me=True, struct_as_record=False)
         self._columns: dict[str, NDArray[Any]] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
         self._dates: dict[str, int | None] = {}

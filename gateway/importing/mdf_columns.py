@@ -50,33 +50,22 @@ class MdfColumns:
         """List the channels.
 
         Raises:
-            ImportDataError: it is not a readable MDF file.
-            OSError: the file cannot be read.
+            ImportDataError: it has too many channels.
+            Exception: of asammdf, where it is no MDF file or damaged.
         """
         from asammdf import MDF
 
         logging.getLogger("asammdf").setLevel(logging.CRITICAL)
         self._path = path
-        with path.open("rb") as file:
-            start = file.read(64)
-        if not start:
-            raise ImportDataError(f"{path} is empty", "Check the file.")
         self._channels: dict[str, _Channel] = {}
         self._units: dict[str, str] = {}
         self._unusable: dict[str, tuple[str, str]] = {}
-        try:
-            self._mdf: Any = MDF(path)
-            self._list()
-            began = self._mdf.header.start_time
-            # A file without a date has the start of the epoch; one in local time does not state its zone.
-            dated = began.tzinfo is not None and began.year > 1990
-            self._start_ns = round(began.timestamp() * 1e6) * 1000 if dated else None
-        except (MemoryError, ImportDataError):
-            raise
-        except Exception as error:  # asammdf raises whatever a damaged file makes it stumble over
-            raise ImportDataError(
-                f"{path} is not a readable MDF file: {_first_line(error)}", "Check the file, or write it again."
-            ) from error
+        self._mdf: Any = MDF(path)
+        self._list()
+        began = self._mdf.header.start_time
+        # A file without a date has the start of the epoch; one in local time does not state its zone.
+        dated = began.tzinfo is not None and began.year > 1990
+        self._start_ns = round(began.timestamp() * 1e6) * 1000 if dated else None
 
     @property
     def facts(self) -> FileFacts:
@@ -91,21 +80,9 @@ class MdfColumns:
             conditions=self._conditions(),
         )
 
-    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
-        """Yield the named channels at the times of the first; an invalid value is NaN."""
-        try:
-            yield from self._blocks(names)
-        except (MemoryError, ImportDataError):
-            raise
-        except Exception as error:  # as above
-            raise ImportDataError(
-                f"{self._path} is damaged: {_first_line(error)}", "Copy or write the file again."
-            ) from error
-
     def close(self) -> None:
         """Close the file."""
-        with contextlib.suppress(Exception):  # a damaged file; nothing was written
-            self._mdf.close()
+        self._mdf.close()
 
     def _conditions(self) -> dict[str, dict[str, Sequence[str]]]:
         """Return the properties of each group by its name."""
@@ -142,7 +119,8 @@ class MdfColumns:
             if unit:
                 self._units[column] = _text(str(unit))[:40]
 
-    def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
+    def blocks(self, names: Sequence[str]) -> Iterator[Block]:
+        """Yield the named channels at the times of the first; an invalid value is NaN."""
         channels = {name: self._channels[name] for name in names if name in self._channels}
         if not channels:
             return
@@ -222,8 +200,3 @@ def _interpolated_at(times_s: FloatArray, channel_s: FloatArray, values: FloatAr
 def _text(name: str) -> str:
     """Return a name without parts that no terminal can print."""
     return str(name).encode("utf-8", "backslashreplace").decode()
-
-
-def _first_line(error: BaseException) -> str:
-    text = str(error).splitlines()
-    return text[0][:200] if text else type(error).__name__

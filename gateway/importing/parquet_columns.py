@@ -20,22 +20,15 @@ class ParquetColumns:
         """Read the schema.
 
         Raises:
-            ImportDataError: the file is not Parquet.
-            OSError: the file cannot be read.
+            Exception: of pyarrow, where the file is not Parquet or damaged.
         """
-        import pyarrow as pa
         import pyarrow.parquet as pq
 
         self._path = path
-        if path.stat().st_size == 0:
-            raise ImportDataError(f"{path} is empty", "Check the file.")
-        try:
-            # Buffering ahead would hold every row group of the file in memory.
-            self._file = pq.ParquetFile(path, pre_buffer=False)
-            self._types = {field.name: field.type for field in self._file.schema_arrow}
-            self._begins_ns = {name: self._begin_ns(name) for name in self._types if self._is_date(name)}
-        except (pa.ArrowException, OSError, ValueError) as error:
-            raise ImportDataError(f"{path} is not a Parquet file: {error}", "Check the file and its format.") from error
+        # Buffering ahead would hold every row group of the file in memory.
+        self._file = pq.ParquetFile(path, pre_buffer=False)
+        self._types = {field.name: field.type for field in self._file.schema_arrow}
+        self._begins_ns = {name: self._begin_ns(name) for name in self._types if self._is_date(name)}
 
     @property
     def facts(self) -> FileFacts:
@@ -45,18 +38,6 @@ class ParquetColumns:
 
     def blocks(self, names: Sequence[str]) -> Iterator[Block]:
         """Yield the named columns; an empty cell is NaN."""
-        import pyarrow as pa
-
-        try:
-            yield from self._blocks(names)
-        except (pa.ArrowException, OSError, ValueError) as error:
-            raise ImportDataError(f"{self._path} is damaged: {error}", "Copy or write the file again.") from error
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-    def _blocks(self, names: Sequence[str]) -> Iterator[Block]:
         import pyarrow as pa
 
         for name in names:
@@ -73,6 +54,10 @@ class ParquetColumns:
             values = np.column_stack([self._values(name, batch.column(name)) for name in names])
             yield Block(row, values, row_places(row), min((row + len(values)) / total, 1.0))
             row += len(values)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
 
     def _values(self, name: str, column: Any) -> FloatArray:
         import pyarrow as pa

@@ -20,7 +20,7 @@ from importlib.util import find_spec
 from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -65,6 +65,7 @@ _BYTES_PER_FILE_BYTE: Final = 64
 _SPARE_S: Final = 60.0
 _FILE_BYTES_PER_S: Final = 2e6
 _END_S: Final = 5.0
+_T = TypeVar("_T")
 
 
 class ReaderProcess:
@@ -245,20 +246,20 @@ def _serve(pipe: Connection, file_format: str) -> None:
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
             request = json.loads(pipe.recv_bytes())
-            _serve_file(pipe, reader_class, request["open"], request["limit_bytes"])
+            _serve_file(pipe, reader_class, parser.kind, request["open"], request["limit_bytes"])
 
 
-def _serve_file(pipe: Connection, reader_class: Any, path: str, limit_bytes: int) -> None:
+def _serve_file(pipe: Connection, reader_class: type[BlockReader], kind: str, path: str, limit_bytes: int) -> None:
     """Answer the requests for columns of one file until an empty request or an error."""
     reader: BlockReader | None = None
     try:
         with _limited_memory(limit_bytes):
-            reader = reader_class(Path(path))
-            assert reader is not None
+            reader = _opened(reader_class, kind, Path(path))
             _send(pipe, facts=asdict(reader.facts))
             while names := (request := json.loads(pipe.recv_bytes())).get("names"):
+                blocks = itertools.islice(reader.blocks(names), request["most"])
                 try:
-                    _send_blocks(pipe, itertools.islice(reader.blocks(names), request["most"]))
+                    _send_blocks(pipe, _named_damage(blocks, f"{path} is damaged"))
                 except ImportDataError as error:
                     # Other columns of the file may be in order.
                     _send(pipe, error=str(error), remedy=error.remedy, is_open=True)
@@ -276,7 +277,37 @@ def _serve_file(pipe: Connection, reader_class: Any, path: str, limit_bytes: int
         _send(pipe, error=f"{path} cannot be read: {error.strerror or error}", remedy="Check its permissions.")
     finally:
         if reader is not None:
-            reader.close()
+            with contextlib.suppress(Exception):  # a damaged file; nothing was written
+                reader.close()
+
+
+def _opened(reader_class: Any, kind: str, path: Path) -> BlockReader:
+    """Return the reader of a file.
+
+    Raises:
+        ImportDataError: the file is empty, or not of this format.
+        OSError: it cannot be read.
+    """
+    with path.open("rb") as file:
+        if not file.read(1):
+            raise ImportDataError(f"{path} is empty", "Check the file.")
+    (reader,) = _named_damage(map(reader_class, [path]), f"{path} is not a readable {kind} file")
+    return reader
+
+
+def _named_damage(read: Iterable[_T], what: str) -> Iterator[_T]:
+    """Yield what a parser reads.
+
+    Raises:
+        ImportDataError: the parser raised an error. A damaged file can make it raise any.
+    """
+    try:
+        yield from read
+    except (MemoryError, ImportDataError):
+        raise
+    except Exception as error:
+        cause = next(iter(str(error).splitlines()), "")[:200] or type(error).__name__
+        raise ImportDataError(f"{what}: {cause}", "Check the file, or copy or write it again.") from error
 
 
 def _send_blocks(pipe: Connection, blocks: Iterable[Block]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -20,31 +19,20 @@ class TdmsColumns(WaveformColumns):
         """List the channels.
 
         Raises:
-            ImportDataError: it is not a readable TDMS file.
-            OSError: the file cannot be read.
+            Exception: of npTDMS, where it is no TDMS file or damaged.
         """
         from nptdms import TdmsFile
 
         super().__init__(path)
-        if path.stat().st_size == 0:
-            raise ImportDataError(f"{path} is empty", "Check the file.")
-        try:
-            self._file: Any = TdmsFile.open(path)
-            for group in self._file.groups():
-                for channel in group.channels():
-                    self._add(f"{group.name}/{channel.name}", channel)
-        except (MemoryError, OSError):
-            raise
-        except Exception as error:  # npTDMS raises whatever a damaged file makes it stumble over
-            raise ImportDataError(
-                f"{path} is not a readable TDMS file: {error or type(error).__name__}", "Copy or write it again."
-            ) from error
+        self._file: Any = TdmsFile.open(path)
+        for group in self._file.groups():
+            for channel in group.channels():
+                self._add(f"{group.name}/{channel.name}", channel)
 
     def close(self) -> None:
         """Close the file."""
         self.waveforms.clear()
-        with contextlib.suppress(Exception):  # nothing was written
-            self._file.close()
+        self._file.close()
 
     def _add(self, name: str, channel: Any) -> None:
         kind = np.dtype(channel.dtype).kind
@@ -73,7 +61,7 @@ class TdmsColumns(WaveformColumns):
             values: FloatArray = np.asarray(channel.read_data(first, end - first), dtype=np.float64)
         except (MemoryError, OSError):
             raise
-        except Exception as error:  # as above
+        except Exception as error:  # npTDMS raises whatever a damaged file makes it stumble over
             raise ImportDataError(
                 f"{self.path}: channel '{name}' is damaged: {error or type(error).__name__}", "Copy or write it again."
             ) from error

@@ -30,24 +30,15 @@ class UffColumns(WaveformColumns):
         """Load the signals.
 
         Raises:
-            ImportDataError: it is not a readable universal file.
-            OSError: the file cannot be read.
+            ImportDataError: it has no time signals.
+            Exception: of pyuff, where it is no universal file or damaged.
         """
         import pyuff
 
         super().__init__(path)
-        if path.stat().st_size == 0:
-            raise ImportDataError(f"{path} is empty", "Check the file.")
-        try:
-            file = pyuff.UFF(str(path))
-            numbers = [k for k, kind in enumerate(file.get_set_types()) if int(kind) == _FUNCTIONS]
-            sets = [file.read_sets(k) for k in numbers]
-        except (MemoryError, OSError):
-            raise
-        except Exception as error:  # pyuff raises whatever a damaged file makes it stumble over
-            raise ImportDataError(
-                f"{path} is not a readable universal file: {error or type(error).__name__}", "Write it again."
-            ) from error
+        file = pyuff.UFF(str(path))
+        numbers = [k for k, kind in enumerate(file.get_set_types()) if int(kind) == _FUNCTIONS]
+        sets = [file.read_sets(k) for k in numbers]
         if not sets:
             raise ImportDataError(f"{path} has no dataset 58", "Export the time signals as universal file, dataset 58.")
         for number, dataset in enumerate(sets, 1):

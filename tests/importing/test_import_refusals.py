@@ -149,7 +149,7 @@ def test_files_of_another_format_are_rejected(tmp_path: Path) -> None:
         ("run.mf4", b"no MDF" * 20, "not a readable MDF file"),
         ("run.mf4", b"", "is empty"),
         ("run.mat", b"", "is empty"),
-        ("run.parquet", b"no parquet", "not a Parquet file"),
+        ("run.parquet", b"no parquet", "not a readable Parquet file"),
         ("run.parquet", b"", "is empty"),
         ("run.xlsx", b"PK", "unknown file format '.xlsx'"),
     ]:
