@@ -551,19 +551,6 @@ class VehicleConfig(Section):
         return toml_text(self.model_dump(mode="json", exclude_none=True))
 
 
-def default_vehicle(wheels: Sequence[tuple[int, int]]) -> VehicleConfig:
-    """Return a configuration for wheels (hub, wheel) that are not configured.
-
-    The belt radius is assumed to be 0.32 m, as `vehicle.assumed` states, with an error so large that the measured one
-    replaces it; load and pressure stay unknown.
-    """
-    return VehicleConfig(
-        vehicle=Vehicle(assumed=(f"tire.radius_mm = {ASSUMED_RADIUS_MM:g} (no configuration states it)",)),
-        tire=Tire(radius_mm=ASSUMED_RADIUS_MM, radius_std_mm=ASSUMED_RADIUS_STD_MM),
-        wheel=tuple(Wheel(position=f"hub{hub}.wheel{wheel}", hub=hub, wheel=wheel) for hub, wheel in wheels),
-    )
-
-
 def load_vehicle(path: Path) -> VehicleConfig:
     """Return the configuration in a file.
 

@@ -159,10 +159,6 @@ class Dataset:
         failure = self._failed.get(path_key(content.path))
         return failure is not None and failure[1] and failure[0][1:] == (content.recording_id, settings)
 
-    def recording_ids(self) -> frozenset[str]:
-        """Return the contents that have rows."""
-        return frozenset(self._done)
-
     def replaced_by(self, content: FileContent) -> frozenset[str]:
         """Return the other contents that the file at this path has had; a new one replaces their rows."""
         return frozenset(self._of_path.get(path_key(content.path), set()) - {content.recording_id})

@@ -24,31 +24,6 @@ from gateway.types import ComplexArray, FloatArray
 UNIFORM: Final[tuple[float, ...]] = ()
 
 
-def pressure_shape(
-    angles_rad: FloatArray,
-    load_n: float,
-    radius_m: float,
-    half_angle_rad: float,
-    shape: Sequence[float] = UNIFORM,
-    centre_rad: float = 0.0,
-) -> FloatArray:
-    """Return q, N per metre of belt, at any angles; 0 outside the contact.
-
-    Args:
-        angles_rad: material angles from the road normal.
-        load_n: Q.
-        radius_m: R.
-        half_angle_rad: theta_r.
-        shape: a_1, a_2, ...
-        centre_rad: centre of the contact.
-    """
-    x = (angles_rad - centre_rad) / half_angle_rad
-    inside = np.abs(x) <= 1.0
-    relative = np.polynomial.legendre.legval(x, [1.0, *shape])
-    result: FloatArray = np.where(inside, load_n / (2.0 * radius_m * half_angle_rad) * relative, 0.0)
-    return result
-
-
 def unit_road_orders(
     orders: ArrayLike, half_angle_rad: float, degrees: int, centre_rad: float = 0.0
 ) -> tuple[ComplexArray, ComplexArray]:

@@ -80,11 +80,6 @@ class Phase(NamedTuple):
         result: FloatArray = self.start + 2.0 * angles_rad / (self.rate + speed)
         return result
 
-    def relative_speed(self, n: int = GRID_SIZE) -> FloatArray:
-        """Return the speed on the angle grid over the revolution's mean speed, (n,)."""
-        result: FloatArray = self._speed(elapsed_angles(n)) * (self.samples / (2.0 * math.pi))
-        return result
-
     def _speed(self, angles_rad: FloatArray) -> FloatArray:
         result: FloatArray = np.sqrt(self.rate**2 + 2.0 * self.acceleration * angles_rad)
         return result

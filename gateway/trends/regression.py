@@ -52,12 +52,6 @@ class Fit:
         """Return the standard error of a coefficient."""
         return math.sqrt(max(float(self.covariance[index, index]), 0.0))
 
-    def half_width(self, index: int, share: float = 0.95) -> float:
-        """Return half the width of the interval that covers a coefficient with this probability (Student's t)."""
-        from scipy import stats
-
-        return float(stats.t.ppf(0.5 + 0.5 * share, self.freedom)) * self.std(index)
-
 
 def weights_of(design: FloatArray, values: FloatArray, stds: FloatArray) -> FloatArray:
     """Return (n,) weights 1 / (s^2 + tau^2), with tau the scatter about an unweighted fit.

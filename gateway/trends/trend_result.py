@@ -72,11 +72,6 @@ class TrendNumber:
     low: float = math.nan
     high: float = math.nan
 
-    @property
-    def differs_from_zero(self) -> bool:
-        """Whether the 95 % interval excludes zero."""
-        return self.low > 0.0 or self.high < 0.0
-
 
 @dataclass(frozen=True, slots=True)
 class TrendSeries:

@@ -14,13 +14,11 @@ from gateway.config.vehicle import (
     Vehicle,
     VehicleConfig,
     Wheel,
-    default_vehicle,
     load_vehicle,
     parse_vehicle,
 )
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
-from gateway.reasons import Code
 
 EXAMPLE = """
 [vehicle]
@@ -274,17 +272,6 @@ def test_configuration_made_in_python_is_checked() -> None:
         VehicleConfig(wheel=(wheel,))
     with pytest.raises(ValueError, match="has the same position"):
         VehicleConfig(tire=Tire(radius_mm=300.0), wheel=(wheel, wheel))
-
-
-def test_default_vehicle_states_its_assumption() -> None:
-    config = default_vehicle([(0, 1), (2, 3)])
-    assert [setup.position for setup in config.wheel_setups()] == ["hub0.wheel1", "hub2.wheel3"]
-    assert {setup.radius_m for setup in config.wheel_setups()} == {0.32}
-    assert all(setup.load_n is None and setup.pressure_pa is None for setup in config.wheel_setups())
-    (notice,) = config.notices()
-    assert notice.reason.code is Code.ASSUMED_NOT_MEASURED
-    assert "radius_mm" in str(notice.reason["text"])
-    assert parse_vehicle(config.to_toml(), "round") == config
 
 
 def numbers(low: float, high: float) -> st.SearchStrategy[float | None]:

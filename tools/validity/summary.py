@@ -14,8 +14,6 @@ from accuracy.tables import Table
 from validity.cases import CASES
 from validity.judging import BEYOND, REFERENCES, Judged
 
-AIM_FALSE: Final = 0.01
-AIM_VALID: Final = 0.95
 # Limits of what counts as false, in the errors of the estimate: a widening that meets one shows at another.
 LIMITS: Final = (2.5, BEYOND, 5.0)
 
