@@ -149,6 +149,7 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
     }
     constants = [name if name in reader.facts.names else None for name in _SLOW]
     radius_m, pressure_pa = _number(conditions, "radius_m"), _number(conditions, "pressure_pa")
+    radius_std_m = _number(conditions, "radius_std_m")
     offset_m, load_n = _number(conditions, "mounting_offset_m"), _number(conditions, "load_n")
     is_assumed = "assumed" in conditions.get("radius_m", ("", ""))[1]
     try:
@@ -158,6 +159,7 @@ def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _Wheel
             load_n=load_n,
             load_std_n=_number(conditions, "load_std_n") if load_n is not None else None,
             radius_mm=None if radius_m is None or is_assumed else radius_m * 1e3,
+            radius_std_mm=None if radius_std_m is None or radius_m is None or is_assumed else radius_std_m * 1e3,
             pressure_kpa=None if pressure_pa is None or constants[0] is not None else pressure_pa * 1e-3,
             axis=Axes(**axes),
             environment=EnvironmentColumns(

@@ -94,6 +94,8 @@ def _file_format(value: object) -> object:
 
 # Of a session.
 _MAX_WHEELS: Final = 64
+# Standard errors, and what each is the error of.
+_ERRORS: Final = (("load_std_n", "load_n"), ("pressure_std_kpa", "pressure_kpa"))
 _OFFSET: Final = re.compile(r"([+-])(\d\d):?([0-5]\d)")
 
 
@@ -282,6 +284,7 @@ class ImportedWheel(Section):
     radius_mm: float | None = Field(
         default=None, ge=100, le=1200, description="belt radius in mm, if it differs from that of [conditions]"
     )
+    radius_std_mm: float | None = Field(default=None, ge=0, le=200, description="standard error of radius_mm in mm")
     pressure_kpa: float | None = Field(
         default=None, ge=10, le=1500, description="gauge pressure in kPa, if it differs from that of [conditions]"
     )
@@ -427,8 +430,10 @@ class ImportMap(Section):
 
 def _own_tire(wheel: ImportedWheel) -> Tire:
     """Return the deviations of a wheel's tire from the others."""
-    # A stated radius has the usual error; that of an assumed one must not remain.
-    radius_std_mm = None if wheel.radius_mm is None else Tire(radius_mm=wheel.radius_mm).radius_std_m * 1e3
+    # A stated radius has the stated error, or the usual one; that of an assumed radius must not remain.
+    radius_std_mm = wheel.radius_std_mm
+    if wheel.radius_mm is not None and radius_std_mm is None:
+        radius_std_mm = Tire(radius_mm=wheel.radius_mm).radius_std_m * 1e3
     return Tire(
         radius_mm=wheel.radius_mm,
         radius_std_mm=radius_std_mm,
@@ -477,7 +482,7 @@ def _cross_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             "file.delimiter", show(layout.get("delimiter", "comma")), "a decimal comma requires another delimiter"
         )
     conditions = _table(data, "conditions")
-    for error, value in (("load_std_n", "load_n"), ("pressure_std_kpa", "pressure_kpa")):
+    for error, value in _ERRORS:
         if error in conditions and value not in conditions:
             yield Fault(f"conditions.{error}", show(conditions[error]), f"it needs {value} too")
     yield from _reference_faults(data)
@@ -528,7 +533,7 @@ def _axis_faults(data: Mapping[str, Any]) -> Iterator[Fault]:
             yield Fault(f"{prefix}position", show(position), "another wheel has the same position")
         if isinstance(position, str):
             positions.add(position)
-        for error, value in (("load_std_n", "load_n"), ("pressure_std_kpa", "pressure_kpa")) if prefix else ():
+        for error, value in (*_ERRORS, ("radius_std_mm", "radius_mm")) if prefix else ():
             if error in section and value not in section:
                 yield Fault(f"{prefix}{error}", show(section[error]), f"it needs {value} too")
 

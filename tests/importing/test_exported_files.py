@@ -72,9 +72,10 @@ def test_command_needs_no_map(drive, tmp_path: Path, monkeypatch) -> None:
     assert gateway.open(tmp_path / "drive.mcap").wheels == ("FL", "FR", "RL", "RR")
 
 
-def test_stated_pressure_without_a_sensor_is_stated_again(tmp_path: Path) -> None:
+def test_stated_pressure_and_radius_are_stated_again(tmp_path: Path) -> None:
     text = (
         "# FL exported_by: treadlink 0.1.0\r\n# FL load_n: 4000.0 N (configuration)\r\n"
+        "# FL radius_m: 0.31 m (configuration)\r\n# FL radius_std_m: 0.0005 m (configuration)\r\n"
         "# FL pressure_pa: 220000.0 Pa (configuration)\r\n# FL axes: radial\r\n# FL coupling: ac (measured)\r\n"
         "# column wheel: position\r\nwheel,time_s,radial_mps2,device_s\r\n"
     )
@@ -84,6 +85,7 @@ def test_stated_pressure_without_a_sensor_is_stated_again(tmp_path: Path) -> Non
     vehicle = gateway.open(import_exported(path, tmp_path / "one.mcap").recording).vehicle
     (setup,) = vehicle.wheel_setups()
     assert (setup.pressure_pa, setup.load_n) == (220e3, 4000.0)
+    assert (setup.radius_m, setup.radius_std_m) == pytest.approx((0.31, 0.0005))
 
 
 def test_other_files_and_contents_are_refused(drive, tmp_path: Path) -> None:
