@@ -122,10 +122,10 @@ def measured_tires(
 
 def _of_recording(source: FigureSource, config_path: Path | None) -> list[MeasuredTire]:
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
-    from gateway.recording.reader import RecordingReader
+    from gateway.recording.recorded_file import open_recorded_file
     from gateway.session.recording_pass import RecordingPass, open_recording
 
-    recording = open_recording(RecordingReader(source.path), config_path)
+    recording = open_recording(open_recorded_file(source.path), config_path)
     wheels: dict[str, MeasuredWheel] = {}
     for result in RecordingPass(recording, DEFAULT_ESTIMATORS, signals=recording.signals()):
         if source.wheel in (None, result.position):

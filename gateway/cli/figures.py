@@ -9,7 +9,7 @@ import click
 
 from gateway.cli.options import config_option, force_option
 from gateway.cli.summary_output import SummaryOutput
-from gateway.views.output_file import write_whole
+from gateway.views.output_file import check_outputs, write_whole
 
 
 def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -88,9 +88,10 @@ def figures(
         from gateway.papers.figure_sheet import make_room
         from gateway.papers.measured_figures import measured_figures
 
-        inputs = [*map(FigureSource, sources), *(read_grid(grid_path) if grid_path is not None else [])]
         table = [out / "conditions.csv"]
-        make_room(out, table, force=force)
+        make_room(out, [], force=force)
+        check_outputs(table, [*sources, grid_path, config_path], force=force)
+        inputs = [*map(FigureSource, sources), *(read_grid(grid_path) if grid_path is not None else [])]
         tires = measured_tires(inputs, config_path, lambda path: say(f"reading {path}"))
         wanted, missing = measured_figures(tires, names)
         for line in table_lines(tires):

@@ -18,7 +18,8 @@ OVERWRITING = [
     f"{command} rec.mcap {more} {out}"
     for command, outs in {
         "diagnose": ("--json", "--html", "--save-effects"),
-        "estimate": ("--csv", "--json", "--parquet"),
+        "estimate": ("--csv", "--json", "--parquet", "--html"),
+        "compare rec.mcap": ("--csv",),
         "calibrate load": ("--out",),
     }.items()
     for option in outs
@@ -48,6 +49,8 @@ OVERWRITING += [
     "orders rec.mcap --csv rec.mcap",
     "orders rec.mcap --json hard.mcap",
     "orders rec.mcap --figure car.toml --config car.toml",
+    "figures --grid conditions.csv --out .",
+    "figures --from rec.mcap --config conditions.csv --out .",
     "trends data --odometer rec.csv --csv rec.csv",
     "trends data --odometer rec.csv --html ./folder/../rec.csv",
 ]
@@ -76,6 +79,8 @@ NEVER = [
     "import rec.csv --map car.toml --out car.toml",
     "repair rec.mcap --force --out rec.mcap",
     "compact rec.mcap --out rec.mcap",
+    "merge rec.mcap hard.mcap --out rec.mcap",
+    "merge rec.mcap hard.mcap --out car.toml",
     "simulate scenario.toml --out scenario.toml",
     "simulate scenario.toml --duration 1 --out new.mcap --vehicle scenario.toml",
     "record replay:rec.mcap?speed=max --out rec.mcap",
@@ -90,7 +95,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     Path("scenario.toml").write_text("[[wheel]]\nposition = 'FL'\nwheel = 0\n")
     made = CliRunner().invoke(treadlink, "simulate scenario.toml --duration 0.5 --out rec.mcap --vehicle car.toml")
     assert made.exit_code == 0, made.output
-    for name in ("keys", "effects.json", "rec.csv"):
+    for name in ("keys", "effects.json", "rec.csv", "conditions.csv"):
         Path(name).write_text("kept")
     for name, key in (("slip", "slip_deg"), ("side-force", "side_force_n")):
         runs = (f"[[run]]\nrecording = 'rec.mcap'\nfrom_s = {at}\nto_s = {at + 1}\n{key} = 0\n" for at in range(3))
