@@ -856,9 +856,16 @@ class Code(Enum):
     )
     TREND_TEMPERATURE_UNKNOWN = "no sensor has sent a temperature, which the comparison of pressures needs"
     TREND_TOO_FEW = "{count} recordings with a value, {needed} are needed"
+    TREND_TIRE_MOVED = (
+        "came from {origin} to {target}, first recorded there on {date}; each wheel has a trend of its own"
+    )
     TREND_TIRE_UNIDENTIFIED = (
         "no vehicle's name and no sensor says that all recordings are of one tire: differences between tires would be "
         "in it"
+    )
+    TREND_TIRES_EXCHANGED = (
+        "wheels or sensors were exchanged: sensor {sensor} came from {origin} to {target}, sensor {other} went the "
+        "other way, first recorded on {date}; each wheel has a trend of its own"
     )
     TREND_TIRES_UNIDENTIFIED = (
         "NOT IDENTIFIED: {recordings} recordings have neither a vehicle's name nor a sensor's number, and may be of "

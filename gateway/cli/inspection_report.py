@@ -84,12 +84,12 @@ def _state_text(info: RecordingInfo) -> str:
 
 
 def _alarm_text(alarm: AlarmSpan, begin: int) -> str:
-    def at(time_ns: int) -> str:
+    def since_begin(time_ns: int) -> str:
         return f"{fixed((time_ns - begin) * 1e-9, 2)} s"
 
-    end = "the end" if alarm.end_ns is None else at(alarm.end_ns)
-    seen = "" if alarm.acknowledged_ns is None else f" (acknowledged at {at(alarm.acknowledged_ns)})"
-    return f"{at(alarm.begin_ns):>11} to {end}  {escaped(alarm.subject)}: {escaped(alarm.text)}{seen}"
+    end = "the end" if alarm.end_ns is None else since_begin(alarm.end_ns)
+    seen = "" if alarm.acknowledged_ns is None else f" (acknowledged at {since_begin(alarm.acknowledged_ns)})"
+    return f"{since_begin(alarm.begin_ns):>11} to {end}  {escaped(alarm.subject)}: {escaped(alarm.text)}{seen}"
 
 
 def _log_lines(name: str, link: LinkInspection, begin: int) -> Iterator[str]:

@@ -23,6 +23,7 @@ from gateway.quantity_catalogue import NEW_TIRE_MM, declared
 from gateway.reasons import Code, Reason, Value
 from gateway.trends.late_changes import LEAST_AFTER, LateChange, find_shape
 from gateway.trends.level_steps import LEAST_POINTS, find_steps, runs, with_steps
+from gateway.trends.moved_tires import findings_of_moves
 from gateway.trends.outlier_detection import OutlierSearch, find_outliers
 from gateway.trends.plausible_readings import PlausibleReadings, plausible_readings
 from gateway.trends.recording_doubts import doubt_of, findings_of_recordings, weights_by_doubt
@@ -164,8 +165,9 @@ def analyse(
         _trend_of(_Tire(tire_history, family, plausible_readings(tire_history), stated_changes(tire_history)))
         for tire_history in tires
     ]
+    moves = findings_of_moves(tires)
     return FleetTrends(
-        tires=_with_fast_wear([trend for trend, _ in trends]),
+        tires=_with_fast_wear([_with_moves(trend, moves) for trend, _ in trends]),
         pairs=tuple(_pairs(tires)),
         outliers=tuple(outlier for _, tire in trends for outlier in tire.outliers),
         tested=sum(tire.tested for _, tire in trends),
@@ -173,6 +175,12 @@ def analyse(
         failures=failures,
         notes=tuple(notes),
     )
+
+
+def _with_moves(trend: TireTrend, moves: Mapping[tuple[str, str, str], tuple[Reason, ...]]) -> TireTrend:
+    """Return a tire with the findings of its moves to this wheel; of several tires of one sensor, the first."""
+    of_moves = moves.get((trend.vehicle, trend.position, trend.sensor_id), ()) if trend.part == 1 else ()
+    return replace(trend, findings=(*of_moves, *trend.findings))
 
 
 def _tires_of(history: TireHistory, family: int) -> Iterator[TireHistory]:

@@ -44,13 +44,13 @@ class _Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    found = Server()
-    thread = threading.Thread(target=found.serve_forever, args=(0.01,))
+    receiver = Server()
+    thread = threading.Thread(target=receiver.serve_forever, args=(0.01,))
     thread.start()
-    yield found
-    found.shutdown()
+    yield receiver
+    receiver.shutdown()
     thread.join()
-    found.server_close()
+    receiver.server_close()
 
 
 def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:
