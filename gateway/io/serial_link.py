@@ -15,6 +15,7 @@ import serial
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
+from gateway.io.port_holders import port_holders
 from gateway.io.reconnect import ReconnectingSource
 from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress, rate_option, silence_option
 from gateway.nearest_name import did_you_mean
@@ -212,10 +213,13 @@ def explain_open_error(port: str, error: Exception, present: list[str]) -> Sourc
             cause=errno.EACCES,
         )
     if number in (errno.EAGAIN, errno.EWOULDBLOCK, errno.EBUSY):
+        holders = port_holders(port)
         return SourceError(
-            f"{port} is in use by another program",
+            f"{port} is in use by {' and '.join(holders) or 'another program'}",
             # Not ?exclusive=no: two readers take bytes from each other, which ruins a recording of the other program.
-            f"Wait for its end, or quit it (`fuser {port}` names it).",
+            "Wait for its end, or quit it."
+            if holders
+            else f"Wait for its end, or quit it (`sudo fuser {port}` names it).",
             cause=errno.EBUSY,
         )
     if number in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or not _is_device(port):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import errno
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import serial
 
 from gateway.clock import ManualClock
 from gateway.errors import LinkLostError, SourceError
+from gateway.io.port_holders import port_holders
 from gateway.io.serial_link import PyserialLink, explain_open_error, serial_settings
 from gateway.io.source import LinkEventKind, Source, open_source
 from tests.testkit.hub_ends import PtyPort, Reader
@@ -81,12 +84,22 @@ def test_busy_port_is_not_to_be_shared(pty_port: PtyPort, read: Read) -> None:
     with serial.Serial(str(pty_port.path), exclusive=True):
         reader = read(open_source(f"serial:{pty_port.path}", ManualClock()))
         assert reader.next() is None
-        assert "in use by another program" in str(reader.error)
         assert isinstance(reader.error, SourceError)
-        assert "fuser" in reader.error.remedy
+        if sys.platform == "linux":
+            assert f"(process {os.getpid()})" in str(reader.error)
+        else:
+            assert "in use by another program" in str(reader.error)
         assert "exclusive" not in reader.error.remedy, "half of a running recording would be lost"
         shared = read(open_source(f"serial:{pty_port.path}?exclusive=no", ManualClock()))
         shared.event(LinkEventKind.CONNECTED)
+
+
+def test_a_port_that_nobody_holds_names_nobody(pty_port: PtyPort, tmp_path: Path) -> None:
+    assert port_holders(str(tmp_path / "ttyNO")) == ()
+    assert port_holders(str(tmp_path)) == ()
+    busy = explain_open_error(str(pty_port.path), serial.SerialException(errno.EBUSY, "busy"), [])
+    assert "another program" in str(busy)
+    assert "fuser" in busy.remedy
 
 
 def test_permission_names_the_group(pty_port: PtyPort) -> None:
