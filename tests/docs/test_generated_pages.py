@@ -13,6 +13,7 @@ from pydantic import BaseModel
 
 from gateway.cli import treadlink
 from gateway.closure.effects.catalogue import catalogue
+from gateway.planning.accelerometer import shipped_accelerometers
 from gateway.quantity import Quantity
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code
@@ -20,6 +21,7 @@ from gateway.table_columns import typeset_unit
 from gateway.views.effect_catalogue import effects_markdown
 from gateway.views.wording import fields
 from tests.test_import_rules import ALLOWED, modules
+from tools.docs_site.accelerometer_pages import accelerometers_markdown
 from tools.docs_site.api_pages import PACKAGES
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import DOCUMENTS, configuration_markdown
@@ -75,6 +77,15 @@ def models_in(annotation: object) -> Iterator[type[BaseModel]]:
     for part in (annotation, *typing.get_args(annotation)):
         if isinstance(part, type) and issubclass(part, BaseModel):
             yield part
+
+
+def test_every_accelerometer_is_listed_with_what_it_can_do():
+    page = accelerometers_markdown()
+    for part in shipped_accelerometers().sensor:
+        ability, sheet = (line for line in page.splitlines() if line.startswith(f"| {escaped(part.name)} |"))
+        assert ability.count("yes") + ability.count("no:") == 3
+        assert escaped(part.source) in sheet
+    assert "| ADXL1004 | 116 | yes: noise unknown | yes: noise unknown | no: range, noise unknown |" in page
 
 
 def test_every_effect_is_listed():

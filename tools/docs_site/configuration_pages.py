@@ -18,6 +18,7 @@ from pydantic_core import PydanticUndefined
 from gateway.config.slip_runs import SlipRunsFile
 from gateway.config.vehicle import VehicleConfig
 from gateway.importing.import_map import ImportMap
+from gateway.planning.accelerometer import AccelerometerList
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.time_series import Series
 from tools.docs_site.markdown import code, docstring, escaped, sentence, table
@@ -47,18 +48,24 @@ DOCUMENTS: Final[tuple[tuple[str, type[BaseModel], str], ...]] = (
         "The file given to `treadlink simulate` or as `sim:FILE`. "
         "How to write one: [Simulate a tire](../how-to/simulate-a-tire.md).",
     ),
+    (
+        "Accelerometers",
+        AccelerometerList,
+        "The file given to `treadlink plan --sensors`. "
+        "How to write one: [Choose a sensor](../how-to/choose-a-sensor.md).",
+    ),
 )
 
 _INTRODUCTION: Final = """\
 # Configuration
 
-Treadlink reads three kinds of TOML file. Keys carry their unit. An unknown key is an error. All faults of a file are
+Treadlink reads these kinds of TOML file. Keys carry their unit. An unknown key is an error. All faults of a file are
 reported at once, each with the value that was found and what is allowed.
 """
 
 
 def configuration_markdown() -> str:
-    """Return the reference of every table and key of the three kinds of file."""
+    """Return the reference of every table and key of each kind of file."""
     lines = [_INTRODUCTION]
     for title, model, meaning in DOCUMENTS:
         lines += [f"## {title}", "", meaning, ""]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.views.effect_catalogue import effects_markdown
+from tools.docs_site.accelerometer_pages import accelerometers_markdown
 from tools.docs_site.api_pages import api_markdown
 from tools.docs_site.command_pages import commands_markdown
 from tools.docs_site.configuration_pages import configuration_markdown
@@ -33,6 +34,7 @@ _LINK: Final = re.compile(r"(?<!`)(!?\[(?:[^\[\]]|\[[^\]]*\])*\]\()([^()\s]+)(\)
 def generated_pages(*, run_notebooks: bool = False) -> dict[str, str]:
     """Return path in the site -> Markdown of every generated page."""
     return {
+        "reference/accelerometers.md": accelerometers_markdown(),
         "reference/commands.md": commands_markdown(),
         "reference/configuration.md": configuration_markdown(),
         "reference/effects.md": effects_markdown(),

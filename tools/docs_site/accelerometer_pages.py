@@ -1,0 +1,101 @@
+"""Page of the accelerometers that are shipped: their data sheets, and what each can do on a tire at three speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.planning.accelerometer import Accelerometer, shipped_accelerometers
+from gateway.planning.plan_figure import fastest_mps
+from gateway.planning.planned_errors import AFTER, SensorPlan, plan_sensor
+from gateway.simulator.scenario import load_scenario
+from gateway.simulator.scenario_model import Scenario
+from gateway.views.numbers import split_name
+from tools.docs_site.markdown import code, escaped, table
+
+SPEEDS_KMH: Final = (60.0, 100.0, 150.0)
+_SCENARIO: Final = "lab"
+_WHEELS: Final = 40
+
+_INTRODUCTION: Final = """\
+# Accelerometers
+
+The parts of the list that `treadlink plan` has, and what each can do on the tire of the scenario `{scenario}`, of
+{radius:.0f} mm belt radius: at {speeds} km/h, the peak is {peaks} g. Made by the same code as
+[`treadlink plan`](../how-to/choose-a-sensor.md). A value that no document was found for is left out; read the data
+sheet before you buy.
+
+**Up to** is the speed at which the peak fills the range. Words behind *no* and *yes* are the reasons `plan_...` of
+[Reasons](reasons.md). Without its noise, a part's errors cannot be planned.
+"""
+
+
+def accelerometers_markdown() -> str:
+    """Return the page."""
+    scenario = load_scenario(_SCENARIO)
+    rows = [(part, _plans(scenario, part)) for part in shipped_accelerometers().sensor]
+    peaks = ", ".join(f"{plan.peak_mps2 / STANDARD_GRAVITY_MPS2:.0f}" for plan in rows[0][1])
+    lines = [
+        _INTRODUCTION.format(
+            scenario=_SCENARIO,
+            radius=scenario.wheels()[0].tire.radius_mm,
+            speeds=", ".join(f"{speed:g}" for speed in SPEEDS_KMH),
+            peaks=peaks,
+        )
+    ]
+    lines += ["## What each can do", ""]
+    lines += table(
+        ("Part", "Up to, km/h", *(f"{speed:g} km/h" for speed in SPEEDS_KMH)),
+        (
+            (escaped(part.name), f"{3.6 * fastest_mps(plans[0]):.0f}", *(escaped(_ability(plan)) for plan in plans))
+            for part, plans in rows
+        ),
+    )
+    for part, plans in rows:
+        lines += _errors(part, plans)
+    lines += ["", "## Data sheets", ""]
+    heads = (
+        "Part",
+        "Range, g",
+        "Rate, Hz",
+        "Band, Hz",
+        "Noise, mg/√Hz",
+        "Step, mg",
+        "Survives, g",
+        "Read by",
+        "Source",
+    )
+    lines += table(heads, (_sheet(part) for part, _ in rows))
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _plans(scenario: Scenario, part: Accelerometer) -> list[SensorPlan]:
+    return [plan_sensor(scenario, part, speed / 3.6, wheels=_WHEELS) for speed in SPEEDS_KMH]
+
+
+def _ability(plan: SensorPlan) -> str:
+    words = [reason.code.value.removeprefix("plan_").replace("_", " ") for reason in plan.reasons]
+    return ": ".join(filter(None, ("yes" if plan.usable else "no", ", ".join(words))))
+
+
+def _errors(part: Accelerometer, plans: list[SensorPlan]) -> Iterator[str]:
+    """Yield the errors of a part whose noise is known, where it can be used."""
+    for plan in plans:
+        errors = [error for error in plan.errors if error.revolutions == AFTER[-1]]
+        if errors:
+            yield from ("", f"{escaped(part.name)} at {3.6 * plan.speed_mps:g} km/h after {AFTER[-1]} revolutions:", "")
+            shown = ((error, split_name(error.quantity)[1]) for error in errors)
+            yield from table(
+                ("Quantity", "Unit", "Scatter", "Stays"),
+                (
+                    (code(e.quantity), unit.symbol, f"{unit.factor * e.scatter:.2g}", f"{unit.factor * e.stays:.2g}")
+                    for e, unit in shown
+                ),
+            )
+
+
+def _sheet(part: Accelerometer) -> tuple[str, ...]:
+    numbers = (part.range_g, part.rate_hz, part.bandwidth_hz, part.noise_mg_rthz, part.resolution_mg, part.survival_g)
+    texts = ("" if number is None else f"{number:g}" for number in numbers)
+    return (escaped(part.name), *texts, escaped(part.interface), escaped(part.source))
