@@ -1,18 +1,26 @@
-"""A value of a wrong type at any key of a vehicle configuration is a message."""
+"""A value of a wrong type at any key of a file that a user writes is a message."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
 from pydantic import BaseModel
 
+from gateway.config.force_runs import ForceRunsFile
+from gateway.config.known_runs import KnownRunsFile, load_runs
+from gateway.config.slip_runs import SlipRunsFile
 from gateway.config.toml_writer import toml_text
 from gateway.config.validation import Location, model_in
 from gateway.config.vehicle import VehicleConfig, parse_vehicle, recorded_vehicle
 from gateway.errors import ConfigError
+from gateway.importing.import_map import ImportMap, parse_map
+from gateway.planning.accelerometer import AccelerometerList, parse_accelerometers
+from gateway.simulator.scenario import parse_scenario
+from gateway.simulator.scenario_model import Scenario
 
 # TOML of one value of each type, and numbers beyond those that computers compute with.
 WRONG: Final = {
@@ -49,6 +57,17 @@ def document(location: Location, marker: str) -> dict[str, Any]:
         "tire": {"radius_mm": 320.0},
         "wheel": [{"position": "FL", "hub": 0, "wheel": 0}, {"position": "FR", "hub": 0, "wheel": 1}],
     }
+    placed(data, location, marker)
+    first = location[0] if location[0] != "wheel" else None
+    if first is not None and isinstance(data[first], list):
+        data[first].append(copy.deepcopy(data[first][0]))
+    if location[:2] == ("vehicle_signals", "signal") and len(location) > 2:
+        data["vehicle_signals"]["signal"] *= 2
+    return data
+
+
+def placed(data: dict[str, Any], location: Location, marker: str) -> None:
+    """Put `marker` at a location of a document, in tables that are made where there are none."""
     inner: Any = data
     for part, following in zip(location, [*location[1:], None], strict=True):
         if isinstance(part, int):
@@ -59,12 +78,6 @@ def document(location: Location, marker: str) -> dict[str, Any]:
             inner[part] = marker
         else:
             inner = inner.setdefault(part, [] if isinstance(following, int) else {})
-    first = location[0] if location[0] != "wheel" else None
-    if first is not None and isinstance(data[first], list):
-        data[first].append(copy.deepcopy(data[first][0]))
-    if location[:2] == ("vehicle_signals", "signal") and len(location) > 2:
-        data["vehicle_signals"]["signal"] *= 2
-    return data
 
 
 @pytest.mark.parametrize("location", list(paths(VehicleConfig)), ids=lambda location: ".".join(map(str, location)))
@@ -81,3 +94,75 @@ def test_wrong_type_at_a_key_is_a_message(location: Location) -> None:
     assert all("car.toml" in str(error) and error.remedy for error in errors)
     # No key takes all types.
     assert len(errors) >= len(WRONG)
+
+
+RUNS: Final = [
+    {"recording": "a.mcap", "slip_deg": -1.0, "side_force_n": -900.0, "load_n": 4000.0},
+    {"recording": "b.mcap", "slip_deg": 1.0, "side_force_n": 900.0, "load_n": 4000.0},
+]
+
+
+def of_runs(kind: type[KnownRunsFile], folder: Path) -> Callable[[str], object]:
+    """Return a function that reads a text as a runs file."""
+
+    def parse(text: str) -> object:
+        (folder / "runs.toml").write_text(text)
+        return load_runs(kind, folder / "runs.toml")
+
+    return parse
+
+
+def runs_with(*keys: str) -> dict[str, Any]:
+    return {"run": [{key: run[key] for key in ("recording", *keys)} for run in RUNS]}
+
+
+# Model, its parser and a valid document: checks between keys run only when all else is right.
+OTHERS: Final[dict[str, tuple[type[BaseModel], Callable[[str, Path], object], dict[str, Any]]]] = {
+    "scenario": (
+        Scenario,
+        lambda text, _: parse_scenario(text, "file.toml"),
+        {"wheel": [{"position": "FL", "wheel": 0}]},
+    ),
+    "accelerometers": (
+        AccelerometerList,
+        lambda text, _: parse_accelerometers(text, "file.toml"),
+        {"sensor": [{"name": "mine", "range_g": 100.0, "rate_hz": 4000.0}]},
+    ),
+    "import map": (
+        ImportMap,
+        lambda text, _: parse_map(text, "file.toml"),
+        {
+            "sampling": {"rate_hz": 4000.0},
+            "sensor": {"coupling": "DC"},
+            "axis": {"radial": {"column": "a", "unit": "g"}},
+        },
+    ),
+    "slip runs": (
+        SlipRunsFile,
+        lambda text, folder: of_runs(SlipRunsFile, folder)(text),
+        runs_with("slip_deg"),
+    ),
+    "force runs": (
+        ForceRunsFile,
+        lambda text, folder: of_runs(ForceRunsFile, folder)(text),
+        runs_with("side_force_n"),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_wrong_type_at_a_key_of_another_file_is_a_message(kind: str, tmp_path: Path) -> None:
+    model, parse, valid = OTHERS[kind]
+    parse(toml_text(valid), tmp_path)
+    errors = []
+    for location in paths(model):
+        data = copy.deepcopy(valid)
+        placed(data, location, "MARK")
+        text = toml_text(data)
+        for wrong in WRONG.values():
+            try:
+                parse(text.replace('"MARK"', wrong), tmp_path)
+            except ConfigError as error:
+                errors.append(error)
+    assert all(".toml" in str(error) and error.remedy for error in errors)
+    assert len(errors) > 5 * len(list(paths(model)))
