@@ -25,6 +25,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 # Answers of a disk or a device, not of the program's own doing.
+_LIBRARY_WITHOUT_ROOM: Final = ("failed to map segment", "annot allocate memory")
 _REFUSALS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 # name -> (module:function, line in `treadlink --help`), in the order in which a user meets them.
@@ -179,19 +180,33 @@ def main() -> None:
 
 @contextmanager
 def _explained_refusal() -> Iterator[None]:
-    """Explain a disk or device that refuses an output which has no handling of its own, as a rule standard output.
+    """Explain what the system refuses and no command handles itself: memory, or an output, as a rule standard output.
 
     Raises:
-        OutputError: it does.
+        OutputError: a disk or device refuses an output.
+        TreadlinkError: there is not enough memory.
     """
     try:
         yield
+    except (MemoryError, ImportError) as error:
+        # A library that finds no room is an ImportError, whose text alone says why.
+        if isinstance(error, ImportError) and not any(sign in str(error) for sign in _LIBRARY_WITHOUT_ROOM):
+            raise
+        raise _memory_error() from error
     except OSError as error:
+        if error.errno == errno.ENOMEM:
+            raise _memory_error() from error
         if error.errno not in _REFUSALS:
             raise
         raise OutputError(
             f"the output cannot be written: {error.strerror}", "Free some space, or write to another disk."
         ) from error
+
+
+def _memory_error() -> TreadlinkError:
+    return TreadlinkError(
+        "there is not enough memory", "Close other programs, raise the limit (ulimit -v), or process less at a time."
+    )
 
 
 def _end_with(error: TreadlinkError) -> NoReturn:
