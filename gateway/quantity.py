@@ -23,6 +23,7 @@ class Basis(StrEnum):
     OFFSET = "offset"
     RADIUS = "radius"
     RATE = "rate"
+    SIGN = "sign"  # that the lateral axis points to the left
     ZERO = "zero"
     # Measurements.
     PRESSURE = "pressure"

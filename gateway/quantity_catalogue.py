@@ -22,6 +22,7 @@ _SIGNAL: Final = frozenset({Basis.SAMPLES})
 _LOCKED: Final = frozenset({Basis.SAMPLES, Basis.WAVEFORM, Basis.COUPLING})
 # A density over frequencies rests on the whole band.
 _BAND: Final = frozenset({Basis.SAMPLES, Basis.COUPLING})
+_SIGNED: Final = _LOCKED | {Basis.SIGN}
 _SHAPE: Final = _LOCKED | {Basis.OFFSET, Basis.ZERO, Basis.HUB}
 _FORCE: Final = _LOCKED | {Basis.HUB}
 _BY_PRESSURE: Final = _LOCKED | {Basis.PRESSURE}
@@ -109,7 +110,13 @@ _RING: Final = (*_NUMBERS, *_RATIOS)
 
 
 def _slope(
-    name: str, description: str, equation: str, sign: str = _TO_THE_LEFT, memory: int = 0, compared: str = ""
+    name: str,
+    description: str,
+    equation: str,
+    sign: str = _TO_THE_LEFT,
+    memory: int = 0,
+    compared: str = "",
+    rests_on: frozenset[Basis] = _SIGNED,
 ) -> Quantity:
     return Quantity(
         name,
@@ -117,7 +124,7 @@ def _slope(
         equation,
         sign,
         powers=_SLOPE,
-        rests_on=_LOCKED,
+        rests_on=rests_on,
         memory_revolutions=memory,
         compared=compared,
     )
@@ -260,6 +267,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "tilt of the sensor about the circumferential axis",
             "ratio of the means of lateral and radial axis, over several speeds",
             "lateral axis reads a positive part of the radial one",
+            powers={Basis.AXES: 1.0},
             rests_on=_LOCKED,
             possible=_TILTS,
             is_steady=True,
@@ -478,7 +486,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "mean of the lateral axis without its part of R Omega^2",
             _TO_THE_LEFT,
             powers={Basis.GAIN: -1.0, Basis.AXES: 1.0},
-            rests_on=_LOCKED,
+            rests_on=_SIGNED,
             possible=_ZEROS,
         ),
         _ply_steer(
@@ -510,12 +518,14 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "alpha of slope = zero + share alpha (1 - saturation |alpha|)",
             "pulls the tire to the left",
             compared="slip",
+            rests_on=_LOCKED,
         ),
         _slope(
             "slip_angle_mean_rad",
             "slip angle of the mean of the latest revolutions, with a slip calibration",
             "the same of the mean slope",
             "pulls the tire to the left",
+            rests_on=_LOCKED,
         ),
         _slope(
             "slip_direction",
@@ -529,7 +539,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "(max + min) / (max - min)",
             _TO_THE_LEFT,
             powers={Basis.AXES: 1.0},
-            rests_on=_LOCKED,
+            rests_on=_SIGNED,
         ),
         Quantity(
             "left_right_asymmetry",
@@ -537,7 +547,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "mean at left slip + mean at right slip",
             _TO_THE_LEFT,
             powers={Basis.AXES: 1.0},
-            rests_on=_LOCKED,
+            rests_on=_SIGNED,
         ),
     ),
     "side-force": (
@@ -547,7 +557,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "y0 of y - t D2 y + b D4 y = 0 in the free belt, D = d/dtheta",
             _TO_THE_LEFT,
             powers=_LATERAL_SHIFT,
-            rests_on=_LOCKED,
+            rests_on=_SIGNED,
         ),
         Quantity(
             "belt_yaw_rad",
@@ -555,7 +565,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "order 1 of y - t D2 y + b D4 y = 0 in the free belt, D = d/dtheta",
             "rear of the belt to the left",
             powers=_SLOPE,
-            rests_on=_LOCKED,
+            rests_on=_SIGNED,
         ),
         Quantity(
             "side_force_n",

@@ -134,14 +134,11 @@ class Code(Enum):
     )
 
     # Planned sensors
-    PLAN_AC_CORNER = "AC coupling: the corner is {ratio:.2f} of the wheel's frequency, which biases the numbers"
-    PLAN_BAND = "the band ends at {ratio:.0f} times the wheel's frequency, which biases length and Bs"
     PLAN_FEW_REVOLUTIONS = "{share:.0f} % of the simulated wheels gave no estimates"
     PLAN_NOISE_UNKNOWN = "the noise is not known, so that no errors are planned: state it with --sensors"
     PLAN_RANGE = "the peak of {peak_g:.0f} g exceeds the range of {range_g:.0f} g"
     PLAN_RATE = "{rate_hz:.0f} samples per second are fewer than the {least_hz:.0f} that the protocol carries"
     PLAN_RATE_UNKNOWN = "neither rate nor band is known"
-    PLAN_STEPS = "steps of {step_mg:.0f} mg are more than twice the noise, which biases the numbers"
     PLAN_SURVIVAL = "the peak of {peak_g:.0f} g exceeds the {survival_g:.0f} g that the part survives"
 
     # Plug-ins
@@ -325,6 +322,10 @@ class Code(Enum):
     LAMINATE_NOT_BALANCED = (
         "the plies are not at opposite angles (A16 / A66 = {share:.2f}): tension shears the belt as well (Eq. 11)"
     )
+    LATERAL_SIGN_UNVERIFIED = (
+        "the sign is that of the lateral axis, which is not verified (lateral_is_left of the mounting): the size "
+        "holds"
+    )
     LATERAL_ZERO_CONTRADICTED = (
         "contradicts the stated accuracy of the sensor's zero, {stated_std_mps2:.1f m/s²}; a degree of camber is "
         "0.17 m/s²"
@@ -391,12 +392,15 @@ class Code(Enum):
         "the pressure has not changed while the temperature changed by {temperature_change_k:.0f} K; it may be "
         "off by {error_pa:.0f kPa}"
     )
+    SENSOR_AC_CORNER = "AC coupling: the corner is {ratio:.2f} of the wheel's frequency, which biases the numbers"
+    SENSOR_BAND = "the band ends at {ratio:.0f} times the wheel's frequency, which biases length and Bs"
     SENSOR_DEAD = "every axis reads 0: the sensor is dead or its element has no supply"
     SENSOR_FLIPPED = "the radial axis points outward; its sign is corrected here"
     SENSOR_LOOSE = (
         "rings at {frequency_hz:.0f Hz} after every contact with {share:.0%} of the steady value: the sensor "
         "may have come loose; do not trust contact lengths and tire numbers"
     )
+    SENSOR_STEPS = "steps of {step_mps2:.2g m/s²} are more than twice the noise, which biases the numbers"
     SENSOR_STUCK = "does not move by one count for {duration_s:.0f s}: {axes} counts"
     SENSOR_TILTED = (
         "the {axis} axis carries the steady value of the radial axis: tilted by {tilt_rad:.0f deg}, or the axes "

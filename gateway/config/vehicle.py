@@ -338,6 +338,10 @@ class Mounting(Section):
         default=math.degrees(HAND_MOUNTED_STD_RAD), ge=0, le=45, description="standard error of roll_deg in degrees"
     )
     pitch_deg: float = Field(default=0.0, ge=-45, le=45, description="rotation about the lateral axis in degrees")
+    lateral_is_left: bool = Field(
+        default=False,
+        description="whether the lateral axis is verified to point to the left, as by steering; else a reason says so",
+    )
 
     @property
     def offset_m(self) -> float | None:
@@ -356,13 +360,16 @@ class Mounting(Section):
 
 
 class Sensor(Section):
-    """`[wheel.sensor]`: accuracy of the scale and the zero that the hub states."""
+    """`[wheel.sensor]`: accuracy of the scale and the zero that the hub states, and the sensor's band."""
 
     gain_std_percent: float = Field(
         default=GAIN_STD * 1e2, ge=0, le=50, description="standard error of the sensor's gain in percent"
     )
     zero_g_std_mps2: float = Field(
         default=ZERO_G_STD_MPS2, ge=0, le=500, description="standard error of the sensor's zero-g offset in m/s^2"
+    )
+    bandwidth_hz: float | None = Field(
+        default=None, ge=10, le=1e6, description="-3 dB bandwidth of the sensor in Hz; default: not known"
     )
 
 
@@ -525,6 +532,8 @@ class VehicleConfig(Section):
                 zero_g_std_mps2=wheel.sensor.zero_g_std_mps2,
                 roll_rad=None if wheel.mounting.roll_deg is None else wheel.mounting.roll_rad,
                 roll_std_rad=math.radians(wheel.mounting.roll_std_deg),
+                bandwidth_hz=wheel.sensor.bandwidth_hz,
+                lateral_is_left=wheel.mounting.lateral_is_left,
             ),
             tire=tire.data(),
         )

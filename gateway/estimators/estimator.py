@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple, Protocol, Self
 
-from gateway.estimators.sensor_claims import SensorClaims
+from gateway.estimators.sensor_claims import SensorClaims, Tilt
 from gateway.estimators.tire_data import TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import (
@@ -66,6 +66,7 @@ class TireConditions:
         gain_std: relative standard error of the gain of the sensor's axes.
         hub_mps2: standard error of order 2 by motion of the hub, as far as the circumferential axis shows it.
         roll_std_rad: standard error of a roll from means at one speed, as the shape of the lateral axis shows it.
+        tilt: how the sensor sits askew, as its axes show it.
         claims: what is stated about the sensor; `sensor_offset_m` is what is in use.
         tire: the new tire's reference numbers, thickness, calibrations and laminate.
         given: estimates that earlier estimators made of this revolution, by name of the estimator, then of the
@@ -85,6 +86,7 @@ class TireConditions:
     gain_std: float = 0.0
     hub_mps2: float = 0.0
     roll_std_rad: float = 0.0
+    tilt: Tilt = field(default_factory=Tilt)
     claims: SensorClaims = field(default_factory=SensorClaims)
     tire: TireData = field(default_factory=TireData)
     given: Mapping[str, Mapping[str, Estimate]] = field(default_factory=dict)

@@ -23,9 +23,11 @@ from gateway.estimators.asymmetric_solve import (
 )
 from gateway.estimators.determination import DETERMINED, doubt_about, positive, unusable
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
+from gateway.estimators.lateral_shape import CIRCUMFERENTIAL, LATERAL
 from gateway.estimators.order_errors import relative_std, wave_std
 from gateway.estimators.pace import LONGEST, is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.sensor_claims import Tilt
 from gateway.physics.asymmetric_belt import curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
 from gateway.reasons import Code, Reason
@@ -69,6 +71,7 @@ class _Track:
         """
         self._horizon, self._longest = horizon_revolutions, longest
         self._mean: FloatArray = np.zeros(2 * MAX_ORDER)
+        self._tilted: FloatArray = np.zeros(2 * MAX_ORDER)
         self._count = 0
         self._weight_square = 1.0
         self._solved_at = 0
@@ -82,11 +85,12 @@ class _Track:
         """Number of revolutions of equal weight that would have the same variance."""
         return 1.0 / self._weight_square if self._count else 0.0
 
-    def update(self, orders: FloatArray) -> None:
-        """Add a revolution."""
+    def update(self, orders: FloatArray, tilted: FloatArray | None) -> None:
+        """Add a revolution; `tilted` is the part of other axes in its orders, None for none."""
         self._count += 1
         weight = max(1.0 / self._count, 1.0 / self._horizon)
         self._mean = self._mean + weight * (orders - self._mean)
+        self._tilted = self._tilted + weight * ((0.0 if tilted is None else tilted) - self._tilted)
         self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight
 
     @property
@@ -126,9 +130,10 @@ class _Track:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the forces, (4, 4)."""
+        """Covariance of the forces, (4, 4); what is of other axes is an error as a whole."""
         assert self.solution is not None
-        return self.solution.noise(self._mean_std) + self.solution.common()
+        tilted = self.solution.response @ corrected_orders(self._tilted)
+        return self.solution.noise(self._mean_std) + self.solution.common() + np.multiply.outer(tilted, tilted)
 
     def tire(self) -> TirePrior:
         """Return the tire's own unknowns."""
@@ -190,8 +195,9 @@ class LongitudinalForceEstimator:
         if not (np.isfinite(signal).all() and signal[0].real > 0.0):
             return _all_invalid(Reason(Code.NO_STEADY_VALUE))
         curvature = curvature_from_signal(signal, conditions.sensor_offset_m / conditions.radius_m)
-        self._now.update(curvature)
-        self._tire.update(curvature)
+        tilted = _tilted(revolution, edges, max_order, float(signal[0].real), conditions.tilt)
+        self._now.update(curvature, tilted)
+        self._tire.update(curvature, tilted)
         weight = 1.0 / min(self._tire.effective_count, TIRE_HORIZON_REVOLUTIONS)
         self._omega_radps += weight * (revolution.omega_radps - self._omega_radps)
         try:
@@ -284,6 +290,25 @@ class LongitudinalForceEstimator:
                 NAMES[4], float(forces[Force.LOSS]), math.sqrt(float(covariance[Force.LOSS, Force.LOSS])), doubts
             ),
         )
+
+
+def _tilted(
+    revolution: Revolution, edges_rad: tuple[float, float], max_order: int, mean_mps2: float, tilt: Tilt
+) -> FloatArray | None:
+    """Return the orders (2 MAX_ORDER,) that the radial axis of a tilted sensor has of the others; None without a tilt.
+
+    Ply steer makes the lateral axis antisymmetric about the contact, as a longitudinal force does the radial one.
+    """
+    parts = [
+        -angle_rad * axis_mps2
+        for angle_rad, axis_mps2 in zip(tilt[:2], revolution.axes_mps2[[LATERAL, CIRCUMFERENTIAL]], strict=True)
+        if angle_rad and math.isfinite(axis_mps2[0])
+    ]
+    if not parts:
+        return None
+    orders = orders_about(sum(parts[1:], parts[0]), 0.5 * (edges_rad[0] + edges_rad[1]), max_order)[1:] / mean_mps2
+    result: FloatArray = np.concatenate([orders.real, -orders.imag])
+    return result
 
 
 def _signed(name: str, value: float, std: float, unit: float, doubts: tuple[Reason, ...]) -> Estimate:

@@ -373,7 +373,8 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance = np.sum((rows @ record.covariance) * rows, axis=1)
     # Peak and slope ahead are the largest of several places: their noise counts once more.
     variance[[0, -1]] *= 2.0
-    variance += np.square(rows @ _along(record, revolution, conditions) * MOUNTING_STD_RAD)
+    yaw_std = math.hypot(MOUNTING_STD_RAD, conditions.tilt.yaw_std_rad)
+    variance += np.square(rows @ _along(record, revolution, conditions) * yaw_std)
     # The slopes scale with the lateral axis's gain over the radius.
     too_short = _truncation_std(record.order_max, edges)
     scale_std = math.hypot(conditions.gain_std, conditions.radius_std_m / conditions.radius_m, too_short)
@@ -546,10 +547,8 @@ def _roll_estimate(roll: Roll, conditions: TireConditions, unusable: Reason | No
     if not roll.count:
         return Estimate.invalid(ROLL_NAME, Reason(Code.AC_COUPLED))
     claims, stated = conditions.claims, conditions.claims.roll_rad
-    # Gains of two axes, and a pitch and a yaw, which turn the axes into each other.
-    std = math.hypot(
-        _roll_error(roll, conditions), math.sqrt(2.0) * conditions.gain_std * roll.rad, MOUNTING_STD_RAD**2
-    )
+    by_gains = math.sqrt(2.0) * conditions.gain_std * roll.rad
+    std = math.hypot(_roll_error(roll, conditions), by_gains, conditions.tilt.mixed)
     doubt = unusable
     if doubt is None and stated is None and not _zero_is_measured(roll, claims):
         doubt = _unlikely_roll(roll, claims)

@@ -22,18 +22,18 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
+from gateway.estimators.disagreement import CONTRADICTION
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.estimators.lost_steady_value import LostSteadyValue, SteadyValueCheck
 from gateway.estimators.pace import is_due
 from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
-from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M
+from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M, Tilt
 from gateway.reasons import Code, Reason
 from gateway.signal.axis_relations import AxisRelations, axis_relations
 from gateway.signal.contact_edges import contact_interior
 from gateway.signal.sensor_mounting import (
     HUB_SIZE,
     MOUNTING_SIZE,
-    MOUNTING_STD_RAD,
     BeltKinematics,
     MountingRows,
     RollCalibration,
@@ -74,7 +74,8 @@ _KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
 _HUB_AT_REST: Final = 1e-4
 # Memory of the hub's motion, as that of the running average that contains it.
 _KEEP_OF_HUB: Final = 1.0 - 1.0 / DEFAULT_HORIZON_REVOLUTIONS
-# Share of its prior error below which the zero-g offset counts as determined.
+# Share of its prior error below which the zero-g offset counts as determined, and of a stated error below which a
+# measured value stands against a statement that contradicts it.
 _SEPARATED: Final = 0.3
 # Relative error of the steady value that may go with the speed: the belt's shape and the sensor's offset, which the
 # mean depends on, are known better from revolution to revolution, and the sensor warms up.
@@ -169,6 +170,7 @@ class Measured(NamedTuple):
         hub_mps2: order 2 of the circumferential axis that the belt does not explain; 0 without that axis.
         relations: of the axes with each other.
         roll_by_mean_rad: of the averaged axes; NaN without a lateral axis.
+        tilt: how the sensor sits askew.
     """
 
     revolutions: int
@@ -184,6 +186,7 @@ class Measured(NamedTuple):
     hub_mps2: float = 0.0
     relations: AxisRelations = AxisRelations()
     roll_by_mean_rad: float = math.nan
+    tilt: Tilt = Tilt()
 
 
 class _Step(NamedTuple):
@@ -584,11 +587,12 @@ class SelfCalibrationEstimator:
             if solutions is not None and stds is not None:
                 pitch, offset = _mounting(solutions[row], stds[row], axes_std)
                 if pitch is not None and offset is not None:
-                    by_yaw_m = self._by_yaw_m * _yaw_std(pitch.value, self._relations.roll_rad)
+                    by_yaw_m = self._by_yaw_m * Tilt.of(self._roll_by_mean, pitch.value).yaw_std_rad
                     offset = _Measurement(offset.value, math.hypot(offset.std, by_yaw_m))
                 if against and pitch is not None:
                     # Of the sensor, not of its turned axis.
                     pitch = _Measurement(-pitch.value, pitch.std)
+            tilt = Tilt.of(self._roll_by_mean, math.nan if pitch is None else pitch.value)
             measured = Measured(
                 revolutions=count,
                 ac_coupled=revolution.ac_coupled,
@@ -603,6 +607,7 @@ class SelfCalibrationEstimator:
                 hub_mps2=hub_mps2[row],
                 relations=self._relations,
                 roll_by_mean_rad=self._roll_by_mean,
+                tilt=tilt,
             )
             steps.append(_Step(None, count, sums[row], pitch, offset, warm[row], floor, measured, against))
         self._last = steps[-1]
@@ -652,15 +657,6 @@ def _mounting(
     return pitch, _Measurement(offset, offset_std)
 
 
-def _yaw_std(pitch_rad: float, roll_rad: float) -> float:
-    """Return the standard error of the yaw, which nothing measures: that of the tilts that are, where it is more.
-
-    The model error of the offset covers a sensor that is mounted by hand.
-    """
-    tilts = [pitch_rad**2, *([] if math.isnan(roll_rad) else [roll_rad**2])]
-    return math.sqrt(max(sum(tilts) / len(tilts) - MOUNTING_STD_RAD**2, 0.0))
-
-
 def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) -> tuple[Estimate, Estimate]:
     if step.pitch is None or step.offset is None:
         reason = step.refused or _why_without(step.measured)
@@ -672,7 +668,10 @@ def _mounting_estimates(conditions: TireConditions, step: _Step, unsure: float) 
         offset = offset._replace(reasons=(*offset.reasons, Reason(Code.AXIS_AGAINST_ROLLING, axis=_ALONG_NAME)))
     stated_m, stated_std_m = conditions.claims.offset_m, conditions.claims.offset_std_m
     if stated_m is not None and abs(stated_m - step.offset.value) > 3.0 * math.hypot(stated_std_m, step.offset.std):
-        offset = offset._replace(reasons=(*offset.reasons, Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)))
+        is_worse = offset.status is Status.VALID and step.offset.std > _SEPARATED * stated_std_m
+        status = Status.PROVISIONAL if is_worse else offset.status
+        other = Reason(Code.OTHER_OFFSET_STATED, stated_m=stated_m)
+        offset = offset._replace(status=status, reasons=(*offset.reasons, other))
     return _estimate(NAMES[4], step.pitch, doubt), offset
 
 
@@ -694,6 +693,13 @@ def steady_value_lost(lost: LostSteadyValue) -> Reason:
     return Reason(Code.COUPLING_CONTRADICTED, share=lost.share, std=lost.std)
 
 
+def zero_contradicted(value_mps2: float, std_mps2: float, stated_std_mps2: float) -> Reason | None:
+    """Return that a measured zero-g offset of the radial axis contradicts its statement; None where it does not."""
+    if abs(value_mps2) <= CONTRADICTION * math.hypot(std_mps2, stated_std_mps2):
+        return None
+    return Reason(Code.ZERO_CONTRADICTED, zero_mps2=value_mps2, std_mps2=std_mps2, stated_std_mps2=stated_std_mps2)
+
+
 def _roll_estimate(
     revolution: Revolution, conditions: TireConditions, step: _Step, roll: _Measurement | None
 ) -> Estimate:
@@ -701,7 +707,9 @@ def _roll_estimate(
         lost = Reason(Code.AC_COUPLED) if revolution.ac_coupled else None
         return Estimate.invalid(NAMES[3], step.refused or lost or Reason(Code.AXIS_MISSING, axis=AXIS_NAMES[_LATERAL]))
     roll_rad, roll_std_rad = roll
-    widened = _Measurement(roll_rad, math.hypot(roll_std_rad, math.sqrt(2.0) * conditions.claims.gain_std * roll_rad))
+    mixed = 0.0 if step.measured is None else step.measured.tilt.mixed
+    by_gains = math.sqrt(2.0) * conditions.claims.gain_std * roll_rad
+    widened = _Measurement(roll_rad, math.hypot(roll_std_rad, by_gains, mixed))
     doubt = step.refused or _unsettled(step)
     if doubt is None and roll_std_rad > _ROLL_SEPARATED_RAD:
         doubt = Reason(Code.NEEDS_TWO_SPEEDS, quantity="roll tilt")
@@ -741,11 +749,11 @@ def _gain_estimates(
     together = errors[1] > _SEPARATED * _PRIOR_STDS[1]
     if not together:
         gain_std = math.hypot(gain_std, by_speed.gain)
+    zero, stated_std = _Measurement(float(change[1]), float(errors[1])), conditions.claims.zero_g_std_mps2
+    other_zero = zero_contradicted(*zero, stated_std) if zero.std > _SEPARATED * stated_std else None
     return (
         _estimate(NAMES[0], _Measurement(gain_value, gain_std), doubt or (one_speed if together else None)),
-        Estimate.invalid(NAMES[1], one_speed)
-        if together
-        else _estimate(NAMES[1], _Measurement(float(change[1]), float(errors[1])), doubt),
+        Estimate.invalid(NAMES[1], one_speed) if together else _estimate(NAMES[1], zero, doubt or other_zero),
         Estimate.invalid(NAMES[2], Reason(Code.NEEDS_TEMPERATURE_CHANGE))
         if errors[2] > _SEPARATED * _PRIOR_STDS[2]
         else _estimate(NAMES[2], _Measurement(float(change[2]), float(errors[2])), doubt),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 # Standard errors where none is stated. Gain: a sensor calibrated by gravity or on a centrifuge. Zero: after the
 # calibration in the hello, which leaves 0.1 g. Rate: the hub's quartz, against the computer's clock.
@@ -26,6 +26,37 @@ PRESSURE_STD: Final = 0.05
 change the ambient pressure that is subtracted by 5 kPa, three times that in the mountains."""
 
 
+class Tilt(NamedTuple):
+    """How a sensor sits askew, as its axes show it.
+
+    Attributes:
+        roll_rad: about the circumferential axis.
+        pitch_rad: about the lateral axis.
+        yaw_std_rad: standard error of the yaw, which nothing measures, beyond that of a sensor mounted by hand.
+    """
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    yaw_std_rad: float = 0.0
+
+    @classmethod
+    def of(cls, roll_rad: float, pitch_rad: float) -> Tilt:
+        """Return the tilt of measured angles, NaN where one is not measured.
+
+        A sensor that is askew about two axes is so about the third: the yaw is as large as they are.
+        """
+        tilts = [angle for angle in (roll_rad, pitch_rad) if not math.isnan(angle)]
+        square = sum(angle * angle for angle in tilts) / max(len(tilts), 1)
+        yaw_std = math.sqrt(max(square - HAND_MOUNTED_STD_RAD**2, 0.0))
+        roll, pitch = (0.0 if math.isnan(angle) else angle for angle in (roll_rad, pitch_rad))
+        return cls(roll, pitch, yaw_std)
+
+    @property
+    def mixed(self) -> float:
+        """Standard error of a roll by a pitch and a yaw, which turn the axes into each other."""
+        return max(abs(self.pitch_rad) * self.yaw_std_rad, HAND_MOUNTED_STD_RAD**2)
+
+
 @dataclass(frozen=True, slots=True)
 class SensorClaims:
     """Statements about one sensor, each with its standard error.
@@ -38,6 +69,8 @@ class SensorClaims:
         rate_std: relative standard error of its sampling rate.
         roll_rad: rotation about the circumferential axis; None when it is not stated.
         roll_std_rad: its standard error.
+        bandwidth_hz: end of its band, -3 dB; None when it is not stated.
+        lateral_is_left: whether the lateral axis is verified to point to the left.
     """
 
     offset_m: float | None = None
@@ -47,3 +80,5 @@ class SensorClaims:
     rate_std: float = RATE_STD
     roll_rad: float | None = None
     roll_std_rad: float = HAND_MOUNTED_STD_RAD
+    bandwidth_hz: float | None = None
+    lateral_is_left: bool = False

@@ -32,8 +32,9 @@ from gateway.estimators.self_calibration import (
     gravity_absent,
     speed_errors,
     steady_value_lost,
+    zero_contradicted,
 )
-from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M
+from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, Tilt
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import LARGEST_ZERO_MPS2, quantity_of
 from gateway.reasons import Code, Reason
@@ -146,6 +147,7 @@ class Evidence(NamedTuple):
         hub_mps2: order 2 by motion of the hub.
         roll_std_rad: error of the roll from means at one speed.
         hub_motion: that motion where it is notable; None elsewhere.
+        tilt: how the sensor sits askew.
     """
 
     sensor_offset_m: float
@@ -161,6 +163,7 @@ class Evidence(NamedTuple):
     hub_mps2: float = 0.0
     roll_std_rad: float = 0.0
     hub_motion: Reason | None = None
+    tilt: Tilt = Tilt()
 
     def applied_to(
         self, conditions: TireConditions, given: Mapping[str, Mapping[str, Estimate]] | None = None
@@ -183,6 +186,7 @@ class Evidence(NamedTuple):
             self.gain_std,
             self.hub_mps2,
             self.roll_std_rad,
+            self.tilt,
             claims,
             conditions.tire,
             conditions.given if given is None else given,
@@ -300,8 +304,14 @@ def assess(
             contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
         elif (alone := _gravity_contradiction(measured, claims.gain_std, depth)) is not None:
             contradictions.append(alone)
+        elif (slower := _by_gravity(ratio, measured, conditions, depth, mean_square * depth)) is not None and (
+            abs(slower.value - 1.0) > CONTRADICTION * slower.std
+        ):
+            contradictions.append(_steady_contradiction(measured, conditions, ratio, by_gain, depth))
         else:
             unsure = disagreement_std(ratio.value - 1.0, tolerance)
+            if slower is not None:
+                unsure = max(unsure, disagreement_std(slower.value - 1.0, slower.std))
             # Of a radius, a gain or a rate that is not as stated.
             share = _SHARE_OF_ONE * (ratio.value - 1.0)
             radius = _Value(radius.value, math.hypot(radius.std, max(unsure, abs(share)) * radius.value))
@@ -317,8 +327,7 @@ def assess(
     zero = None if measured is None else _zero(measured, zero_std)
     zero_is_measured = zero is not None and zero.std < _ZERO_MEASURED * zero_std
     if zero is not None and zero_is_measured:
-        if abs(zero.value) > CONTRADICTION * math.hypot(zero.std, zero_std):
-            reason = Reason(Code.ZERO_CONTRADICTED, zero_mps2=zero.value, std_mps2=zero.std, stated_std_mps2=zero_std)
+        if (reason := zero_contradicted(*zero, zero_std)) is not None:
             contradictions.append(Contradiction(Subject.ZERO, reason, {Basis.ZERO: math.nan}))
             zero_std = abs(zero.value)
         else:
@@ -352,6 +361,7 @@ def assess(
         if is_settled and hub_mps2 > _NOTABLE_HUB * steady_mps2
         else None,
         roll_std_rad=0.0 if measured is None else _roll_std(measured),
+        tilt=Tilt() if measured is None else measured.tilt,
     )
 
 
@@ -480,6 +490,26 @@ def _gravity_gain(measured: Measured, depth: float) -> _Value | None:
     by_closure = variance * equations.ab + covariance * equations.bb
     closure = by_closure * math.hypot(_CLOSURE_STD, _CLOSURE_BY_DEPTH * depth)
     return _Value(1.0 + value, math.hypot(math.sqrt(variance), closure))
+
+
+def _by_gravity(
+    ratio: _Value, measured: Measured, conditions: TireConditions, depth: float, by_depth: float
+) -> _Value | None:
+    """Return V^2 / R with the gain that gravity and the statement give together, over R Omega^2; None without gravity.
+
+    So the speed by gravity is compared with that by the radius. Its error contains that of radius and rate, and what
+    moves the hub, which may be as much in gravity's order.
+    """
+    gravity, claims = _gravity_gain(measured, depth), conditions.claims
+    if gravity is None:
+        return None
+    gravity = _Value(gravity.value, math.hypot(gravity.std, measured.hub_mps2 / STANDARD_GRAVITY_MPS2))
+    if abs(gravity.value - 1.0) > CONTRADICTION * math.hypot(gravity.std, claims.gain_std):
+        return None
+    gain = _weighted(_Value(1.0, claims.gain_std), gravity)
+    radius_std = conditions.radius_std_m / conditions.radius_m
+    error = math.hypot(ratio.std, gain.std, 2.0 * claims.rate_std, by_depth, radius_std)
+    return _Value(ratio.value / gain.value, error)
 
 
 def _gravity_contradiction(measured: Measured, gain_std: float, depth: float) -> Contradiction | None:

@@ -8,6 +8,7 @@ from typing import Final
 
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.signal_evidence import Evidence
+from gateway.pipeline.sensor_limits import Doubt
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
@@ -17,14 +18,14 @@ _BEYOND: Final = 2.5
 
 
 def qualified(
-    estimates: tuple[Estimate, ...], evidence: Evidence, sensor_doubt: Reason | None, uncorrected: Reason | None
+    estimates: tuple[Estimate, ...], evidence: Evidence, doubts: Iterable[Doubt], uncorrected: Reason | None
 ) -> tuple[Estimate, ...]:
     """Return the estimates of an estimator, of the status that all that is known leaves them.
 
     Args:
         estimates: of one revolution.
         evidence: of the signal on what is stated.
-        sensor_doubt: about the sensor; None for none.
+        doubts: about the sensor.
         uncorrected: why known effects were not subtracted; None where they were, or where none is known.
     """
     if uncorrected is not None:
@@ -32,8 +33,8 @@ def qualified(
         estimates = provisional_where(estimates, Basis.WAVEFORM, why)
     if evidence.says_anything:
         estimates = tuple(evidence.qualified(estimate) for estimate in estimates)
-    if sensor_doubt is not None:
-        estimates = provisional_where(estimates, Basis.SAMPLES, sensor_doubt)
+    for doubt in doubts:
+        estimates = provisional_where(estimates, *doubt)
     for name, value, *_ in estimates:
         least, greatest = quantity_of(name).possible
         # Hardly ever; not a number is neither within the limits nor beyond them.
@@ -46,6 +47,16 @@ def provisional_where(estimates: Iterable[Estimate], basis: Basis, why: Reason) 
     """Return estimates of which those that rest on something are provisional at best, with the reason."""
     return tuple(
         _provisional(estimate, why) if basis in quantity_of(estimate.name).rests_on else estimate
+        for estimate in estimates
+    )
+
+
+def noted_where(estimates: tuple[Estimate, ...], basis: Basis, note: Reason) -> tuple[Estimate, ...]:
+    """Return estimates with a note on those that are not invalid and rest on something."""
+    return tuple(
+        estimate._replace(reasons=(*estimate.reasons, note))
+        if estimate.status is not Status.INVALID and basis in quantity_of(estimate.name).rests_on
+        else estimate
         for estimate in estimates
     )
 

@@ -18,17 +18,19 @@ from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
 from gateway.pipeline.old_pressure import old_pressure_s
 from gateway.pipeline.own_drift import OwnDrift
-from gateway.pipeline.qualification import provisional_where, qualified
+from gateway.pipeline.qualification import noted_where, provisional_where, qualified
 from gateway.pipeline.results import RevolutionResult, SensorFlag
+from gateway.pipeline.sensor_limits import Doubt
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity import Basis
-from gateway.quantity_catalogue import rests_on_times_alone
+from gateway.quantity_catalogue import quantities_of, rests_on_times_alone
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import AverageSteps, RunningAverage
 from gateway.types import ComplexArray, FloatArray
 
 # Environment readings kept for revolutions that are not complete yet.
 _ENVIRONMENT_DEPTH: Final = 64
+_SIGN_UNVERIFIED: Final = Reason(Code.LATERAL_SIGN_UNVERIFIED)
 # Revolutions worked on together, which bounds the memory.
 _LONGEST_BLOCK: Final = 64
 
@@ -189,6 +191,13 @@ class TireEstimates:
         """Make the estimators; they run in the registry's order."""
         self._setup = setup
         self._names = tuple(estimators)
+        # Estimators with quantities whose sign nobody can know.
+        self._signed = frozenset(
+            name
+            for name in estimators
+            if not setup.sensor.lateral_is_left
+            and any(Basis.SIGN in quantity.rests_on for quantity in quantities_of(name))
+        )
         self._current = _Series(estimators)
         # Revolutions with and without known effects subtracted are averaged separately.
         self._series = {False: self._current}
@@ -218,7 +227,7 @@ class TireEstimates:
         arrays: RevolutionArrays,
         ends_us: Sequence[float],
         hosts_ns: Sequence[int],
-        doubts: Sequence[Reason | None],
+        doubts: Sequence[Sequence[Doubt]],
     ) -> list[RevolutionResult]:
         """Estimate consecutive revolutions; the size of the blocks does not change the results.
 
@@ -229,7 +238,7 @@ class TireEstimates:
             arrays: the revolutions, in order.
             ends_us: hub time of the end of each.
             hosts_ns: host time of the end of each, ns since the epoch.
-            doubts: about the sensor; makes all estimates of that revolution but the speed provisional.
+            doubts: about the sensor in each; what rests on it is provisional.
 
         Returns:
             One result per revolution.
@@ -250,7 +259,7 @@ class TireEstimates:
         arrays: RevolutionArrays,
         ends_us: Sequence[float],
         hosts_ns: Sequence[int],
-        doubts: Sequence[Reason | None],
+        doubts: Sequence[Sequence[Doubt]],
     ) -> list[RevolutionResult]:
         """Estimate revolutions of one series: all with known effects subtracted, or none."""
         revolutions = arrays.revolutions
@@ -296,6 +305,8 @@ class TireEstimates:
             drift = series.drifts[name]
             for index, raw in enumerate(made):
                 final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
+                if name in self._signed:
+                    final = noted_where(final, Basis.SIGN, _SIGN_UNVERIFIED)
                 if drift.applies:
                     final = drift.widened(final)
                 given[index].add(name, final)

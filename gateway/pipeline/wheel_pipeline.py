@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -14,6 +14,7 @@ from firmware_protocol.messages import Axis, Environment, Hello
 from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from gateway.constants import AXIS_NAMES
+from gateway.estimators.estimator import Revolution
 from gateway.pipeline.contact_timing import ContactTimer, TimedPair
 from gateway.pipeline.missing_revolutions import MissingRevolutions
 from gateway.pipeline.possible_readings import possible_reading
@@ -22,10 +23,12 @@ from gateway.pipeline.revolution import SensorReading, TimedRevolution, revoluti
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import LOOK_BACK_S, ContactPair, Segmenter
 from gateway.pipeline.sensor_health import SensorHealth
+from gateway.pipeline.sensor_limits import Doubt, SensorLimits
 from gateway.pipeline.timebase import HostClock, SampleClock
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.unmarked_loss import UnmarkedLossCheck
 from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.quantity import Basis
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import MARGIN_SAMPLES
 from gateway.types import FloatArray
@@ -48,6 +51,18 @@ class _Sensor:
     hello: Hello
     reading: SensorReading
     health: SensorHealth
+    limits: SensorLimits
+
+    def doubts(
+        self, revolutions: Sequence[Revolution], counts: Iterable[NDArray[np.int16]], radius_m: float
+    ) -> list[tuple[Doubt, ...]]:
+        """Return what is against each revolution's estimates, by the samples of its radial axis."""
+        faults = self.health.revolutions(revolutions)
+        made: list[tuple[Doubt, ...]] = []
+        for revolution, radial, fault in zip(revolutions, counts, faults, strict=True):
+            limits = tuple(self.limits.doubts(revolution, radial, radius_m))
+            made.append(limits if fault is None else (Doubt(Basis.SAMPLES, fault), *limits))
+        return made
 
 
 class _Decided(NamedTuple):
@@ -124,7 +139,8 @@ class WheelPipeline:
         health = SensorHealth(
             reading.columns, reading.scale_mps2, reading.offset_counts, hello.rate_hz, is_dc=not reading.ac_coupled
         )
-        self._sensor = _Sensor(hello, reading, health)
+        limits = SensorLimits(hello, self.setup.sensor.bandwidth_hz, ac_coupled=reading.ac_coupled)
+        self._sensor = _Sensor(hello, reading, health, limits)
         if not same_layout:
             if previous is not None and previous.hello.sensor_id != hello.sensor_id:
                 self._tire.reset()
@@ -395,7 +411,11 @@ class WheelPipeline:
             self._revolutions += 1
         self._checked_before = before
         in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m)
-        doubts = sensor.health.revolutions(in_angle.revolutions)
+        counts = (
+            buffer.view(math.ceil(timed.start.centre), math.ceil(timed.end.centre))[:, reading.radial_column]
+            for timed in all_timed
+        )
+        doubts = sensor.doubts(in_angle.revolutions, counts, self.setup.radius_m)
         self._results += self._tire.take_block(in_angle, ends_us, [host.host_ns(end_us) for end_us in ends_us], doubts)
 
     def _checked(self, pairs: Sequence[ContactPair], timed: Sequence[TimedPair], sign: int) -> list[_Checked]:

@@ -19,6 +19,7 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.sensor_limits import coarse_steps, high_corner, narrow_band
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -47,10 +48,6 @@ _SPARE_REVOLUTIONS: Final = 6
 _SAMPLES_PER_BAND: Final = 2.5
 # Share of the rate up to which the simulator's low-pass is exact.
 _LARGEST_BAND: Final = 0.45
-# From here on the trap biases a number by more than a percent (simulated drives).
-_LEAST_BAND: Final = 60.0
-_LARGEST_AC_CORNER: Final = 0.1
-_STEPS_OF_NOISE: Final = 2.0
 # Of the ring that the bound is made of; its relative error is then below a percent.
 _BOUND_NODES: Final = 960
 _BOUND_ORDERS: Final = 150
@@ -239,16 +236,13 @@ def _refusals(sensor: Accelerometer, rate_hz: float, peak_mps2: float) -> Iterat
 def _doubts(sensor: Accelerometer, rate_hz: float, omega_radps: float) -> Iterator[Reason]:
     """Yield what biases the numbers, or what the errors do not count."""
     wheel_hz = omega_radps / (2.0 * math.pi)
-    if sensor.bandwidth_hz is not None and sensor.bandwidth_hz < _LEAST_BAND * wheel_hz:
-        yield Reason(Code.PLAN_BAND, ratio=sensor.bandwidth_hz / wheel_hz)
-    if sensor.highpass_hz is not None and sensor.highpass_hz > _LARGEST_AC_CORNER * wheel_hz:
-        yield Reason(Code.PLAN_AC_CORNER, ratio=sensor.highpass_hz / wheel_hz)
-    if sensor.noise_mg_rthz is None:
-        yield Reason(Code.PLAN_NOISE_UNKNOWN)
-    elif sensor.resolution_mg is not None:
+    noise = Reason(Code.PLAN_NOISE_UNKNOWN) if sensor.noise_mg_rthz is None else None
+    if sensor.noise_mg_rthz is not None and sensor.resolution_mg is not None:
         band_hz = min(sensor.bandwidth_hz or math.inf, 0.5 * rate_hz)
-        if sensor.resolution_mg > _STEPS_OF_NOISE * sensor.noise_mg_rthz * math.sqrt(band_hz):
-            yield Reason(Code.PLAN_STEPS, step_mg=sensor.resolution_mg)
+        unit = 1e-3 * STANDARD_GRAVITY_MPS2
+        noise = coarse_steps(unit * sensor.resolution_mg, unit * sensor.noise_mg_rthz * math.sqrt(band_hz))
+    doubts = (narrow_band(sensor.bandwidth_hz, wheel_hz), high_corner(sensor.highpass_hz, wheel_hz), noise)
+    yield from (doubt for doubt in doubts if doubt is not None)
 
 
 def _drives(

@@ -12,7 +12,9 @@ import pytest
 from gateway.estimators.asymmetric_rows import Force, U, asymmetric_rows, free_begin, free_motion, row_sensitivity
 from gateway.estimators.asymmetric_solve import solve_asymmetric
 from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.lateral_shape import LATERAL
 from gateway.estimators.longitudinal_force import LongitudinalForceEstimator
+from gateway.estimators.sensor_claims import Tilt
 from gateway.physics.asymmetric_belt import asymmetric_shape, curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
 from gateway.physics.rolling_ring import (
@@ -24,6 +26,7 @@ from gateway.physics.rolling_ring import (
     solve_rolling_ring,
 )
 from gateway.reasons import Code, codes_of
+from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, make_revolution, take
@@ -51,6 +54,7 @@ def estimates(
     revolutions: int = 16,
     conditions: TireConditions = CONDITIONS,
     waves_m: np.ndarray | float = 0.0,
+    lateral_mps2: np.ndarray | float = math.nan,
 ) -> dict[str, Estimate]:
     rng = np.random.default_rng(3)
     average, estimator = RunningAverage(), LongitudinalForceEstimator()
@@ -58,8 +62,28 @@ def estimates(
     for _ in range(revolutions):
         wave = OMEGA**2 * on_grid(found.sensor.radial_m + waves_m) + rng.normal(0.0, noise_mps2, 1024)
         revolution = make_revolution(wave)
+        revolution.axes_mps2[LATERAL] = lateral_mps2
         last = estimator.update(revolution, take(average, revolution), conditions)
     return {estimate.name: estimate for estimate in last}
+
+
+def test_lateral_axis_in_a_rolled_sensor_is_in_the_errors() -> None:
+    """A belt that is steered by its plies bends sideways at both edges of the contact, and opposite at them."""
+    found = ring(None)
+
+    def lateral_mps2(n: int) -> np.ndarray:
+        ends_rad = [angle_grid(n) - sign * found.half_angle_rad for sign in (-1.0, 1.0)]
+        return 60.0 * np.subtract(*(np.exp(-0.5 * (end_rad / 0.05) ** 2) for end_rad in ends_rad))
+
+    plain = estimates(found)["longitudinal_force_n"]
+    rolled = estimates(
+        found,
+        conditions=replace(CONDITIONS, tilt=Tilt(roll_rad=0.1)),
+        waves_m=-0.1 * lateral_mps2(len(found.sensor.radial_m)) / OMEGA**2,
+        lateral_mps2=lateral_mps2(1024),
+    )["longitudinal_force_n"]
+    assert abs(rolled.value - plain.value) > 5.0 * plain.std
+    assert abs(rolled.value - plain.value) < 1.5 * rolled.std
 
 
 @pytest.mark.parametrize("torque_nm", [-500.0, None, 60.0, 400.0])

@@ -16,6 +16,7 @@ from gateway.estimators.revolution_block import RevolutionArrays
 from gateway.estimators.signal_evidence import Contradiction, Evidence, Subject
 from gateway.pipeline import tire_estimates
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.sensor_limits import Doubt
 from gateway.pipeline.tire_estimates import TireEstimates
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity import Basis
@@ -36,10 +37,10 @@ def estimated(
     revolutions: Sequence[Revolution],
     sizes: int | Sequence[int] = 16,
     names: Sequence[str] = ESTIMATORS,
-    doubts: Sequence[Reason | None] | None = None,
+    doubts: Sequence[tuple[Doubt, ...]] | None = None,
 ) -> list[RevolutionResult]:
     tire = TireEstimates(SETUP, names)
-    doubts = [None] * len(revolutions) if doubts is None else doubts
+    doubts = [()] * len(revolutions) if doubts is None else doubts
     results: list[RevolutionResult] = []
     steps = [sizes] if isinstance(sizes, int) else sizes
     while len(results) < len(revolutions):
@@ -125,7 +126,7 @@ def test_fault_applies_in_its_own_revolution(revolutions: list[Revolution]) -> N
 def test_doubt_applies_in_its_own_revolution(revolutions: list[Revolution]) -> None:
     at = 110
     doubt = Reason(Code.AXIS_READS)
-    doubts = [doubt if index == at else None for index in range(len(revolutions))]
+    doubts = [(Doubt(Basis.SAMPLES, doubt),) if index == at else () for index in range(len(revolutions))]
     results = estimated(revolutions, 16, ("kinematic", "weak-form"), doubts)
     assert [e.name for e in results[at].estimates if doubt not in e.reasons] == [
         "speed_mps",

@@ -179,7 +179,7 @@ def test_declared_quantities_of_a_plugin_have_units_limits_and_doubts() -> None:
     assert split_name("squat_m") == ("rear squat", split_name("contact_length_m")[1])
     value, *_ = estimate_columns("squat_m", quantity_catalogue.quantity_of("squat_m").description)
     assert (value.unit, value.description) == ("m", "squat")
-    (passed,) = qualified((Estimate("squat_m", -0.2, 0.01, Status.VALID),), NOTHING, None, None)
+    (passed,) = qualified((Estimate("squat_m", -0.2, 0.01, Status.VALID),), NOTHING, (), None)
     assert (passed.status, passed.reasons[0].code) == (Status.PROVISIONAL, Code.NOT_POSSIBLE)
     assert declare("another", (Quantity("squat_m", "the same"),)) == ("squat_m", "scripted")
     assert declare("another", (Quantity("estimated_load_n", "a column of the load"),)) == ("estimated_load_n", "load")

@@ -179,7 +179,8 @@ def test_ratio_within_errors_changes_nothing(ratio: float) -> None:
 @pytest.mark.parametrize("ratio", [0.96, 1.04])
 def test_ratio_near_a_contradiction_widens_the_errors(ratio: float) -> None:
     """A radius that is 4 % off is within three errors of a gain known to 1.5 %."""
-    evidence = assess(measured(ratio), replace(CONDITIONS, radius_std_m=0.001), 1000.0, ac_coupled=False)
+    without_gravity = measured(ratio, gain_std=1.0)
+    evidence = assess(without_gravity, replace(CONDITIONS, radius_std_m=0.001), 1000.0, ac_coupled=False)
     assert evidence.contradictions == ()
     assert evidence.radius_m == CONDITIONS.radius_m
     assert 3.0 * evidence.radius_std_m > 0.04 * CONDITIONS.radius_m
@@ -194,6 +195,18 @@ def test_ratio_near_a_contradiction_widens_the_errors(ratio: float) -> None:
     in_use = evidence.applied_to(CONDITIONS).claims
     assert 4.0 * in_use.rate_std > 0.02
     assert replace(in_use, rate_std=CONDITIONS.claims.rate_std) == CONDITIONS.claims
+
+
+@pytest.mark.parametrize(("gain", "contradicted"), [(1.0, True), (1.04, False)])
+def test_speed_by_gravity_is_compared_with_that_by_the_radius(gain: float, contradicted: bool) -> None:
+    """A steady value that is 4 % off may be a gain known to 1.5 %, but not one that gravity shows to be right."""
+    conditions = replace(CONDITIONS, radius_std_m=0.001)
+    seen = measured(1.04, gain=gain)
+    evidence = assess(seen, conditions, 1000.0, ac_coupled=False)
+    assert [found.subject for found in evidence.contradictions] == [Subject.STEADY] * contradicted
+    # What moves the hub may be in gravity's order too.
+    moving = assess(seen._replace(hub_mps2=1.0), conditions, 1000.0, ac_coupled=False)
+    assert moving.contradictions == ()
 
 
 def test_gravity_decides_between_gain_and_radius() -> None:

@@ -9,11 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.sensor_claims import SensorClaims
 from gateway.estimators.signal_evidence import Evidence
 from gateway.pipeline.qualification import provisional_where, qualified
+from gateway.pipeline.sensor_limits import Doubt
+from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import CATALOGUE, quantity_of
 from gateway.reasons import Code, Reason, codes_of
+from tests.testkit.simulated_wheel import last, simulated
 
 NOTHING = Evidence(0.0, 0.0, True, 0.0, 0.0, 0.3, 0.003)
 NAMES = sorted({quantity.name for quantities in CATALOGUE.values() for quantity in quantities})
@@ -21,7 +25,7 @@ DOUBT = Reason(Code.SAMPLES_LOST)
 
 
 def judged(name: str, value: float, std: float) -> Estimate:
-    return qualified((Estimate(name, value, std, Status.VALID),), NOTHING, None, None)[0]
+    return qualified((Estimate(name, value, std, Status.VALID),), NOTHING, (), None)[0]
 
 
 @pytest.mark.parametrize(
@@ -66,9 +70,9 @@ def test_no_valid_value_is_beyond_its_limits(name: str, value: float, std: float
 @pytest.mark.parametrize("name", NAMES)
 def test_doubts_reach_what_rests_on_the_samples_and_the_waveform(name: str) -> None:
     estimate = Estimate(name, 1.0, 0.1, Status.VALID)
-    (doubted,) = qualified((estimate,), NOTHING, DOUBT, None)
+    (doubted,) = qualified((estimate,), NOTHING, (Doubt(Basis.SAMPLES, DOUBT),), None)
     assert (doubted.status is Status.PROVISIONAL) == (Basis.SAMPLES in quantity_of(name).rests_on)
-    (uncorrected,) = qualified((estimate,), NOTHING, None, DOUBT)
+    (uncorrected,) = qualified((estimate,), NOTHING, (), DOUBT)
     is_affected = Basis.WAVEFORM in quantity_of(name).rests_on
     assert (Code.EFFECTS_NOT_SUBTRACTED in codes_of(uncorrected.reasons)) == is_affected
 
@@ -76,3 +80,15 @@ def test_doubts_reach_what_rests_on_the_samples_and_the_waveform(name: str) -> N
 def test_a_reason_is_given_once() -> None:
     estimate = Estimate("Cw", 0.2, 0.01, Status.PROVISIONAL, (DOUBT,))
     assert provisional_where((estimate,), Basis.PRESSURE, DOUBT) == (estimate,)
+
+
+@pytest.mark.parametrize("verified", [False, True])
+def test_sign_of_an_unverified_lateral_axis_is_noted(verified: bool) -> None:
+    setup = WheelSetup("FL", 0, 0, 0.32, sensor=SensorClaims(lateral_is_left=verified))
+    found = last(simulated("[tire]\ncord_angle_deg = 20", 4.0, setup, ("kinematic", "ply-steer"))[0])
+    for name, estimate in found.items():
+        noted = Code.LATERAL_SIGN_UNVERIFIED in codes_of(estimate.reasons)
+        rests = Basis.SIGN in quantity_of(name).rests_on and estimate.status is not Status.INVALID
+        assert noted == (rests and not verified), name
+    # The size holds.
+    assert found["ply_steer_contact_line_rad"].status is Status.VALID

@@ -49,7 +49,7 @@ def test_noise_grows_the_scatter_and_revolutions_reduce_it():
 
 def test_ac_corner_biases_ts_and_is_named():
     sensor = QUIET.model_copy(update={"highpass_hz": 6.0})
-    assert Code.PLAN_AC_CORNER in codes(sensor)
+    assert Code.SENSOR_AC_CORNER in codes(sensor)
     bias = next(e.stays / e.truth for e in planned(sensor).errors if (e.quantity, e.revolutions) == ("Ts", 100))
     assert bias > 0.1
 
@@ -73,9 +73,9 @@ def test_refusals_are_named_and_have_no_errors(changed, code):
 @pytest.mark.parametrize(
     ("changed", "code"),
     [
-        ({"bandwidth_hz": 500.0}, Code.PLAN_BAND),
+        ({"bandwidth_hz": 500.0}, Code.SENSOR_BAND),
         ({"noise_mg_rthz": None}, Code.PLAN_NOISE_UNKNOWN),
-        ({"resolution_mg": 400.0}, Code.PLAN_STEPS),
+        ({"resolution_mg": 400.0}, Code.SENSOR_STEPS),
     ],
 )
 def test_doubts_leave_the_sensor_usable(changed, code):

@@ -1,0 +1,95 @@
+"""What is known of a sensor itself: its band, AC corner and amplitude steps, and what they bias.
+
+The limits are those from which a trap biases a number by more than a percent on simulated drives.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from statistics import median
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware_protocol.messages import Axis, Hello
+from gateway.estimators.estimator import Revolution
+from gateway.quantity import Basis
+from gateway.reasons import Code, Reason
+
+# Of the wheel's frequency: two poles at 60 lengthen the contact by 2 %; a corner at 0.12 raises Ts by 2 %.
+_LEAST_BAND: Final = 60.0
+_LARGEST_AC_CORNER: Final = 0.1
+# Steps over the noise beneath them, which blurs those that are smaller.
+_STEPS_OF_NOISE: Final = 2.0
+# Steps of 0.5 % of R Omega^2 raise Ts by 17 %, as those of 0.1 % by its own error.
+_LEAST_STEP: Final = 1e-3
+# Values over samples of a revolution below which most steps between them occur, and revolutions that are looked at.
+_SHARE_OF_VALUES: Final = 0.25
+_REVOLUTIONS: Final = 8
+
+
+class Doubt(NamedTuple):
+    """A reason against all that rests on something."""
+
+    basis: Basis
+    reason: Reason
+
+
+def narrow_band(bandwidth_hz: float | None, wheel_hz: float) -> Reason | None:
+    """Return why a band is too narrow, None where it is not or is not known; `wheel_hz` is positive."""
+    if bandwidth_hz is None or bandwidth_hz >= _LEAST_BAND * wheel_hz:
+        return None
+    return Reason(Code.SENSOR_BAND, ratio=bandwidth_hz / wheel_hz)
+
+
+def high_corner(highpass_hz: float | None, wheel_hz: float) -> Reason | None:
+    """Return why the corner of an AC coupling is too high, None where it is not or is not known."""
+    if highpass_hz is None or highpass_hz <= _LARGEST_AC_CORNER * wheel_hz:
+        return None
+    return Reason(Code.SENSOR_AC_CORNER, ratio=highpass_hz / wheel_hz)
+
+
+def coarse_steps(step_mps2: float, noise_mps2: float) -> Reason | None:
+    """Return why steps are too coarse, None where noise of this standard deviation blurs them."""
+    return Reason(Code.SENSOR_STEPS, step_mps2=step_mps2) if step_mps2 > _STEPS_OF_NOISE * noise_mps2 else None
+
+
+def step_counts(counts: NDArray[np.int16]) -> float:
+    """Return the step of samples in counts, which may be of a coarser sensor; 1 where none shows."""
+    values = np.unique(counts)
+    if not 1 < len(values) < _SHARE_OF_VALUES * len(counts):
+        return 1.0
+    return float(np.median(np.diff(values.astype(np.int64))))
+
+
+class SensorLimits:
+    """Limits of one sensor."""
+
+    def __init__(self, hello: Hello, bandwidth_hz: float | None, *, ac_coupled: bool) -> None:
+        """Take what the hub and the configuration state."""
+        self._bandwidth_hz = bandwidth_hz
+        self._highpass_hz = hello.highpass_hz if ac_coupled and hello.highpass_hz > 0.0 else None
+        self._count_mps2 = abs(hello.scale_mps2[Axis.RADIAL])
+        self._steps: list[float] = []
+
+    def doubts(self, revolution: Revolution, counts: NDArray[np.int16], radius_m: float) -> Iterator[Doubt]:
+        """Yield what they bias of a revolution, and why; `counts` are its samples of the radial axis."""
+        if not revolution.omega_radps > 0.0:
+            return
+        wheel_hz = revolution.omega_radps / (2.0 * math.pi)
+        if (band := narrow_band(self._bandwidth_hz, wheel_hz)) is not None:
+            yield Doubt(Basis.SAMPLES, band)
+        if (corner := high_corner(self._highpass_hz, wheel_hz)) is not None:
+            yield Doubt(Basis.COUPLING, corner)
+        if len(self._steps) < _REVOLUTIONS:
+            self._steps.append(step_counts(counts))
+        step_mps2 = self._count_mps2 * median(self._steps)
+        if step_mps2 > _LEAST_STEP * radius_m * revolution.omega_radps**2:
+            # Of a sample: on the angle grid, more samples than its points are averaged.
+            samples = revolution.rate_hz * revolution.period_s / revolution.turns
+            noise_mps2 = revolution.noise_mps2 * math.sqrt(max(samples / len(revolution.radial_mps2), 1.0))
+            beneath = math.sqrt(max(noise_mps2**2 - step_mps2**2 / 12.0, 0.0))
+            if (steps := coarse_steps(step_mps2, beneath)) is not None:
+                yield Doubt(Basis.WAVEFORM, steps)

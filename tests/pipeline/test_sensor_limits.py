@@ -1,0 +1,56 @@
+"""What is known of a sensor itself, and what it biases."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gateway.estimators.estimator import Status
+from gateway.estimators.sensor_claims import SensorClaims
+from gateway.pipeline.sensor_limits import coarse_steps, high_corner, narrow_band
+from gateway.pipeline.wheel_setup import WheelSetup
+from gateway.reasons import Code, codes_of
+from tests.testkit.simulated_wheel import last, simulated
+
+SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
+ESTIMATORS = ("kinematic", "weak-form")
+SPEED = "[motion]\nspeed_kmh = 65\n"
+
+
+def statuses(tables: str, setup: WheelSetup = SETUP) -> dict[str, tuple[Status, tuple[Code, ...]]]:
+    found = last(simulated(tables + SPEED, 4.0, setup, ESTIMATORS)[0])
+    return {name: (estimate.status, codes_of(estimate.reasons)) for name, estimate in found.items()}
+
+
+def test_limits_begin_where_a_number_is_biased_by_a_percent() -> None:
+    assert narrow_band(None, 9.0) is narrow_band(60.0 * 9.0, 9.0) is None
+    assert narrow_band(59.0 * 9.0, 9.0)["ratio"] == pytest.approx(59.0)
+    assert high_corner(None, 9.0) is high_corner(0.9, 9.0) is None
+    assert high_corner(0.95, 9.0).code is Code.SENSOR_AC_CORNER
+    assert coarse_steps(1.0, 0.5) is None
+    assert coarse_steps(1.0, 0.49).code is Code.SENSOR_STEPS
+
+
+@pytest.mark.parametrize(("corner_hz", "doubted"), [(0.5, False), (2.0, True)])
+def test_high_corner_doubts_numbers_and_not_the_contact(corner_hz: float, doubted: bool) -> None:
+    found = statuses(f"[sensor]\nrange_g = 1000\ncoupling = 'ac'\nhighpass_hz = {corner_hz}\n")
+    assert (Code.SENSOR_AC_CORNER in found["Ts"][1]) == doubted
+    assert found["Ts"][0] is not Status.VALID or not doubted
+    assert found["contact_length_m"][0] is Status.VALID
+    assert found["speed_mps"][0] is Status.VALID
+
+
+@pytest.mark.parametrize(("step_mg", "doubted"), [(10.0, False), (1000.0, True)])
+def test_steps_that_no_noise_blurs_doubt_the_waveform(step_mg: float, doubted: bool) -> None:
+    found = statuses(f"[sensor]\nrange_g = 400\nnoise_mg_rthz = [0.5, 0.5, 0.5]\nresolution_mg = {step_mg}\n")
+    assert (Code.SENSOR_STEPS in found["Ts"][1]) == doubted
+    assert found["contact_length_m"][0] is Status.VALID
+
+
+def test_narrow_band_doubts_all_but_times() -> None:
+    setup = replace(SETUP, sensor=SensorClaims(bandwidth_hz=300.0))
+    found = statuses("[sensor]\nrange_g = 1000\nbandwidth_hz = 300\n", setup)
+    assert found["contact_length_m"] == (Status.PROVISIONAL, (Code.SENSOR_BAND,))
+    assert Code.SENSOR_BAND in found["Bs"][1]
+    assert found["speed_mps"][0] is Status.VALID
