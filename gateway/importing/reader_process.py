@@ -291,8 +291,8 @@ def _opened(reader_class: Any, kind: str, path: Path) -> BlockReader:
     with path.open("rb") as file:
         if not file.read(1):
             raise ImportDataError(f"{path} is empty", "Check the file.")
-    (reader,) = _named_damage(map(reader_class, [path]), f"{path} is not a readable {kind} file")
-    return reader
+    readers: Iterator[BlockReader] = _named_damage(map(reader_class, [path]), f"{path} is not a readable {kind} file")
+    return next(readers)
 
 
 def _named_damage(read: Iterable[_T], what: str) -> Iterator[_T]:
