@@ -45,15 +45,16 @@ def compare(
     from gateway.cli.estimate_order import EstimateOrder
     from gateway.cli.recording_estimates import estimate_recording
     from gateway.cli.summary_output import SummaryOutput
-    from gateway.errors import RecordingError
+    from gateway.errors import RecordingError, TreadlinkError
     from gateway.estimators.mean_comparison import compared_means
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.security.key_file import default_key_file
     from gateway.views.drive_comparison import comparison_csv, comparison_lines, means_of
     from gateway.views.output_file import check_outputs, is_stdout, write_whole
+    from gateway.views.wording import text
 
     check_outputs([csv_path], [first, second, config_path, *effects_paths, key_file or default_key_file()], force=force)
-    drives = []
+    drives, damaged = [], []
     for path in (first, second):
         order = EstimateOrder(
             path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {}, is_drawn=True
@@ -61,6 +62,8 @@ def compare(
         estimated = estimate_recording(order, lambda _: None, ())
         assert estimated.drive is not None
         drives.append(estimated.drive)
+        if estimated.damage is not None:
+            damaged.append(f"'{path}': {text(estimated.damage)}")
     before, after = drives
     if not before.wheels.keys() & after.wheels.keys():
         wheels = " and ".join(f"{', '.join(drive.wheels) or 'no wheel'} in '{drive.name}'" for drive in drives)
@@ -76,4 +79,6 @@ def compare(
         write_whole(csv_path, comparison_csv(differences), force=force)
         if not is_stdout(csv_path):
             say(f"written: {csv_path}")
+    if damaged:
+        raise TreadlinkError("; ".join(damaged), "The readable part was compared.")
     say.finish()

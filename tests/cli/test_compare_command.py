@@ -61,3 +61,13 @@ def test_recordings_without_a_common_wheel_are_refused(pair, tmp_path):
     result = compare(pair[0], other)
     assert isinstance(result.exception, RecordingError)
     assert "no wheel has revolutions in both" in str(result.exception)
+
+
+def test_readable_part_of_a_damaged_recording_is_compared(pair, tmp_path):
+    content = bytearray(pair[0].read_bytes())
+    content[len(content) // 2 : len(content) // 2 + 400] = bytes(400)
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(content)
+    result = compare(pair[1], damaged)
+    assert "The readable part was compared." in getattr(result.exception, "remedy", "")
+    assert "speed, km/h" in result.stdout
