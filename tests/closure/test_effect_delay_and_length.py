@@ -36,7 +36,8 @@ def late(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatA
 def long(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     """A board that reads the mean over points along its length."""
     reach = 0.5 * LENGTH_M / RADIUS_M * (1.0 - 1.0 / _POINTS)
-    return np.mean([at(signal, theta, theta + shift) for shift in np.linspace(-reach, reach, _POINTS)], axis=0)
+    points = [at(signal, theta, theta + shift) for shift in np.linspace(-reach, reach, _POINTS)]
+    return np.asarray(np.mean(points, axis=0))
 
 
 def slow(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:

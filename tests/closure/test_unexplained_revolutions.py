@@ -218,9 +218,9 @@ def contact(axis: int, times_s: np.ndarray | float = 0.0) -> np.ndarray:
     return np.asarray((900.0, 0.0, 1500.0)[axis] * (1.0 - 0.5 * edges))
 
 
-def steep(scatter: np.ndarray, **others: float) -> Group:
+def steep(scatter: np.ndarray) -> Group:
     """Return a group with that waveform and scatter."""
-    made = group(scatter, **others)
+    made = group(scatter)
     waves = np.fft.rfft(np.roll([contact(axis) for axis in range(3)], GRID // 2, axis=-1)) * 2.0 / GRID
     mean = waves[:, :ORDERS].copy()
     mean[:, 0] *= 0.5
