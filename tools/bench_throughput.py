@@ -5,7 +5,7 @@ does (live), with 1 and 4 wheels, at 2 and 9.6 kHz. CPU is user time of one proc
 `--against` an older version runs beside this one, alternating in the same run.
 
 Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick` measures recordings of four
-wheels at 9600 Hz only. The stages of batch and live follow.
+wheels at 9600 Hz only. The stages of batch and live follow. `--scaling` measures 1 to 64 wheels at 2 to 25.6 kHz.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import inspect
 import json
 import os
 import platform
+import re
 import resource
 import subprocess
 import sys
@@ -108,6 +109,12 @@ CASES: Final = (
     Case("live", 4, 2000, DEFAULT),
     Case("decode", 4, 9600, "none"),
 )
+SCALING: Final = tuple(
+    Case(way, wheels, rate_hz, DEFAULT)
+    for way, rates_hz in (("batch", (2000, 9600, 25600)), ("live", (2000,)))
+    for rate_hz in rates_hz
+    for wheels in (1, 4, 16, 64)
+)
 STAGE_CASES: Final = (Case("batch", 4, 9600, DEFAULT), Case("live", 4, 9600, DEFAULT))
 
 
@@ -197,7 +204,7 @@ def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
         for result in RecordingPass(OpenedRecording(reader, vehicle), names):
             take(result)
     elif case.way == "live":
-        core = SessionCore(vehicle, estimators=names)
+        core = SessionCore(vehicle, estimators=names, latency_s=0.0)
         for item in items:
             for result in core.take(item):
                 take(result)
@@ -212,18 +219,27 @@ def measure(case: Case, path: Path, clock: StageClock | None) -> dict[str, Any]:
     return {"revolutions": revolutions, "cpu_s": cpu_s, "peak_mb": peak_mb, "stages": stages}
 
 
-def record(folder: Path, seconds: float) -> dict[tuple[int, int], Path]:
+def scenario_of(wheels: int, rate_hz: int) -> str:
+    """Return the demo car at a rate with the first of its wheels, or with more of them, by their numbers."""
+    text = SCENARIO.read_text().replace("rate_hz = 9600.0", f"rate_hz = {rate_hz}.0")
+    head, *tables = text.split("[[wheel]]")
+    for number in range(len(tables), wheels):
+        table = re.sub(r"(?m)^wheel = .*", f"wheel = {number}", tables[number % 4])
+        table = re.sub(r"(?m)^position = .*", f'position = "W{number}"', table)
+        tables.append(re.sub(r"(?m)^sensor_id = .*", f'sensor_id = "{0xA001 + number:08x}"', table))
+    return "[[wheel]]".join([head, *tables[:wheels]])
+
+
+def record(folder: Path, seconds: float, cases: tuple[Case, ...]) -> dict[tuple[int, int], Path]:
     """Write the recordings of all cases; return them by wheels and rate."""
     from gateway.clock import ManualClock
     from gateway.io.source import open_source
     from gateway.recording.writer import RecordingWriter
 
     made = {}
-    for wheels, rate_hz in sorted({(case.wheels, case.rate_hz) for case in CASES}):
-        text = SCENARIO.read_text().replace("rate_hz = 9600.0", f"rate_hz = {rate_hz}.0")
-        head, *tables = text.split("[[wheel]]")
+    for wheels, rate_hz in sorted({(case.wheels, case.rate_hz) for case in cases}):
         scenario = folder / f"{wheels}-{rate_hz}.toml"
-        scenario.write_text("[[wheel]]".join([head, *tables[:wheels]]))
+        scenario.write_text(scenario_of(wheels, rate_hz))
         source = open_source(f"sim:{scenario}?speed=max&duration={seconds:g}", ManualClock())
         path = made[wheels, rate_hz] = scenario.with_suffix(".mcap")
         writer = RecordingWriter(path, start_ns=0, vehicle_toml=source.vehicle_toml or "", sources=["sim:demo"])
@@ -314,6 +330,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the recordings (default: 60)")
     parser.add_argument("--rounds", type=int, default=3, help="runs of each case; the best counts (default: 3)")
     parser.add_argument("--quick", action="store_true", help="only four wheels at 9600 Hz in batch, and the stages")
+    parser.add_argument("--scaling", action="store_true", help="only 1 to 64 wheels at several rates")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
@@ -323,10 +340,11 @@ def main() -> None:
     print(f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     print(f"demo car, {arguments.seconds:g} s, user CPU of one process, best of {arguments.rounds}")
     with tempfile.TemporaryDirectory() as folder, checked_out(arguments.against) as trees:
-        recordings = record(Path(folder), arguments.seconds)
-        cases = CASES[:2] if arguments.quick else CASES
+        cases = SCALING if arguments.scaling else CASES[:2] if arguments.quick else CASES
+        stage_cases = () if arguments.scaling else STAGE_CASES
+        recordings = record(Path(folder), arguments.seconds, (*cases, *stage_cases))
         print_cases(trees, recordings, cases, arguments.seconds, arguments.rounds)
-        for case in STAGE_CASES:
+        for case in stage_cases:
             print_stages(trees, recordings[case.wheels, case.rate_hz], case, arguments.rounds)
 
 
