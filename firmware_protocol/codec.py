@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 from zlib import crc32
 
 import numpy as np
@@ -55,12 +55,7 @@ _HELLO: Final = struct.Struct("<BBBBHBBQIIff3f3f3fH")
 _SAMPLES: Final = struct.Struct(wire.SAMPLES_FORMAT)
 _ENVIRONMENT: Final = struct.Struct("<ihH")
 _HUB_STATUS: Final = struct.Struct("<IIIIIIHBb")
-_TIME_SYNC: Final = struct.Struct("<QQ")
-_RESULT: Final = struct.Struct("<IBB")
 _RATE: Final = struct.Struct("<f")
-_TIME: Final = struct.Struct("<Q")
-_CHALLENGE: Final = struct.Struct("<Q")
-_CHALLENGE_ANSWER: Final = struct.Struct("<QII")
 
 _U8: Final = 0xFF
 _U16: Final = 0xFFFF
@@ -281,15 +276,6 @@ def _decode_hub_status(payload: bytes) -> HubStatus:
     )
 
 
-def _encode_time_sync(message: TimeSync) -> bytes:
-    return _TIME_SYNC.pack(integer("hub_us", message.hub_us, 0, _U64), integer("host_ns", message.host_ns, 0, _U64))
-
-
-def _decode_time_sync(payload: bytes) -> TimeSync:
-    require_length("time sync", payload, _TIME_SYNC.size)
-    return TimeSync(*_TIME_SYNC.unpack(payload))
-
-
 def _encode_log_text(message: LogText) -> bytes:
     text = message.text.encode()
     if len(text) >= wire.MAX_PAYLOAD_BYTES:
@@ -301,19 +287,6 @@ def _decode_log_text(payload: bytes) -> LogText:
     if not payload:
         require_length("log text", payload, 1)
     return LogText(payload[0], payload[1:].decode(errors="replace"))
-
-
-def _encode_result(message: CommandResult) -> bytes:
-    return _RESULT.pack(
-        integer("seq", message.seq, 0, _U32),
-        integer("command", message.command, 0, _U8),
-        integer("outcome", message.outcome, 0, _U8),
-    )
-
-
-def _decode_result(payload: bytes) -> CommandResult:
-    require_length("command result", payload, _RESULT.size)
-    return CommandResult(*_RESULT.unpack(payload))
 
 
 def _encode_stream(message: SetStream) -> bytes:
@@ -339,50 +312,49 @@ def _decode_rate(payload: bytes) -> SetRate:
     return SetRate(rate_hz)
 
 
-def _encode_time(message: SetTime) -> bytes:
-    return _TIME.pack(integer("host_ns", message.host_ns, 0, _U64))
+class _Integers:
+    """Codec of a message of unsigned integers, in the order of its fields; every bit pattern is valid.
+
+    Attributes:
+        message: class of the message.
+        layout: of the payload.
+    """
+
+    def __init__(self, message: Any, name: str, widths: str) -> None:
+        self.message = message
+        self.layout = struct.Struct(f"<{widths}")
+        self._name = name
+        self._highest = {
+            field: (1 << 8 * struct.calcsize(width)) - 1 for field, width in zip(message._fields, widths, strict=True)
+        }
+
+    def encode(self, message: Any) -> bytes:
+        return self.layout.pack(
+            *(integer(field, getattr(message, field), 0, highest) for field, highest in self._highest.items())
+        )
+
+    def decode(self, payload: bytes) -> Any:
+        require_length(self._name, payload, self.layout.size)
+        return self.message(*self.layout.unpack(payload))
 
 
-def _decode_time(payload: bytes) -> SetTime:
-    require_length("set time", payload, _TIME.size)
-    return SetTime(*_TIME.unpack(payload))
-
-
-def _encode_challenge(message: Challenge) -> bytes:
-    return _CHALLENGE.pack(integer("nonce", message.nonce, 0, _U64))
-
-
-def _decode_challenge(payload: bytes) -> Challenge:
-    require_length("challenge", payload, _CHALLENGE.size)
-    return Challenge(*_CHALLENGE.unpack(payload))
-
-
-def _encode_challenge_answer(message: ChallengeAnswer) -> bytes:
-    return _CHALLENGE_ANSWER.pack(
-        integer("nonce", message.nonce, 0, _U64),
-        integer("boot_count", message.boot_count, 0, _U32),
-        integer("highest_seq", message.highest_seq, 0, _U32),
-    )
-
-
-def _decode_challenge_answer(payload: bytes) -> ChallengeAnswer:
-    require_length("challenge answer", payload, _CHALLENGE_ANSWER.size)
-    return ChallengeAnswer(*_CHALLENGE_ANSWER.unpack(payload))
-
+_INTEGERS: Final = {
+    MessageType.TIME_SYNC: _Integers(TimeSync, "time sync", "QQ"),
+    MessageType.COMMAND_RESULT: _Integers(CommandResult, "command result", "IBB"),
+    MessageType.SET_TIME: _Integers(SetTime, "set time", "Q"),
+    MessageType.CHALLENGE: _Integers(Challenge, "challenge", "Q"),
+    MessageType.CHALLENGE_ANSWER: _Integers(ChallengeAnswer, "challenge answer", "QII"),
+}
 
 _ENCODERS: Final[dict[type, tuple[MessageType, Callable[..., bytes]]]] = {
     Hello: (MessageType.HELLO, _encode_hello),
     SampleBlock: (MessageType.SAMPLES, _encode_samples),
     Environment: (MessageType.ENVIRONMENT, _encode_environment),
     HubStatus: (MessageType.HUB_STATUS, _encode_hub_status),
-    TimeSync: (MessageType.TIME_SYNC, _encode_time_sync),
     LogText: (MessageType.LOG_TEXT, _encode_log_text),
-    CommandResult: (MessageType.COMMAND_RESULT, _encode_result),
     SetStream: (MessageType.SET_STREAM, _encode_stream),
     SetRate: (MessageType.SET_RATE, _encode_rate),
-    SetTime: (MessageType.SET_TIME, _encode_time),
-    Challenge: (MessageType.CHALLENGE, _encode_challenge),
-    ChallengeAnswer: (MessageType.CHALLENGE_ANSWER, _encode_challenge_answer),
+    **{codec.message: (type_, codec.encode) for type_, codec in _INTEGERS.items()},
 }
 
 DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
@@ -390,23 +362,15 @@ DECODERS: Final[dict[int, Callable[[bytes], Message]]] = {
     MessageType.SAMPLES: _decode_samples,
     MessageType.ENVIRONMENT: _decode_environment,
     MessageType.HUB_STATUS: _decode_hub_status,
-    MessageType.TIME_SYNC: _decode_time_sync,
     MessageType.LOG_TEXT: _decode_log_text,
-    MessageType.COMMAND_RESULT: _decode_result,
     MessageType.SET_STREAM: _decode_stream,
     MessageType.SET_RATE: _decode_rate,
-    MessageType.SET_TIME: _decode_time,
-    MessageType.CHALLENGE: _decode_challenge,
-    MessageType.CHALLENGE_ANSWER: _decode_challenge_answer,
+    **{type_: codec.decode for type_, codec in _INTEGERS.items()},
 }
 """Payload decoder per type byte; each raises ValueError when the payload breaks its layout."""
 
 FIXED_LENGTHS: Final[dict[int, int]] = {
     MessageType.ENVIRONMENT: _ENVIRONMENT.size,
-    MessageType.TIME_SYNC: _TIME_SYNC.size,
-    MessageType.COMMAND_RESULT: _RESULT.size,
-    MessageType.SET_TIME: _TIME.size,
-    MessageType.CHALLENGE: _CHALLENGE.size,
-    MessageType.CHALLENGE_ANSWER: _CHALLENGE_ANSWER.size,
+    **{type_: codec.layout.size for type_, codec in _INTEGERS.items()},
 }
 """Types of which every payload of this length is valid, whatever it holds."""
