@@ -65,7 +65,7 @@ def open_can_source(address: SourceAddress, clock: Clock) -> Source:
             f"Write can:INTERFACE:CHANNEL, for example can:socketcan:can0, or can:FILE with one of "
             f"{', '.join(CAN_FILE_SUFFIXES)}; interfaces: {', '.join(sorted(can.VALID_INTERFACES))}.",
         )
-    options: dict[str, Any] = {name: _option(value) for name, value in address.options.items() if name != "dbc"}
+    options: dict[str, Any] = {name: bus_option(value) for name, value in address.options.items() if name != "dbc"}
     return CanBusSource(f"can:{address.target}", lambda: can.Bus(channel, interface, **options), clock, dbc)
 
 
@@ -82,7 +82,7 @@ def _dbc_of(address: SourceAddress) -> str | None:
     return text
 
 
-def _option(text: str) -> str | int | bool:
+def bus_option(text: str) -> str | int | bool:
     """Return an option of python-can as the type that it expects."""
     if text in ("yes", "no", "true", "false"):
         return text in ("yes", "true")

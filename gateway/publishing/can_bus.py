@@ -11,6 +11,7 @@ import can
 
 from gateway.errors import ConfigError
 from gateway.estimators.estimator import Estimate
+from gateway.io.can_source import bus_option
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot, WheelSnapshot, WheelState
 from gateway.publishing.can_frames import (
     ALARM_BITS,
@@ -29,6 +30,7 @@ from gateway.publishing.sink import (
     Item,
     PublishedAlarm,
     PublishedRevolution,
+    Sink,
     SinkAddress,
     SinkDownError,
     SinkError,
@@ -53,7 +55,7 @@ def open_can(address: SinkAddress, setting: SinkSetting) -> CanSink:
             f"Write can:INTERFACE:CHANNEL, for example can:socketcan:can0; interfaces: "
             f"{', '.join(sorted(can.VALID_INTERFACES))}.",
         )
-    options: dict[str, Any] = {name: _option(value) for name, value in address.options.items()}
+    options: dict[str, Any] = {name: bus_option(value) for name, value in address.options.items()}
     base_id = options.pop("base_id", DEFAULT_BASE_ID)
     if not isinstance(base_id, int):
         raise SinkError(f"'{address.name}': base_id={base_id} is not a number", "Give it as 0x500 or 1280.")
@@ -64,17 +66,7 @@ def open_can(address: SinkAddress, setting: SinkSetting) -> CanSink:
     return CanSink(interface, channel, options, FrameEncoder(base_id, setting.positions))
 
 
-def _option(text: str) -> str | int | bool:
-    """Return an option of python-can as the type that it expects."""
-    if text in ("yes", "no", "true", "false"):
-        return text in ("yes", "true")
-    try:
-        return int(text, 0)
-    except ValueError:
-        return text
-
-
-class CanSink:
+class CanSink(Sink):
     """Sends the frames of `gateway.publishing.can_frames`; `treadlink protocol dbc` describes them."""
 
     def __init__(self, interface: str, channel: str, options: Mapping[str, Any], encoder: FrameEncoder) -> None:
@@ -117,11 +109,6 @@ class CanSink:
             for _ in range(_DRAINED_PER_POLL):
                 if self._bus.recv(0.0) is None:
                     break
-
-    def flush(self, stop: threading.Event) -> int:
-        """Return 0: the bus confirms nothing."""
-        del stop
-        return 0
 
     def close(self) -> None:
         """Release the bus."""

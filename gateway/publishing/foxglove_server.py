@@ -20,6 +20,7 @@ from gateway.publishing.sink import (
     PublishedAlarm,
     PublishedRevolution,
     PublishedState,
+    Sink,
     SinkAddress,
     SinkDownError,
     SinkError,
@@ -55,7 +56,7 @@ def open_foxglove(address: SinkAddress, setting: SinkSetting) -> FoxgloveSink:
     return FoxgloveSink(host, port, frozenset(filter(None, origins)))
 
 
-class FoxgloveSink:
+class FoxgloveSink(Sink):
     """Serves channels with schemas; a viewer gets what is published after it has subscribed.
 
     | Channel | Schema | Content |
@@ -116,14 +117,6 @@ class FoxgloveSink:
             for snapshot in item.snapshot.wheels:
                 self._write_waveform(snapshot, item.host_ns)
             self._write_notices(item)
-
-    def poll(self) -> None:
-        """Do nothing: the server has threads of its own."""
-
-    def flush(self, stop: threading.Event) -> int:
-        """Return 0: the server has every message."""
-        del stop
-        return 0
 
     def close(self) -> None:
         """Stop the server."""

@@ -24,6 +24,7 @@ from gateway.publishing.sink import (
     PublishedAlarm,
     PublishedRevolution,
     PublishedState,
+    Sink,
     SinkAddress,
     SinkDownError,
     SinkError,
@@ -102,7 +103,7 @@ def _fields(message: Mapping[str, Any]) -> Iterator[tuple[str, float | bool | st
             yield name, float(len(value))
 
 
-class InfluxFile:
+class InfluxFile(Sink):
     """Appends lines to a file, which `influx write` and Telegraf read."""
 
     def __init__(self, path: Path) -> None:
@@ -124,17 +125,6 @@ class InfluxFile:
         self._append(self._rest)
         self._item = None
 
-    def poll(self) -> None:
-        """Do nothing."""
-
-    def flush(self, stop: threading.Event) -> int:
-        """Return 0: the system has every line."""
-        del stop
-        return 0
-
-    def close(self) -> None:
-        """Do nothing: each write closes the file."""
-
     def _append(self, data: bytes) -> None:
         try:
             with self._path.open("ab", buffering=0) as file:
@@ -145,7 +135,7 @@ class InfluxFile:
             raise SinkDownError(error.strerror or str(error)) from error
 
 
-class InfluxServer:
+class InfluxServer(Sink):
     """Writes to a bucket of a server, once a second and whenever enough waits."""
 
     def __init__(self, url: str, bucket: str, org: str, environment: Mapping[str, str]) -> None:
@@ -174,9 +164,6 @@ class InfluxServer:
         if isinstance(item, PublishedState) or self._waiting >= _MOST_ITEMS:
             self._write()
         self._item = None
-
-    def poll(self) -> None:
-        """Do nothing: states come once a second."""
 
     def flush(self, stop: threading.Event) -> int:
         """Send what waits, and return how many revolutions and alarms the server has not confirmed."""

@@ -15,6 +15,7 @@ from gateway.publishing.payloads import encoded, messages
 from gateway.publishing.sink import (
     Item,
     PublishedState,
+    Sink,
     SinkAddress,
     SinkDownError,
     SinkEndedError,
@@ -47,7 +48,7 @@ def open_json_lines(address: SinkAddress, setting: SinkSetting) -> JsonLines:
     return JsonLines(path, states=states)
 
 
-class JsonLines:
+class JsonLines(Sink):
     """Writes a line per revolution and alarm, with `states` also the state of wheels and links once a second.
 
     A line is begun only when the one before is complete, also after the receiver was away.
@@ -98,11 +99,6 @@ class JsonLines:
             return
         if any(event & select.POLLERR for _, event in self._polled(0, 0.0)):
             self._raise_left()
-
-    def flush(self, stop: threading.Event) -> int:
-        """Return 0: the system has every line."""
-        del stop
-        return 0
 
     def close(self) -> None:
         """Close the file."""

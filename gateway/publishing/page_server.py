@@ -31,6 +31,7 @@ from gateway.publishing.sink import (
     PublishedRevolution,
     PublishedState,
     SessionControl,
+    Sink,
     SinkAddress,
     SinkDownError,
     SinkError,
@@ -70,7 +71,7 @@ def open_page(address: SinkAddress, setting: SinkSetting) -> PageSink:
     return PageSink(host, port, setting.session)
 
 
-class PageSink:
+class PageSink(Sink):
     """Serves the page to browsers.
 
     A thread with an event loop serves; the sink's own thread hands it the latest state and the revolutions. Each
@@ -145,9 +146,6 @@ class PageSink:
             self._snapshot = item.snapshot
             self._number += 1
             self._in_loop(self._wake)
-
-    def poll(self) -> None:
-        """Do nothing: the server has a thread of its own."""
 
     def flush(self, stop: threading.Event) -> int:
         """Give the pages a moment to take the last state; nothing is confirmed."""

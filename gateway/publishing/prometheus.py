@@ -14,7 +14,7 @@ from prometheus_client.registry import Collector
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import WheelSnapshot
 from gateway.publishing.payloads import JsonObject, messages
-from gateway.publishing.sink import Item, PublishedState, SinkAddress, SinkDownError, SinkSetting, host_and_port
+from gateway.publishing.sink import Item, PublishedState, Sink, SinkAddress, SinkDownError, SinkSetting, host_and_port
 
 _PORT: Final = 9464
 _LABELS: Final = {"wheel": ("wheel",), "link": ("link",), "session": ()}
@@ -36,7 +36,7 @@ def open_prometheus(address: SinkAddress, setting: SinkSetting) -> PrometheusEnd
     return PrometheusEndpoint(*host_and_port(address, _PORT))
 
 
-class PrometheusEndpoint:
+class PrometheusEndpoint(Sink):
     """Server of `/metrics`, by the client library of Prometheus."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -65,14 +65,6 @@ class PrometheusEndpoint:
         del stop
         if isinstance(item, PublishedState):
             self._state.item = item
-
-    def poll(self) -> None:
-        """Do nothing: the server has threads of its own."""
-
-    def flush(self, stop: threading.Event) -> int:
-        """Return 0: nobody waits for what is asked for."""
-        del stop
-        return 0
 
     def close(self) -> None:
         """Stop listening."""

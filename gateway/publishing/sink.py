@@ -94,20 +94,22 @@ class Sink(Protocol):
         ...
 
     def poll(self) -> None:
-        """Keep the connection alive; called ten times a second while there is nothing to send."""
-        ...
+        """Keep the connection alive; called ten times a second while there is nothing to send. Nothing by default."""
+        return
 
     def flush(self, stop: threading.Event) -> int:
         """Wait until the receiver has confirmed everything; with `stop` set, raise nothing and return at once.
 
         Returns:
-            number of revolutions and alarms sent before that are not confirmed; 0 without confirmations.
+            number of revolutions and alarms sent before that are not confirmed; 0 by default, as of a receiver that has
+            every item once it is sent.
         """
-        ...
+        del stop
+        return 0
 
     def close(self) -> None:
-        """Release the connection; may be called twice. Raises nothing."""
-        ...
+        """Release the connection; may be called twice. Raises nothing. Nothing by default."""
+        return
 
 
 @runtime_checkable

@@ -12,7 +12,7 @@ from urllib.request import HTTPRedirectHandler, Request, build_opener
 
 from gateway import __version__
 from gateway.publishing.payloads import alarm, encoded
-from gateway.publishing.sink import Item, PublishedAlarm, SinkAddress, SinkDownError, SinkError, SinkSetting
+from gateway.publishing.sink import Item, PublishedAlarm, Sink, SinkAddress, SinkDownError, SinkError, SinkSetting
 
 TOKEN: Final = "TREADLINK_WEBHOOK_TOKEN"
 """Environment variable with a token, sent as `Authorization: Bearer`."""
@@ -38,7 +38,7 @@ def open_webhook(address: SinkAddress, setting: SinkSetting) -> Webhook:
     return Webhook(url, os.environ.get(TOKEN, ""))
 
 
-class Webhook:
+class Webhook(Sink):
     """Posts what is said of alarms; revolutions and states are left out."""
 
     def __init__(self, url: str, token: str = "") -> None:
@@ -86,17 +86,6 @@ class Webhook:
         except (URLError, http.client.HTTPException, OSError) as error:
             cause = getattr(error, "reason", error)
             raise SinkDownError(f"the server does not answer: {cause}") from error
-
-    def poll(self) -> None:
-        """Do nothing: each request has its own connection."""
-
-    def flush(self, stop: threading.Event) -> int:
-        """Return 0: the server has answered every request."""
-        del stop
-        return 0
-
-    def close(self) -> None:
-        """Do nothing: each request has its own connection."""
 
 
 class _NoRedirect(HTTPRedirectHandler):
