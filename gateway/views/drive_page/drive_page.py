@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from functools import cache
-from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from gateway import __version__
 from gateway.estimators.estimator import Status
 from gateway.table_columns import RECORDING_PARTS
 from gateway.views.drive_page.drive import Drive, DriveWheel
 from gateway.views.drive_page.drive_figures import Line, begin_ns, drawn_quantities, lines_of, quantity_figure
-from gateway.views.html_template import html_template
+from gateway.views.html_template import html_template, report_css
 from gateway.views.numbers import MISSING, STATUS_MARKS, duration, round_to_error, split_name
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.readout import DISTANCE
@@ -25,16 +23,11 @@ from gateway.views.tables.wheel_glance import GLANCE, number
 from gateway.views.text import clean, counted
 from gateway.views.wording import notice_text
 
-if TYPE_CHECKING:
-    import jinja2
-
-_PACKAGE: Final = "gateway.views.drive_page"
-_TEMPLATE: Final = "drive_page.html.j2"
+_TEMPLATE: Final = ("gateway.views.drive_page", "drive_page.html.j2")
 # Scatter over the standard error from which one number does not describe the drive.
 _VARIES: Final = 5.0
 # Times before it are no dates: the clock of a hub counts from its start.
 _FIRST_DATE_NS: Final = 10**17
-_STYLE: Final = ("gateway.views.report", "closure_report.css")
 
 
 class _Value(NamedTuple):
@@ -85,20 +78,11 @@ def drive_page(drives: Sequence[Drive]) -> str:
     Raises:
         OutputError: matplotlib or jinja2 is missing.
     """
-    from markupsafe import Markup
-
     require_report_packages()
-    package, name = _STYLE
-    style = Markup(resources.files(package).joinpath(name).read_text(encoding="utf-8"))  # our own file
     with report_style():
         sections = [_section(f"r{index}", drive) for index, drive in enumerate(drives)]
     title = drives[0].name if len(drives) == 1 else counted(len(drives), "recording")
-    return _template().render(version=__version__, style=style, title=title, sections=sections)
-
-
-@cache
-def _template() -> jinja2.Template:
-    return html_template(_PACKAGE, _TEMPLATE)
+    return html_template(*_TEMPLATE).render(version=__version__, style=report_css(), title=title, sections=sections)
 
 
 def _section(identity: str, drive: Drive) -> _Section:
@@ -182,14 +166,10 @@ def _notes(reasons: dict[str, dict[str, list[str]]]) -> Iterator[tuple[str, str,
 
 
 def _drawings(identity: str, drive: Drive) -> Iterator[tuple[Any, str]]:
-    from markupsafe import Markup
-
     start_ns = begin_ns(drive)
     for index, name in enumerate(drawn_quantities(drive)):
         lines: list[Line] = lines_of(drive, name, start_ns)
-        figure = quantity_figure(name, lines)
-        # Matplotlib escapes what it draws.
-        svg = Markup(inline_svg(figure, f"{identity}-{index}"))
+        svg = inline_svg(quantity_figure(name, lines), f"{identity}-{index}")
         yield svg, f"{split_name(name)[0]} over time of {', '.join(line.position for line in lines)}"
 
 

@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from gateway.views.numbers import split_name
 from gateway.views.report.quantities import recorded_axes
 
 if TYPE_CHECKING:
+    from markupsafe import Markup
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
@@ -133,8 +134,21 @@ def drawable(text: str) -> str:
     return "".join(c if c.isprintable() and c < "\u0250" and c != "$" else "·" for c in text)
 
 
-def inline_svg(figure: Figure, prefix: str) -> str:
-    """Return a figure as one SVG element with colours by role and identities that start with `prefix`."""
+class Drawing(NamedTuple):
+    """One figure of a page: SVG that needs no escaping, and its text."""
+
+    svg: Markup
+    alt: str
+    title: str
+    caption: str
+
+
+def inline_svg(figure: Figure, prefix: str) -> Markup:
+    """Return a figure as one SVG element with colours by role and identities that start with `prefix`.
+
+    Matplotlib escapes what it draws, so that templates need not.
+    """
+    from markupsafe import Markup
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     buffer = io.StringIO()
@@ -148,7 +162,7 @@ def inline_svg(figure: Figure, prefix: str) -> str:
     # A hundredth of a point is finer than any screen or printer; rounding halves the file.
     text = _PATH.sub(lambda match: _LONG_NUMBER.sub(r"\1", match[0]).replace(" \n", " "), text)
     text = _COLOUR.sub(lambda match: f"var({_VARIABLES[match[0]]})", text)
-    return _IDENTITY.sub(rf"\g<1>{prefix}-", text)
+    return Markup(_IDENTITY.sub(rf"\g<1>{prefix}-", text))
 
 
 def order_coefficients(theta_rad: FloatArray, values: FloatArray, orders: int) -> tuple[FloatArray, FloatArray]:

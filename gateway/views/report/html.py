@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -16,12 +14,13 @@ from gateway import __version__
 from gateway.closure.result import Curves, Diagnosis, HeldOut, Law, Origin, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
-from gateway.views.html_template import html_template
+from gateway.views.html_template import html_template, report_css
 from gateway.views.numbers import fixed, split_name
 from gateway.views.output_file import check_target, write_whole
 from gateway.views.report.figures import (
     CONTACT_VIEW_DEG,
     NOISE_STDS,
+    Drawing,
     inline_svg,
     law_figure,
     orders_figure,
@@ -83,26 +82,14 @@ from gateway.views.report.report_tables import (
 from gateway.views.text import clean, counted
 
 if TYPE_CHECKING:
-    import jinja2
     from matplotlib.figure import Figure
 
-_PACKAGE: Final = "gateway.views.report"
-_TEMPLATE: Final = "closure_report.html.j2"
-_STYLE: Final = "closure_report.css"
+_TEMPLATE: Final = ("gateway.views.report", "closure_report.html.j2")
 MOST_GROUPS: Final = 12
 """Groups other than the reference group whose residual is drawn."""
 MOST_SPECTRA: Final = 6
 # Notes that the summary repeats.
 _IN_SUMMARY: Final = (Code.SENSOR_IN_DOUBT, Code.NOT_A_RING, Code.CONTACTS_CONTRADICT, Code.LOADS_CONTRADICT)
-
-
-class Drawing(NamedTuple):
-    """One figure: SVG that needs no escaping, and its text."""
-
-    svg: Any
-    alt: str
-    title: str
-    caption: str
 
 
 class Chapter(NamedTuple):
@@ -132,12 +119,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
         OutputError: matplotlib or jinja2 is missing.
     """
     require_report_packages()
-    return _template().render(page=_page(diagnosis))
-
-
-@cache
-def _template() -> jinja2.Template:
-    return html_template(_PACKAGE, _TEMPLATE)
+    return html_template(*_TEMPLATE).render(page=_page(diagnosis))
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,13 +158,12 @@ class _Page:
 
 
 def _page(diagnosis: Diagnosis) -> _Page:
-    from markupsafe import Markup
 
     estimates = estimate_rows(diagnosis)
     step_names, step_rows = omissions(diagnosis)
     return _Page(
         version=__version__,
-        style=Markup(resources.files(_PACKAGE).joinpath(_STYLE).read_text(encoding="utf-8")),  # our own file
+        style=report_css(),
         wheel=clean(diagnosis.wheel),
         model=model_words(diagnosis.model),
         facts=_facts(diagnosis),
@@ -463,10 +444,7 @@ def _trend(index: int, trends: Sequence[Trend]) -> Drawing:
 
 
 def _drawing(figure: Figure, prefix: str, alt: str, title: str, caption: str) -> Drawing:
-    from markupsafe import Markup
-
-    # Matplotlib escapes what it draws, and figures draw no names of recordings.
-    return Drawing(Markup(inline_svg(figure, prefix)), alt, title, caption)
+    return Drawing(inline_svg(figure, prefix), alt, title, caption)
 
 
 def _sizes(size: AxisResidual) -> str:

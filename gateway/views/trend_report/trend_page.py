@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from gateway import __version__
 from gateway.estimators.estimator import Status
 from gateway.quantity import Trend
 from gateway.trends.trend_result import FleetTrends, Quantity, TireTrend, TrendNumber, by_temperature, rate_of
 from gateway.trends.watched_series import followed_by, label_of
-from gateway.views.html_template import html_template
+from gateway.views.html_template import html_template, report_css
 from gateway.views.output_file import check_target, write_whole
-from gateway.views.report.figures import inline_svg, report_style, require_report_packages
+from gateway.views.report.figures import Drawing, inline_svg, report_style, require_report_packages
 from gateway.views.text import clean, counted
 from gateway.views.trend_report.trend_figures import tire_figure
 from gateway.views.trend_report.trend_tables import (
@@ -32,18 +30,13 @@ from gateway.views.trend_report.trend_tables import (
 )
 from gateway.views.wording import joined, text
 
-if TYPE_CHECKING:
-    import jinja2
-
 MOST_FIGURES: Final = 60
 """Tires that are drawn: those with findings or outliers first."""
 
 MOST_OUTLIERS: Final = 500
 _MOST_NOTES: Final = 40
 
-_PACKAGE: Final = "gateway.views.trend_report"
-_TEMPLATE: Final = "fleet_trends.html.j2"
-_STYLE: Final = ("gateway.views.report", "closure_report.css")
+_TEMPLATE: Final = ("gateway.views.trend_report", "fleet_trends.html.j2")
 _TABLES: Final[tuple[tuple[str, str, tuple[str, ...]], ...]] = (
     ("tires", "Wear, pressure and load", tuple(Quantity)),
     (
@@ -72,15 +65,6 @@ class Table(NamedTuple):
     rows: list[tuple[str, list[Cell]]]
     notes: list[tuple[str, str, str]]
     notes_left: int
-
-
-class Drawing(NamedTuple):
-    """The figure of a tire: SVG that needs no escaping, and its text."""
-
-    svg: Any
-    alt: str
-    title: str
-    caption: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,22 +103,15 @@ def trends_page(trends: FleetTrends) -> str:
         OutputError: matplotlib or jinja2 is missing.
     """
     require_report_packages()
-    return _template().render(page=_page(trends))
-
-
-@cache
-def _template() -> jinja2.Template:
-    return html_template(_PACKAGE, _TEMPLATE)
+    return html_template(*_TEMPLATE).render(page=_page(trends))
 
 
 def _page(trends: FleetTrends) -> _Page:
-    from markupsafe import Markup
 
-    package, name = _STYLE
     drawn = _most_notable(trends)
     return _Page(
         version=__version__,
-        style=Markup(resources.files(package).joinpath(name).read_text(encoding="utf-8")),  # our own file
+        style=report_css(),
         facts=_facts(trends),
         answer=" ".join(_answer(trends)),
         notes=[clean(text(note)) for note in trends.notes],
@@ -231,8 +208,6 @@ def _most_notable(trends: FleetTrends) -> list[TireTrend]:
 
 
 def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
-    from markupsafe import Markup
-
     drawings = []
     with report_style():
         for number, tire in enumerate(tires):
@@ -242,6 +217,5 @@ def _drawings(tires: Sequence[TireTrend]) -> list[Drawing]:
             name = tire_name(tire)
             alt = f"Values of the recordings of {name} over distance or months, with the fitted trend."
             caption = clean(joined(tire.findings)) or "No finding."
-            # Matplotlib escapes what it draws, and figures draw no names of recordings.
-            drawings.append(Drawing(Markup(inline_svg(figure, f"t{number}")), alt, f"{name}.", caption))
+            drawings.append(Drawing(inline_svg(figure, f"t{number}"), alt, f"{name}.", caption))
     return drawings
