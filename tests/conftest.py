@@ -1,9 +1,21 @@
-"""Settings of every test run: threads of numpy, hypothesis, SIGINT of children, options for stored results."""
+"""Settings of every test run: threads of numpy, hypothesis, SIGINT of children, options for stored results.
+
+Fixtures: a TCP hub, and a thread that reads a source.
+"""
+
+from __future__ import annotations
 
 import os
 import signal
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
+import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from gateway.io.source import Source
+    from tests.testkit.hub_ends import Reader, TcpHub
 
 # Small matrices everywhere: a thread for each product costs more than the product. Set before numpy is imported.
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -21,3 +33,28 @@ def pytest_addoption(parser):
     """Add the option that accepts changed results; see tests/golden."""
     parser.addoption("--update-golden", action="store_true", help="store changed results and print them")
     parser.addoption("--golden-numbers", action="store_true", help="compare the numbers of stored results only")
+
+
+@pytest.fixture
+def tcp_hub() -> Iterator[TcpHub]:
+    from tests.testkit.hub_ends import TcpHub
+
+    hub = TcpHub()
+    yield hub
+    hub.close()
+
+
+@pytest.fixture
+def read() -> Iterator[Callable[[Source], Reader]]:
+    from tests.testkit.hub_ends import Reader
+
+    readers: list[Reader] = []
+
+    def start(source: Source) -> Reader:
+        readers.append(Reader(source))
+        return readers[-1]
+
+    yield start
+    for reader in readers:
+        reader.finish()
+        reader.source.close()

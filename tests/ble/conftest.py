@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
 from gateway.io.ble_source import scan_devices
-from gateway.io.source import Source
 from gateway.simulator.bluetooth.bluez_thread import BluezStandIn
 from gateway.simulator.bluetooth.dbus_daemon import PROGRAM, PrivateBus
 from gateway.simulator.bluetooth.peripheral import Peripheral
-from tests.testkit.hub_ends import Reader
 
 ADDRESSES = [f"C0:FF:EE:00:00:{number:02X}" for number in range(1, 9)]
 
@@ -53,17 +51,3 @@ def bluez(bus: PrivateBus) -> Iterator[BluezStandIn]:
 @pytest.fixture
 def hub(bluez: BluezStandIn) -> Peripheral:
     return bluez.add(Peripheral(ADDRESSES[0], "Treadlink-FL", rssi_dbm=-57, battery_percent=83))
-
-
-@pytest.fixture
-def read() -> Iterator[Callable[[Source], Reader]]:
-    readers: list[Reader] = []
-
-    def start(source: Source) -> Reader:
-        readers.append(Reader(source))
-        return readers[-1]
-
-    yield start
-    for reader in readers:
-        reader.finish()
-        reader.source.close()

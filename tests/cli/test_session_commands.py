@@ -65,13 +65,6 @@ def test_terminal_that_cannot_move_its_cursor_gets_plain_lines(
         assert is_terminal() is has_screen
 
 
-@pytest.fixture
-def tcp_hub():
-    hub = TcpHub()
-    yield hub
-    hub.close()
-
-
 @pytest.mark.parametrize("command", ["live sim:lab?speed=20", "replay {}"])
 def test_page_shows_the_session_while_it_runs(command: str, tmp_path: Path) -> None:
     drive = tmp_path / "drive.mcap"

@@ -1,23 +1,27 @@
-"""Receivers that tests control, and waiting for what they do."""
+"""Receivers that tests control."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import HTTPServer
+from typing import TypeVar
 
 from gateway.publishing.sink import Item, PublishedState, SinkDownError, SinkEndedError
 
-TIMEOUT_S = 20.0
-_tick = threading.Event()
+_S = TypeVar("_S", bound=HTTPServer)
 
 
-def until(condition: Callable[[], object], timeout_s: float = TIMEOUT_S) -> None:
-    """Wait until a condition holds."""
-    for _ in range(int(timeout_s / 0.005)):
-        if condition():
-            return
-        _tick.wait(0.005)
-    raise AssertionError("the condition does not come true")
+@contextmanager
+def serving(server: _S) -> Iterator[_S]:
+    """Serve requests in a thread."""
+    thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+    thread.start()
+    yield server
+    server.shutdown()
+    thread.join()
+    server.server_close()
 
 
 class Receiver:

@@ -14,8 +14,8 @@ from gateway.cli import treadlink
 from gateway.clock import SystemClock
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import TIMEOUT_S, until
 from tests.publishing.scripted_broker import ScriptedBroker
+from tests.testkit.waiting import TIMEOUT_S, until
 
 CUTS = 12
 

@@ -25,7 +25,7 @@ from gateway.publishing.can_frames import (
 )
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import TIMEOUT_S, until
+from tests.testkit.waiting import TIMEOUT_S, until
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from websockets.sync.client import ClientConnection, connect
 from gateway.clock import SystemClock
 from gateway.publishing.foxglove_server import FoxgloveSink, channel_schema
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import TIMEOUT_S, until
+from tests.testkit.waiting import TIMEOUT_S, until
 
 
 class Viewer:

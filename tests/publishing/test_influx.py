@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 
@@ -13,7 +12,8 @@ from gateway.pipeline.results import SinkState
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import TIMEOUT_S, until
+from tests.publishing.receivers import serving
+from tests.testkit.waiting import TIMEOUT_S, until
 
 influx = pytest.importorskip("gateway.publishing.influx")
 TOKEN, lines = influx.TOKEN, influx.lines
@@ -47,13 +47,8 @@ class _Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    found = Server()
-    thread = threading.Thread(target=found.serve_forever, args=(0.01,))
-    thread.start()
-    yield found
-    found.shutdown()
-    thread.join()
-    found.server_close()
+    with serving(Server()) as server:
+        yield server
 
 
 def worker_of(uri: str) -> SinkWorker:

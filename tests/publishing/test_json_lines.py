@@ -18,7 +18,7 @@ from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import encoded, messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import TIMEOUT_S, until
+from tests.testkit.waiting import TIMEOUT_S, until
 
 ROOT = Path(__file__).parents[2]
 VALIDATOR = jsonschema.Draft202012Validator(line_schema())

@@ -21,7 +21,7 @@ from gateway.publishing.line_schema import line_schema
 from gateway.publishing.mqtt import PASSWORD, USERNAME
 from gateway.publishing.sink import PublishedState, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import TIMEOUT_S, until
+from tests.testkit.waiting import TIMEOUT_S, until
 from tools.mqtt_broker import PROGRAM, Broker, Listener
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs mosquitto")

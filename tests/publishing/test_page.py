@@ -24,8 +24,8 @@ from gateway.publishing.publisher import open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.reasons import Code, Notice, Reason
-from tests.publishing.receivers import TIMEOUT_S, until
 from tests.testkit.browser import CHROMIUM, Browser, Tab
+from tests.testkit.waiting import TIMEOUT_S, until
 
 needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
 

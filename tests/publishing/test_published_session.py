@@ -21,7 +21,8 @@ from gateway.session.alarms import sink_alarms
 from gateway.session.live import LiveSession
 from gateway.views.console.page import ViewState, compose
 from gateway.views.session_summary import ResultSummary, summary_lines
-from tests.publishing.receivers import TIMEOUT_S, Receiver
+from tests.publishing.receivers import Receiver
+from tests.testkit.waiting import TIMEOUT_S
 
 
 def test_stalled_receiver_does_not_hold_the_session() -> None:

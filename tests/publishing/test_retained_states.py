@@ -11,8 +11,8 @@ from gateway.clock import SystemClock
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.sink import SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import TIMEOUT_S
 from tests.publishing.scripted_broker import Received, ScriptedBroker
+from tests.testkit.waiting import TIMEOUT_S
 
 EXPIRES_AFTER_30_S = b"\x02\x00\x00\x00\x1e"
 PRESENT = {"rate_hz", "speed_mps", "pressure_pa", "temperature_degc", "load_n", "battery_percent", "rssi_dbm"}

@@ -14,7 +14,8 @@ from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import PublishedRevolution, PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.reasons import Code
-from tests.publishing.receivers import TIMEOUT_S, Receiver, until
+from tests.publishing.receivers import Receiver
+from tests.testkit.waiting import TIMEOUT_S, until
 
 
 def begin(receiver: Receiver, *, max_items: int = 8192, clock=None) -> SinkWorker:

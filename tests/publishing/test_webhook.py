@@ -15,7 +15,8 @@ from gateway.publishing.payloads import messages
 from gateway.publishing.sink import PublishedAlarm, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.webhook import TOKEN
-from tests.publishing.receivers import TIMEOUT_S, until
+from tests.publishing.receivers import serving
+from tests.testkit.waiting import TIMEOUT_S, until
 
 
 class Server(HTTPServer):
@@ -44,13 +45,8 @@ class _Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    receiver = Server()
-    thread = threading.Thread(target=receiver.serve_forever, args=(0.01,))
-    thread.start()
-    yield receiver
-    receiver.shutdown()
-    thread.join()
-    receiver.server_close()
+    with serving(Server()) as server:
+        yield server
 
 
 def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:

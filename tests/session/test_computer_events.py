@@ -23,19 +23,11 @@ from gateway.session.live import LiveSession
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.views.session_summary import ResultSummary
 from gateway.views.wording import notice_text
+from tests.testkit.waiting import TIMEOUT_S, HeldClock, until
 
 S = 1_000_000_000
 START_NS = 1_700_000_000_000_000_000
-TIMEOUT_S = 20.0
 LINK = "serial:hub"
-
-
-class HeldClock(ManualClock):
-    """A manual clock that sleeps do not move."""
-
-    def sleep_until_ns(self, deadline_ns, stop=None):
-        (stop or threading.Event()).wait(0.005)
-        return stop is not None and stop.is_set()
 
 
 class Device:
@@ -72,15 +64,6 @@ class Sending(Device):
         yield from self._items
         self.waits.set()
         self._closed.wait(TIMEOUT_S)
-
-
-def until(condition) -> None:
-    """Wait for what another thread does."""
-    for _ in range(round(TIMEOUT_S / 0.01)):
-        if condition():
-            return
-        threading.Event().wait(0.01)
-    raise AssertionError("did not happen")
 
 
 @pytest.fixture

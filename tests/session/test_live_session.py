@@ -21,8 +21,7 @@ from gateway.session.live import LiveSession
 from gateway.session.recording_stage import Stage
 from gateway.views.session_summary import ResultSummary
 from gateway.views.wording import notice_text
-
-TIMEOUT_S = 20.0
+from tests.testkit.waiting import TIMEOUT_S, HeldClock, until
 
 
 class ListSource:
@@ -164,23 +163,6 @@ def test_session_logs_start_and_end(demo, caplog):
     messages = [record.getMessage() for record in caplog.records]
     assert "session starts with sim:demo" in messages
     assert "session closed" in messages
-
-
-class HeldClock(ManualClock):
-    """A manual clock that sleeps do not move, so that only the test advances it."""
-
-    def sleep_until_ns(self, deadline_ns, stop=None):
-        (stop or threading.Event()).wait(0.005)
-        return stop is not None and stop.is_set()
-
-
-def until(condition):
-    """Wait for what another thread does."""
-    for _ in range(round(TIMEOUT_S / 0.01)):
-        if condition():
-            return
-        threading.Event().wait(0.01)
-    raise AssertionError("did not happen")
 
 
 class Held(ListSource):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -166,13 +165,6 @@ def reply_to(data: bytes) -> bytes:
     (frame,) = FrameDecoder().feed(data)
     result = CommandResult(frame.seq, frame.type, Outcome.DONE)
     return encode_frame(Frame(MessageType.COMMAND_RESULT, 3, HUB_ITSELF, 0, 0, result))
-
-
-@pytest.fixture
-def tcp_hub() -> Iterator[TcpHub]:
-    hub = TcpHub()
-    yield hub
-    hub.close()
 
 
 def test_command_over_tcp(tcp_hub: TcpHub) -> None:
