@@ -84,47 +84,32 @@ class Samples(ColumnTable):
             first, end = np.searchsorted(block.hub_time_s, (start_s, stop_s)).tolist()
             if first < end:
                 parts.append((block, slice(first, end)))
-        if not parts:
-            none = np.zeros(0, np.int64)
-            empty = np.zeros(0)
-            return cls(
-                recording=recording,
-                wheel=wheel,
-                rate_hz=math.nan,
-                ac_coupled=False,
-                device_s=empty,
-                host_utc=utc_array(none),
-                circumferential_mps2=empty,
-                lateral_mps2=empty,
-                radial_mps2=empty,
-                saturated=np.zeros(0, np.bool_),
-                lost_before=none,
-                number=none,
-                segment=none,
-            )
-        sizes = [part.stop - part.start for _, part in parts]
-        lost = np.zeros(sum(sizes), np.int64)
-        starts = np.cumsum([0, *sizes[:-1]])
-        lost[starts] = [block.lost_before if part.start == 0 else 0 for block, part in parts]
+        sizes = np.array([part.stop - part.start for _, part in parts], np.int64)
+        lost = np.zeros(sizes.sum(), np.int64)
+        lost[np.cumsum(sizes) - sizes] = [block.lost_before if part.start == 0 else 0 for block, part in parts]
         axes = np.empty((3, len(lost)))
-        np.concatenate([block.axes_mps2[part].T for block, part in parts], axis=1, out=axes)
-        last = parts[-1][0]
+        np.concatenate([np.empty((3, 0)), *(block.axes_mps2[part].T for block, part in parts)], axis=1, out=axes)
+        last = parts[-1][0] if parts else None
+
+        def joined_parts(kind: type, values: Iterable[NDArray[Any]]) -> NDArray[Any]:
+            return np.concatenate([np.zeros(0, kind), *values])
+
         return cls(
             recording=recording,
             wheel=wheel,
-            rate_hz=last.rate_hz,
-            ac_coupled=last.ac_coupled,
-            device_s=np.concatenate([block.hub_time_s[part] for block, part in parts]),
-            host_utc=utc_array(np.concatenate([block.host_time_ns[part] for block, part in parts])),
+            rate_hz=math.nan if last is None else last.rate_hz,
+            ac_coupled=last is not None and last.ac_coupled,
+            device_s=joined_parts(np.float64, (block.hub_time_s[part] for block, part in parts)),
+            host_utc=utc_array(joined_parts(np.int64, (block.host_time_ns[part] for block, part in parts))),
             circumferential_mps2=axes[0],
             lateral_mps2=axes[1],
             radial_mps2=axes[2],
-            saturated=np.concatenate([block.saturated[part] for block, part in parts]),
+            saturated=joined_parts(np.bool_, (block.saturated[part] for block, part in parts)),
             lost_before=lost,
-            number=np.concatenate(
-                [np.arange(block.first_sample + part.start, block.first_sample + part.stop) for block, part in parts]
+            number=joined_parts(
+                np.int64, (block.first_sample + np.arange(part.start, part.stop) for block, part in parts)
             ),
-            segment=np.repeat([block.segment for block, _ in parts], sizes),
+            segment=np.repeat(np.array([block.segment for block, _ in parts], np.int64), sizes),
         )
 
 
