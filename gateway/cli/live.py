@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import click
 
 from gateway.cli.options import (
     PAGE_URI,
+    SessionOptions,
     config_option,
-    duration_option,
-    effects_option,
-    estimator_option,
     keep_option,
-    keys_option,
     latency_option,
     plain_option,
     publish_option,
+    session_options,
     split_option,
     web_option,
 )
@@ -46,27 +44,20 @@ if TYPE_CHECKING:
 @plain_option
 @web_option
 @publish_option
-@duration_option
-@keys_option
-@estimator_option
-@effects_option
+@session_options
 @run_options
 @latency_option
 def live(
     sources: tuple[str, ...],
-    config_path: Path | None,
     record: Path | None,
     split: tuple[str, int] | None,
     keep: int | None,
     plain: bool,
     web: bool,
     publish: tuple[str, ...],
-    duration_s: float | None,
-    key_file: Path | None,
-    estimators: tuple[str, ...],
-    effects_paths: tuple[Path, ...],
     run: RunDescription,
     latency_s: float,
+    **options: Unpack[SessionOptions],
 ) -> None:
     """Show live estimates of the wheels at SOURCE...
 
@@ -92,13 +83,9 @@ def live(
     with stop_request() as stop:
         session = start_session(
             sources,
-            config_path=config_path,
             record=record,
             split=chosen_split(split, keep),
-            estimators=estimators,
-            key_file=key_file,
-            effects_paths=effects_paths,
-            duration_s=duration_s,
+            **options,
             run=run,
             publish=(*publish, PAGE_URI) if web else publish,
             latency_s=latency_s,

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 import shlex
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import click
 
@@ -130,6 +131,23 @@ keep_option = click.option(
     metavar="N",
     help="With --split, keep the last N files of this session and remove older ones.  [default: all]",
 )
+
+
+class SessionOptions(TypedDict):
+    """What `--config` and `session_options` give, as `gateway.cli.session_setup.start_session` takes it."""
+
+    config_path: Path | None
+    duration_s: float | None
+    key_file: Path | None
+    estimators: tuple[str, ...]
+    effects_paths: tuple[Path, ...]
+
+
+def session_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of every session, beside `--config`."""
+    return duration_option(keys_option(estimator_option(effects_option(command))))
+
+
 plain_option = click.option(
     "--plain",
     is_flag=True,

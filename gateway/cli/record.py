@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Unpack
 
 import click
 
 from gateway.cli.options import (
+    SessionOptions,
     config_option,
-    duration_option,
-    effects_option,
-    estimator_option,
     keep_option,
-    keys_option,
+    session_options,
     split_option,
 )
 from gateway.cli.run_options import run_options
@@ -40,22 +38,15 @@ _POLL_S: Final = 0.1
 @split_option
 @keep_option
 @config_option
-@duration_option
-@keys_option
-@estimator_option
-@effects_option
+@session_options
 @run_options
 def record(
     sources: tuple[str, ...],
     out: Path,
     split: tuple[str, int] | None,
     keep: int | None,
-    config_path: Path | None,
-    duration_s: float | None,
-    key_file: Path | None,
-    estimators: tuple[str, ...],
-    effects_paths: tuple[Path, ...],
     run: RunDescription,
+    **options: Unpack[SessionOptions],
 ) -> None:
     """Record SOURCE... until Ctrl-C, the end of the source, or --duration.
 
@@ -67,13 +58,9 @@ def record(
     with stop_request() as stop:
         session = start_session(
             sources,
-            config_path=config_path,
             record=out,
             split=chosen_split(split, keep),
-            estimators=estimators,
-            key_file=key_file,
-            effects_paths=effects_paths,
-            duration_s=duration_s,
+            **options,
             run=run,
         )
         with ending(session, stop, needs_revolutions=False):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Unpack
 from urllib.parse import quote
 
 import click
@@ -10,13 +11,11 @@ import click
 from gateway.cli.live import show_session
 from gateway.cli.options import (
     PAGE_URI,
+    SessionOptions,
     config_option,
-    duration_option,
-    effects_option,
-    estimator_option,
-    keys_option,
     plain_option,
     publish_option,
+    session_options,
     web_option,
 )
 from gateway.cli.stop_signals import stop_request
@@ -35,21 +34,14 @@ from gateway.cli.stop_signals import stop_request
 @plain_option
 @web_option
 @publish_option
-@duration_option
-@keys_option
-@estimator_option
-@effects_option
+@session_options
 def replay(
     recording: Path,
     speed: str,
-    config_path: Path | None,
     plain: bool,
     web: bool,
     publish: tuple[str, ...],
-    duration_s: float | None,
-    key_file: Path | None,
-    estimators: tuple[str, ...],
-    effects_paths: tuple[Path, ...],
+    **options: Unpack[SessionOptions],
 ) -> None:
     """Replay RECORDING with live estimates, from the same bytes and with the same results.
 
@@ -61,12 +53,8 @@ def replay(
     with stop_request() as stop:
         session = start_session(
             (uri,),
-            config_path=config_path,
             record=None,
-            estimators=estimators,
-            key_file=key_file,
-            effects_paths=effects_paths,
-            duration_s=duration_s,
+            **options,
             publish=(*publish, PAGE_URI) if web else publish,
         )
         show_session(session, stop, plain=plain)

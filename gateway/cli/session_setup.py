@@ -8,13 +8,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, Unpack
 
 import click
 
 from gateway.cli import exit_status
+from gateway.cli.options import SessionOptions
 from gateway.cli.stop_signals import StopRequest
-from gateway.clock import Clock, SystemClock
+from gateway.clock import SystemClock
 from gateway.config.vehicle import choose_vehicle
 from gateway.constants import LATENCY_S
 from gateway.errors import RecordingError
@@ -93,48 +94,40 @@ def chosen_split(limit: tuple[str, int] | None, keep: int | None) -> Split | Non
 def start_session(
     uris: Sequence[str],
     *,
-    config_path: Path | None,
     record: Path | None,
-    estimators: Sequence[str],
-    key_file: Path | None = None,
-    effects_paths: Sequence[Path] = (),
-    duration_s: float | None = None,
     publish: Sequence[str] = (),
     split: Split | None = None,
-    clock: Clock | None = None,
     run: RunDescription = NO_DESCRIPTION,
     latency_s: float = LATENCY_S,
+    **options: Unpack[SessionOptions],
 ) -> RunningSession:
     """Open sources, configuration, recording and live outputs, and start the session.
 
     Raises:
         TreadlinkError: a source, the configuration, the recording or a live output cannot be opened.
     """
-    _check_published(publish, uris, [config_path, key_file or default_key_file(), *effects_paths], record)
-    used = clock or SystemClock()
+    inputs = [options["config_path"], options["key_file"] or default_key_file(), *options["effects_paths"]]
+    _check_published(publish, uris, inputs, record)
+    clock = SystemClock()
     publishers: list[Publisher] = []
     started: list[LiveSession] = []
 
     def opened_outputs(positions: Sequence[str]) -> Publisher | None:
-        publisher = open_publisher(publish, SinkSetting(positions, lambda: next(iter(started), None)), used)
+        publisher = open_publisher(publish, SinkSetting(positions, lambda: next(iter(started), None)), clock)
         publishers.extend([publisher] if publisher is not None else [])
         return publisher
 
     try:
         opened = open_session(
             uris,
-            lambda provided: choose_vehicle(config_path, provided, uris[0]),
-            clock=used,
-            config_path=config_path,
+            lambda provided: choose_vehicle(options["config_path"], provided, uris[0]),
+            clock=clock,
             record=record,
             split=split,
-            estimators=estimators,
-            key_file=key_file,
-            effects_paths=effects_paths,
-            duration_s=duration_s,
             publish=opened_outputs,
             run=run,
             latency_s=latency_s,
+            **options,
         )
     except BaseException:
         for publisher in publishers:
