@@ -70,6 +70,7 @@ class BlockReader(Protocol):
 
         Raises:
             ImportDataError: a column is not numeric, or the file is damaged.
+            Exception: of a foreign parser, for the latter; `gateway.importing.reader_process` makes it the former.
         """
         ...
 
