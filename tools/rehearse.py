@@ -51,7 +51,7 @@ def rehearse(
 def _row(seed: int, accounts: Accounts) -> str:
     causes = ", ".join(f"{count} {kind}" for kind, count in sorted(accounts.lost.items()))
     cells = [seed, accounts.faults, accounts.named, len(accounts.missed), len(accounts.false), accounts.frames]
-    cells += [causes or "0", accounts.unaccounted, f"{accounts.worst:.2g}"]
+    cells += [causes or "0", len(accounts.unaccounted), f"{accounts.worst:.2g}"]
     return f"| {' | '.join(map(str, cells))} |"
 
 
@@ -75,6 +75,8 @@ def main() -> None:
             )
         for fault in accounts.missed:
             print(f"  missed: {fault}", file=sys.stderr)
+        for at_s, link in accounts.unaccounted:
+            print(f"  lost without a cause: {at_s:.2f} s {link}", file=sys.stderr)
         for at_s, subject, name in accounts.false:
             print(f"  false: {at_s:.1f} s {subject}: {name}", file=sys.stderr)
 

@@ -55,13 +55,13 @@ def played(tmp_path: Path) -> Played:
 def test_what_is_lost_has_a_cause_or_is_told(played: Played) -> None:
     played.said = [(2.1, LINKS[2], str(AlarmName.LINK))]
     accounts = account(played, played, [CUT])
-    assert (accounts.frames, dict(accounts.lost), accounts.unaccounted) == (60, {Kind.CUT: 10}, 0)
+    assert (accounts.frames, dict(accounts.lost), accounts.unaccounted) == (60, {Kind.CUT: 10}, [])
     assert (accounts.named, accounts.missed, accounts.false) == (1, [], [])
     elsewhere = account(played, played, [CUT._replace(target=3)])
-    assert elsewhere.unaccounted == 10
+    assert len(elsewhere.unaccounted) == 10
     assert elsewhere.missed == [CUT._replace(target=3)]
     assert elsewhere.false == played.said
-    assert account(played, played, [CUT._replace(kind=Kind.SENSOR)]).unaccounted == 10, "a sensor loses no frame"
+    assert len(account(played, played, [CUT._replace(kind=Kind.SENSOR)]).unaccounted) == 10, "a sensor loses no frame"
 
 
 def test_a_name_is_of_its_fault_and_its_time(played: Played) -> None:
@@ -100,7 +100,7 @@ def test_a_short_day_is_accounted_for() -> None:
     assert len(faults) == len(kinds)
     assert accounts.missed == []
     assert accounts.false == []
-    assert accounts.unaccounted == 0
+    assert accounts.unaccounted == []
     assert accounts.lost[Kind.UNPLUGGED] > 0
     assert accounts.lost[Kind.DISK] > 0
     assert accounts.compared > 20

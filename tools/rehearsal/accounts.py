@@ -36,7 +36,7 @@ class Accounts:
         false: alarms and warnings without a cause, and alarms that stand at the end.
         frames: sent, those of the bus included.
         lost: by cause.
-        unaccounted: lost without a cause.
+        unaccounted: times and links of frames lost without a cause.
         worst: largest difference from the quiet day, over the standard error of one revolution.
         compared: number of estimates compared.
     """
@@ -47,7 +47,7 @@ class Accounts:
     false: list[tuple[float, str, str]] = field(default_factory=list)
     frames: int = 0
     lost: Counter[Kind] = field(default_factory=Counter)
-    unaccounted: int = 0
+    unaccounted: list[tuple[float, str]] = field(default_factory=list)
     worst: float = 0.0
     compared: int = 0
 
@@ -64,7 +64,7 @@ def account(played: Played, quiet: Played, faults: list[Fault]) -> Accounts:
                 continue
             cause = next((f for f in faults if _loses(f, number) and _covers(f, at_s, back_s)), None)
             if cause is None:
-                accounts.unaccounted += 1
+                accounts.unaccounted.append((at_s, played.links[number]))
             else:
                 accounts.lost[cause.kind] += 1
     said = sorted([*played.said, *computer])

@@ -42,6 +42,7 @@ _BUS_STEP_NS: Final = 100_000_000
 _MOST_LAG_NS: Final = 2_000_000_000
 _TIMEOUT_S: Final = 60.0
 _RESYNC_S: Final = 0.5
+_WRITTEN_S: Final = 0.5
 _CHANGED_HUB_S: Final = 1.5
 # Alarms are heard from the session itself, and the bus of this day has no mapping.
 _NOT_NAMES: Final = frozenset(
@@ -293,6 +294,8 @@ class Day:
             self._broker.kill()
             self._until(lambda: self._sink_state() is not SinkState.UP, "the broker is missed")
         elif fault.kind is Kind.DISK:
+            # A busy processor would leave seconds of a compressed day in memory, which a full disk loses.
+            time.sleep(_WRITTEN_S)
             size = self._played.recordings[-1].stat().st_size
             self._limit = resource.getrlimit(resource.RLIMIT_FSIZE)
             resource.setrlimit(resource.RLIMIT_FSIZE, (size, self._limit[1]))
