@@ -134,6 +134,7 @@ class Quantity:
         bus: its signal on a CAN bus; None for none.
         watch: how trends follow it; None where they do not.
         compared: begin of the name of the number that compares left and right wheels; empty where trends do not.
+        is_of_axle: whether its sign is the same at both wheels of an axle at a time.
         is_stated_too: whether a condition of the same name is stated, so that tables call the estimate otherwise.
     """
 
@@ -154,6 +155,7 @@ class Quantity:
     bus: OnBus | None = None
     watch: Watch | None = None
     compared: str = ""
+    is_of_axle: bool = False
     is_stated_too: bool = False
 
     @property

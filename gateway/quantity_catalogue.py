@@ -527,11 +527,14 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "pulls the tire to the left",
             rests_on=_LOCKED,
         ),
-        _slope(
+        Quantity(
             "slip_direction",
             "direction of slip, -1, 0 or 1",
             "sign of the apparent slip beyond three errors",
             "pulls the tire to the left",
+            powers=_SLOPE,
+            rests_on=_SIGNED,
+            is_of_axle=True,
         ),
         Quantity(
             "lateral_asymmetry",

@@ -331,6 +331,10 @@ class Code(Enum):
         "0.17 m/s²"
     )
     LATERAL_ZERO_NOT_SEPARATED = "needs two speeds: roll tilt and zero-g offset are not separated yet"
+    LATERAL_SLIP_APART = (
+        "slips to the other side than {other} in {opposite:.0f} revolutions and to the same side in {same:.0f}: the "
+        "lateral axis of one of them points the other way, or their positions are not as stated"
+    )
     NEEDS_BOTH_SLIPS = "needs {needed:.0f} revolutions each at left and at right slip"
     ORDERS_USED = "orders {first:.0f} to {last:.0f}"
     ROLL_CONTRADICTED = (

@@ -27,6 +27,7 @@ from gateway.pipeline.results import (
     WheelSnapshot,
 )
 from gateway.pipeline.vehicle_witness import VehicleJoin
+from gateway.pipeline.wheel_pairs import WheelPairs
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Level, Notice, Reason, codes_of
@@ -135,8 +136,8 @@ class SessionCore:
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
-        witnesses = self._join.alarms if self._join is not None else tuple
-        self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, witnesses)
+        self._pairs = WheelPairs(self._join.alarms if self._join is not None else tuple)
+        self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, self._pairs.alarms)
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
         for notice in (*effects_notices(effects, vehicle), *self._watch.take_notices()):
@@ -327,6 +328,7 @@ class SessionCore:
         if self._join is not None:
             results = [self._join.joined(result) for result in results]
         for result in results:
+            self._pairs.take(result)
             if result.position not in self._configured and result.position not in self._unconfigured:
                 self._unconfigured.add(result.position)
                 self.notify(Notice(result.position, unconfigured_wheel(self._vehicle), Level.WARNING))

@@ -18,6 +18,7 @@ from gateway.io.bus_frames import has_frames
 from gateway.io.source import BusFrames, Chunk, LinkEvent
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.pipeline.vehicle_witness import VehicleJoin
+from gateway.pipeline.wheel_pairs import WheelPairs
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Notice
@@ -174,7 +175,8 @@ class RecordingPass:
         self._pipeline = Pipeline(setups, UNKNOWN_WHEEL, estimators)
         self._signals = signals
         self._join = VehicleJoin(signals.history) if signals is not None else None
-        witnesses = self._join.alarms if self._join is not None else tuple
+        self._pairs = WheelPairs(self._join.alarms if self._join is not None else tuple)
+        witnesses = self._pairs.alarms
         self._alarms = RecordingAlarms(vehicle, self._pipeline, witnesses, logs=logs_alarms) if is_watched else None
         self._on_block = on_block
 
@@ -227,6 +229,7 @@ class RecordingPass:
 
     def _completed(self, result: RevolutionResult) -> RevolutionResult:
         result = self._join.joined(result) if self._join is not None else result
+        self._pairs.take(result)
         return self._alarms.result(result) if self._alarms is not None else result
 
     def _take_other(self, item: BusFrames | LinkEvent) -> None:

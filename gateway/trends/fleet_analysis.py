@@ -46,6 +46,7 @@ from gateway.trends.trend_result import (
 )
 from gateway.trends.watched_series import SERIES, Series, followed_by
 from gateway.types import FloatArray, IntArray
+from gateway.wheel_position import right_of
 
 REFERENCE_DEGC: Final = 20.0
 """Temperature at which pressures are compared."""
@@ -97,7 +98,6 @@ _FINDING_SHARE: Final = 0.999
 # Series of a tire that are tested for outliers.
 _SERIES_OF_TIRE: Final = 12
 _ANGLES: Final = 180.0 / math.pi
-_LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left": "right"}
 
 
 class _Line(NamedTuple):
@@ -1054,7 +1054,7 @@ def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
         by_vehicle[tire.vehicle][tire.position].append(tire)
     for vehicle, wheels in by_vehicle.items():
         for left_position in wheels:
-            right_position = _opposite(left_position)
+            right_position = right_of(left_position)
             if right_position in wheels:
                 numbers = tuple(
                     _difference(quantity, wheels[left_position], wheels[right_position])
@@ -1064,17 +1064,6 @@ def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:
                 if not all(tire.is_identified for side in (left_position, right_position) for tire in wheels[side]):
                     numbers = tuple(map(_of_unknown_tire, numbers))
                 yield PairTrend(vehicle, left_position, right_position, numbers)
-
-
-def _opposite(position: str) -> str | None:
-    """Return the right position of a left one: FL -> FR, rear.left -> rear.right; None for other names."""
-    for left_letter, right_letter in _LETTERS.items():
-        if (len(left_letter) > 1 and left_letter in position) or (
-            len(left_letter) == 1 and position.endswith(left_letter)
-        ):
-            head, _, tail = position.rpartition(left_letter)
-            return f"{head}{right_letter}{tail}"
-    return None
 
 
 def _difference(

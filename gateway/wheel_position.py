@@ -1,0 +1,18 @@
+"""Names of wheel positions that differ in left and right only."""
+
+from __future__ import annotations
+
+from typing import Final
+
+_LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left": "right"}
+
+
+def right_of(position: str) -> str | None:
+    """Return the right position of a left one: FL -> FR, rear.left -> rear.right; None for other names."""
+    for left_letter, right_letter in _LETTERS.items():
+        if (len(left_letter) > 1 and left_letter in position) or (
+            len(left_letter) == 1 and position.endswith(left_letter)
+        ):
+            head, _, tail = position.rpartition(left_letter)
+            return f"{head}{right_letter}{tail}"
+    return None
