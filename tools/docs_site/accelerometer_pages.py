@@ -75,7 +75,7 @@ def _plans(scenario: Scenario, part: Accelerometer) -> list[SensorPlan]:
 
 
 def _ability(plan: SensorPlan) -> str:
-    words = [reason.code.value.removeprefix("plan_").replace("_", " ") for reason in plan.reasons]
+    words = [str(reason.code).removeprefix("plan_").replace("_", " ") for reason in plan.reasons]
     return ": ".join(filter(None, ("yes" if plan.usable else "no", ", ".join(words))))
 
 
