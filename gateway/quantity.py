@@ -20,6 +20,7 @@ class Basis(StrEnum):
     COUPLING = "coupling"
     GAIN = "gain"
     HUB = "hub"
+    LOAD = "load"
     OFFSET = "offset"
     RADIUS = "radius"
     RATE = "rate"
@@ -120,8 +121,8 @@ class Quantity:
         description: noun phrase, in one line.
         equation: that defines it, with its source where that is not this package.
         sign: what a positive value means, where it may be negative; axes of ISO 8855.
-        powers: exponents in the ratios (true over stated) of belt radius, sampling rate and gain, and of the share of
-            the true signal in its axis.
+        powers: exponents in the ratios (true over stated) of belt radius, sampling rate, gain, load and pressure, and
+            of the share of the true signal in its axis.
         rests_on: what else it needs; what changes it in a way that no power describes.
         possible: least and greatest value that a tire, a sensor or a road can have.
         origin: value at which what the powers scale is zero.

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Final
 
 from gateway.constants import AXIS_NAMES
+from gateway.quantity_catalogue import quantity_of
 from gateway.quantity_catalogue import unit_of as unit_in_name
 
 # As on a page.
 _TYPESET: Final = {"m/s^2": "m/s²", "rad/s^2": "rad/s²", "m^3": "m³", "degC": "°C"}
 # A column of an error or of a scatter has the unit of its quantity; the other parts of an estimate have none.
-_WITH_UNIT: Final = ("_std", "_scatter")
+_WITH_UNIT: Final = ("_std", "_constant", "_scatter", "_expanded")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +39,14 @@ class Column:
         """Symbol in ASCII, `m/s^2`; empty without one."""
         if self.kind not in (float, int):
             return ""
-        name = self.name
-        for suffix in _WITH_UNIT:
-            name = name.removesuffix(suffix)
-        return unit_in_name(name)
+        return unit_in_name(unsuffixed(self.name))
+
+
+def unsuffixed(name: str) -> str:
+    """Return the name of the quantity whose error, or part of it, a column has."""
+    for suffix in _WITH_UNIT:
+        name = name.removesuffix(suffix)
+    return name
 
 
 def typeset_unit(name: str) -> str:
@@ -101,6 +107,8 @@ RESULT_TAIL: Final = by_name(
     Column("load_std_n", "one standard error of the stated load"),
     Column("pressure_pa", "gauge pressure, measured or else stated"),
     Column("pressure_std_pa", "one standard error of the pressure"),
+    Column("relative_rate_std", "one standard error of the sampling rate over it"),
+    Column("relative_gain_std", "one standard error of the gain of the axes over it"),
     Column("temperature_degc", "temperature of the inner liner, measured or else stated"),
     Column("missing_fraction", "share of the samples that was lost on the link"),
     Column("saturated", "whether the sensor reached the end of its range", bool),
@@ -117,6 +125,8 @@ OTHER: Final = Column("other_estimates", "estimates that appeared after the colu
 ESTIMATE_PARTS: Final = by_name(
     Column("", "{}"),
     Column("_std", "one standard error of {}"),
+    Column("_constant_std", "its part that revolutions share: {}"),
+    Column("_scatter_std", "its part that averaging makes smaller: {}"),
     Column("_status", "valid, provisional or invalid: {}", str),
     Column("_reason", "why it is not valid, or a note: {}", str),
 )
@@ -160,6 +170,41 @@ AVERAGE_COLUMNS: Final = by_name(
     Column("host_ns", "beginning of the recording on the clock of the computer, since 1970", int),
 )
 """Columns of the time synchronous average, one row an angle."""
+
+
+EXPANDED: Final = Column("_expanded", "expanded uncertainty, coverage_factor times the standard error: {}")
+COVERAGE: Final = Column("coverage_factor", "expanded uncertainty over standard error")
+"""Columns where expanded uncertainties are asked for."""
+
+CONVENTIONS: Final = {
+    "axes": "ISO 8855: x forward, y to the left, z up; angles of the contact count from its centre, positive behind it",
+    "uncertainty": "JCGM 100: NAME_std is a combined standard uncertainty, coverage factor 1; "
+    "NAME_std^2 = NAME_constant_std^2 + NAME_scatter_std^2",
+    "average": "mean over valid revolutions, weights 1 / NAME_std^2; its constant part is the weighted mean of "
+    "NAME_constant_std; its scattering part falls with the root of the independent revolutions, which are one in "
+    "twice the memory of a running average",
+    "covariance": "of two quantities of a revolution: the sum over causes of p x u times q y u, where p and q are "
+    "their powers, x and y their values and u the relative standard error of the cause (radius, relative_rate, "
+    "relative_gain, load, pressure); scattering parts beside it",
+}
+"""How to read a file with estimates."""
+
+
+def conventions(names: Iterable[str]) -> dict[str, str]:
+    """Return the metadata of a file with estimates: CONVENTIONS, and what is declared of each as JSON.
+
+    Args:
+        names: of the estimates' columns.
+    """
+    declared = {name: quantity_of(name.removeprefix("estimated_")) for name in names}
+    about = {
+        "powers": {name: dict(quantity.powers) for name, quantity in declared.items() if quantity.powers},
+        "signs": {name: quantity.sign for name, quantity in declared.items() if quantity.sign},
+        "memory_revolutions": {
+            name: quantity.memory_revolutions for name, quantity in declared.items() if quantity.memory_revolutions
+        },
+    }
+    return CONVENTIONS | {key: json.dumps(value, ensure_ascii=False) for key, value in about.items()}
 
 
 def estimate_columns(name: str, description: str, parts: Iterable[Column] = ESTIMATE_PARTS.values()) -> list[Column]:

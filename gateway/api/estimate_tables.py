@@ -7,6 +7,7 @@ from array import array
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import reduce
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -23,12 +24,14 @@ from gateway.api.column_table import (
     utc_array,
 )
 from gateway.api.estimate_comparison import Comparison
+from gateway.estimators.covariance import CAUSES, covariance, relative_errors, scatter_correlation
 from gateway.estimators.estimator import Status
 from gateway.estimators.mean_comparison import compared_means
-from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
+from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, coverage_factor, mean_estimate
 from gateway.nearest_name import did_you_mean
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
 from gateway.quantity_catalogue import quantity_of
+from gateway.table_columns import unsuffixed
 from gateway.types import BoolArray, FloatArray
 from gateway.views.readout import DISTANCE
 from gateway.views.wording import joined, text
@@ -57,9 +60,14 @@ class Estimates(ColumnTable):
     name: TextArray = field(metadata=column("quantity, with its unit"))
     value: FloatArray = field(metadata=column("in the unit of the name; NaN when invalid"))
     std: FloatArray = field(metadata=column("one standard error, same unit; NaN when not known"))
+    constant_std: FloatArray = field(metadata=column("its part that revolutions share"))
+    scatter_std: FloatArray = field(metadata=column("its part that averaging makes smaller"))
     unit: TextArray = field(metadata=column("of value and std; empty without one"))
     status: TextArray = field(metadata=column("valid, provisional or invalid"))
     reasons: TextArray = field(metadata=column("why it is not valid, or notes on a valid one"))
+    shared_std: FloatArray = field(
+        metadata=column(f"(n, {len(CAUSES)}) relative standard errors of {', '.join(CAUSES)}")
+    )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -112,8 +120,9 @@ class Estimates(ColumnTable):
             raise ValueError(f"'{name}' is that of several wheels: choose wheel, one of {', '.join(wheels)}")
         mean = WeightedMean()
         valid: BoolArray = (rows.status == Status.VALID.value) & np.isfinite(rows.value)
-        for value, std in zip(rows.value[valid].tolist(), rows.std[valid].tolist(), strict=True):
-            mean.add(value, std)
+        columns = (rows.value[valid].tolist(), rows.std[valid].tolist(), rows.scatter_std[valid].tolist())
+        for value, std, scatter_std in zip(*columns, strict=True):
+            mean.add(value, std, scatter_std)
         if not mean.count:
             raise KeyError(f"no revolution of {wheels[0]} has a valid '{name}'")
         return mean_estimate(mean, quantity_of(name).memory_revolutions)
@@ -138,6 +147,53 @@ class Estimates(ColumnTable):
                     with suppress(KeyError):  # no valid value
                         means[wheel, name] = self.mean(name, wheel=wheel)
         return means
+
+    def expanded(self, probability: float = 0.95) -> tuple[FloatArray, float]:
+        """Return the expanded uncertainty of each row, (n,), and its coverage factor (JCGM 100, 6.2).
+
+        The factor is that of a normal distribution: the parts of an estimate's error have many degrees of freedom.
+
+        Args:
+            probability: that value +- uncertainty contains the quantity.
+
+        Raises:
+            ValueError: the probability is not within 0 and 1.
+        """
+        factor = coverage_factor(probability)
+        return factor * self.std, factor
+
+    def covariance(self, *names: str, wheel: str | None = None, revolution: int | None = None) -> FloatArray:
+        """Return the covariance of quantities of a revolution, (k, k), in the order and units of the names.
+
+        Radius, rate, gain, load and pressure connect the constant parts of the errors, with the powers that are
+        declared of each quantity; the scattering parts are correlated as they are over the valid revolutions.
+
+        Args:
+            names: of the quantities.
+            wheel: whose; None where the table has one wheel with them.
+            revolution: its number; None for the last in which all are valid.
+
+        Raises:
+            KeyError: the table has no such quantity or wheel, or no revolution in which all are valid.
+            ValueError: no name, or several wheels have the quantities.
+        """
+        if not names:
+            raise ValueError("the covariance needs the names of quantities")
+        tables = [self.select(name, wheel=wheel, status=Status.VALID.value) for name in names]
+        wheels = list(dict.fromkeys(position for table in tables for position in table.wheel.tolist()))
+        if len(wheels) > 1:
+            raise ValueError(f"several wheels have these quantities: choose wheel, one of {', '.join(wheels)}")
+        numbers = reduce(np.intersect1d, [table.revolution for table in tables])
+        if not len(numbers) or (revolution is not None and revolution not in numbers):
+            which = "no revolution" if revolution is None else f"not revolution {revolution}"
+            raise KeyError(f"{which} has valid values of all of {', '.join(names)}")
+        chosen = int(numbers[-1]) if revolution is None else revolution
+        series = np.stack([table.value[np.isin(table.revolution, numbers)] for table in tables], axis=1)
+        of_one = [table._selected(table.revolution == chosen) for table in tables]
+        value, constant, scatter = (
+            np.array([float(table[key][0]) for table in of_one]) for key in ("value", "constant_std", "scatter_std")
+        )
+        return covariance(names, value, constant, scatter, of_one[0].shared_std[0], scatter_correlation(series))
 
     def plot(self, *names: str) -> Figure:
         """Return a matplotlib figure of quantities against time, with bands of their standard errors.
@@ -164,7 +220,8 @@ class Estimates(ColumnTable):
         """Return a DataFrame; text columns are categories.
 
         Args:
-            wide: one row per revolution and wheel instead, with columns `NAME`, `NAME_std` and `NAME_status`.
+            wide: one row per revolution and wheel instead, with columns `NAME`, `NAME_std`, its parts
+                `NAME_constant_std` and `NAME_scatter_std`, and `NAME_status`.
 
         Raises:
             OutputError: pandas is not installed.
@@ -180,11 +237,17 @@ class Estimates(ColumnTable):
         times = plain[[*rows, "device_start_s", "device_end_s", "host_utc"]].drop_duplicates(rows).set_index(rows)
         parts = {
             suffix: plain.pivot(index=rows, columns="name", values=values)
-            for suffix, values in (("", "value"), ("_std", "std"), ("_status", "status"))
+            for suffix, values in (
+                ("", "value"),
+                ("_std", "std"),
+                ("_constant_std", "constant_std"),
+                ("_scatter_std", "scatter_std"),
+                ("_status", "status"),
+            )
         }
         named = {f"{name}{suffix}": part[name] for name in self.names for suffix, part in parts.items()}
         table: pd.DataFrame = pandas.concat([times, pandas.DataFrame(named)], axis=1).reset_index()
-        units = {name: unit_of(name.removesuffix("_std")) for name in table.columns}
+        units = {name: unit_of(unsuffixed(name)) for name in table.columns}
         table.attrs.clear()
         table.attrs.update({"units": units, **self.metadata})
         return table
@@ -203,7 +266,8 @@ class EstimateRows:
         self._codes: dict[str, int] = {}
         self._texts = {name: array("q") for name in ("wheel", "name", "status", "reasons")}
         self._revolution, self._host_ns = array("q"), array("q")
-        self._numbers = {name: array("d") for name in ("device_start_s", "device_end_s", "value", "std")}
+        names = ("device_start_s", "device_end_s", "value", "std", "constant_std", "scatter_std", "shared_std")
+        self._numbers = {name: array("d") for name in names}
 
     def add(self, result: RevolutionResult) -> None:
         """Add the estimates of a revolution."""
@@ -213,12 +277,15 @@ class EstimateRows:
         self._host_ns.extend([result.host_ns if self._has_host_time else 0] * count)
         self._numbers["device_start_s"].extend([revolution.start_s] * count)
         self._numbers["device_end_s"].extend([revolution.start_s + revolution.period_s] * count)
+        self._numbers["shared_std"].extend(relative_errors(result.conditions) * count)
         for estimate in result.estimates:
             self._texts["name"].append(self._code(estimate.name))
             self._texts["status"].append(self._code(str(estimate.status)))
             self._texts["reasons"].append(self._code(joined(estimate.reasons)))
             self._numbers["value"].append(_known(estimate.value))
             self._numbers["std"].append(_known(estimate.std))
+            self._numbers["constant_std"].append(_known(estimate.constant_std))
+            self._numbers["scatter_std"].append(estimate.scatter_std if math.isfinite(estimate.std) else math.nan)
 
     def table(self, recording: str) -> Estimates:
         """Return the table."""
@@ -226,6 +293,7 @@ class EstimateRows:
         units = text_array(list(map(unit_of, self._codes)))
         columns: dict[str, Any] = {name: words[np.array(codes, np.int64)] for name, codes in self._texts.items()}
         columns |= {name: np.array(values, np.float64) for name, values in self._numbers.items()}
+        columns["shared_std"] = columns["shared_std"].reshape(-1, len(CAUSES))
         return Estimates(
             recording=recording,
             revolution=np.array(self._revolution, np.int64),

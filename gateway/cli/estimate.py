@@ -26,6 +26,12 @@ def _output_option(name: str, help_text: str) -> Callable[[Callable[..., None]],
 @estimator_option
 @effects_option
 @click.option(
+    "--coverage",
+    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    metavar="PROBABILITY",
+    help="Also write expanded uncertainties of this coverage probability, such as 0.95, and their coverage factor.",
+)
+@click.option(
     "--jobs",
     type=click.IntRange(1, 64),
     help="Maximum number of processes, each for a recording of its own.  [default: one per processor, fewer for short "
@@ -42,6 +48,7 @@ def estimate(
     key_file: Path | None,
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
+    coverage: float | None,
     jobs: int | None,
 ) -> None:
     """Estimate RECORDING... in one pass, with the same results as `treadlink live`.
@@ -57,6 +64,7 @@ def estimate(
     from gateway.cli.estimate_order import EstimateOrder
     from gateway.cli.estimate_run import run_estimate
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
+    from gateway.estimators.weighted_mean import coverage_factor
     from gateway.security.key_file import default_key_file
     from gateway.views.output_file import check_outputs
     from gateway.views.tables.result_table import TableFormat
@@ -69,8 +77,9 @@ def estimate(
         from gateway.views.drive_page.drive_page import check_page
 
         check_page(html_path, force=force)
+    factor = None if coverage is None else coverage_factor(coverage)
     orders = [
-        EstimateOrder(path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {})
+        EstimateOrder(path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {}, factor)
         for path in recordings
     ]
     run_estimate(orders, outputs, page=html_path, force=force, jobs=jobs)

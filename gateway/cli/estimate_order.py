@@ -24,6 +24,7 @@ class EstimateOrder:
         key_file: keys of signed frames, None for the user's.
         estimators: names from the registry.
         spools: file for the rows of each table, when another process writes the tables.
+        coverage_factor: of expanded uncertainties in the tables, None for none.
         is_drawn: whether the answer has what a page shows.
     """
 
@@ -33,6 +34,7 @@ class EstimateOrder:
     key_file: Path | None
     estimators: tuple[str, ...]
     spools: Mapping[TableFormat, Path]
+    coverage_factor: float | None = None
     is_drawn: bool = False
 
 

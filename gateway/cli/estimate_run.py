@@ -62,7 +62,11 @@ def run_estimate(
     missing, damaged, drives = 0, [], []
     orders = [replace(order, is_drawn=page is not None) for order in orders]
     with contextlib.ExitStack() as stack:
-        tables = {kind: stack.enter_context(open_table(path, kind, force=force)) for kind, path in outputs.items()}
+        factor = orders[0].coverage_factor
+        tables = {
+            kind: stack.enter_context(open_table(path, kind, force=force, coverage_factor=factor))
+            for kind, path in outputs.items()
+        }
         view = stack.enter_context(progress_view())
         on_bytes = _bar(view, orders, sum(sizes))
         if jobs > 1:

@@ -34,7 +34,9 @@ def estimate_to_spools(order: EstimateOrder, on_position: Callable[[int], None])
         TreadlinkError: the recording, its configuration or the keys cannot be read, or a file cannot be written.
     """
     with contextlib.ExitStack() as stack:
-        rows = [stack.enter_context(open_spool(path, kind)) for kind, path in order.spools.items()]
+        rows = [
+            stack.enter_context(open_spool(path, kind, order.coverage_factor)) for kind, path in order.spools.items()
+        ]
         return estimate_recording(order, on_position, rows)
 
 

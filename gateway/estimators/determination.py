@@ -182,6 +182,8 @@ def series_estimates(
     conditions: Sequence[TireConditions],
     doubts: Sequence[tuple[Reason, ...]],
     notes: tuple[Reason, ...] = (),
+    *,
+    noise_scatters: bool = False,
 ) -> list[tuple[Estimate, ...]]:
     """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw of each of k revolutions.
 
@@ -196,6 +198,7 @@ def series_estimates(
         conditions: of each, with their standard errors.
         doubts: why the estimates of each are provisional; empty when they are not.
         notes: what valid estimates rest on.
+        noise_scatters: whether the covariance of noise is of noise alone, without the error of the edges' definition.
     """
     values, free = fitted.values, fitted.free
     covariance = fitted.noise + fitted.model
@@ -219,8 +222,13 @@ def series_estimates(
     ratio_fits[:, 0] &= determined[:, 0]
     all_values = np.concatenate([values, ratios], axis=1)
     errors = np.concatenate([np.hypot(std, values * scale), ratio_errors], axis=1)
+    scatters = np.zeros_like(errors)
+    if noise_scatters:
+        noise = np.diagonal(fitted.noise, axis1=1, axis2=2)
+        scatters = np.concatenate([np.sqrt(np.maximum(noise, 0.0)), _ratios(values, free, fitted.noise)[1]], axis=1)
+        scatters = np.nan_to_num(scatters, posinf=0.0)
     sound = np.concatenate([determined, ratio_fits], axis=1) & (all_values > 0.0) & np.isfinite(errors)
-    rows = list(zip(all_values.tolist(), errors.tolist(), sound.tolist(), strict=True))
+    rows = list(zip(all_values.tolist(), errors.tolist(), scatters.tolist(), sound.tolist(), strict=True))
     made = []
     for index, (lacking, width) in enumerate(zip(missing, widths, strict=True)):
         revolution_doubts = doubts[index]
@@ -244,7 +252,7 @@ def series_estimates(
 def _estimates(
     fitted: FittedSeries,
     index: int,
-    row: tuple[list[float], list[float], list[bool]],
+    row: tuple[list[float], list[float], list[float], list[bool]],
     columns: range,
     doubts: tuple[Reason, ...],
     notes: tuple[Reason, ...],
@@ -254,15 +262,15 @@ def _estimates(
     Args:
         fitted: the numbers.
         index: of the revolution.
-        row: its values and errors, and whether each is known and determined, numbers first, then ratios.
+        row: its values, errors, their scattering parts, and whether each is determined, numbers first, then ratios.
         columns: of the estimates that are wanted.
         doubts: why they are provisional.
         notes: what valid ones rest on.
     """
-    values, errors, sound = row
+    values, errors, scatters, sound = row
     status, reasons = (Status.PROVISIONAL, doubts) if doubts else (Status.VALID, notes)
     return [
-        Estimate(_NAMES[column], values[column], errors[column], status, reasons)
+        Estimate(_NAMES[column], values[column], errors[column], status, reasons, scatters[column])
         if sound[column]
         else _undetermined(fitted.at(index), column, values[column], errors[column], doubts)
         for column in columns

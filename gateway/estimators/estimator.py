@@ -31,9 +31,11 @@ class Estimate(NamedTuple):
     Attributes:
         name: of the quantity, with its unit where it has one: `speed_mps`, `Bs`.
         value: in the unit of the name; NaN when invalid.
-        std: one standard error, same unit; NaN when not known.
+        std: one standard error (combined standard uncertainty, JCGM 100), same unit; NaN when not known.
         status: valid, provisional or invalid.
         reasons: why it is not valid, or notes on a valid one.
+        scatter_std: the part of `std` that differs between independent revolutions, so that averaging makes it smaller;
+            0 where the estimator does not know it apart.
     """
 
     name: str
@@ -41,6 +43,12 @@ class Estimate(NamedTuple):
     std: float
     status: Status
     reasons: tuple[Reason, ...] = ()
+    scatter_std: float = 0.0
+
+    @property
+    def constant_std(self) -> float:
+        """The other part of `std`, which revolutions share: std^2 = constant_std^2 + scatter_std^2."""
+        return math.sqrt(max(self.std**2 - self.scatter_std**2, 0.0))
 
     @classmethod
     def invalid(cls, name: str, *reasons: Reason) -> Self:

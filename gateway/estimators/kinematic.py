@@ -80,25 +80,30 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     speed_std = speed * math.hypot(timing_error, radius_error)
     omega_std = revolution.omega_radps * timing_error
     rpm, rpm_std = revolution.omega_radps * _RPM_PER_RADPS, omega_std * _RPM_PER_RADPS
+    timing_scatter = revolution.period_std_s / revolution.period_s
     # The definition of both edges may be wrong in the same direction: their errors add.
     angle, angle_std = trailing - leading, leading_std + trailing_std
     length = radius * angle
     length_std = math.hypot(radius * angle_std, length * radius_error)
     return (
-        _estimate(NAMES[0], speed, speed_std, status, reasons),
-        _estimate(NAMES[1], revolution.omega_radps, omega_std, status, reasons),
-        _estimate(NAMES[2], rpm, rpm_std, status, reasons),
-        _estimate(NAMES[3], leading, math.hypot(leading_std, CENTRE_STD_RAD), status, reasons),
-        _estimate(NAMES[4], trailing, math.hypot(trailing_std, CENTRE_STD_RAD), status, reasons),
-        _estimate(NAMES[5], length, length_std, status, reasons),
-        _estimate(NAMES[6], angle / _TURN_RAD, angle_std / _TURN_RAD, status, reasons),
+        _estimate(NAMES[0], speed, speed_std, speed * timing_scatter, status, reasons),
+        _estimate(
+            NAMES[1], revolution.omega_radps, omega_std, revolution.omega_radps * timing_scatter, status, reasons
+        ),
+        _estimate(NAMES[2], rpm, rpm_std, rpm * timing_scatter, status, reasons),
+        _estimate(NAMES[3], leading, math.hypot(leading_std, CENTRE_STD_RAD), 0.0, status, reasons),
+        _estimate(NAMES[4], trailing, math.hypot(trailing_std, CENTRE_STD_RAD), 0.0, status, reasons),
+        _estimate(NAMES[5], length, length_std, 0.0, status, reasons),
+        _estimate(NAMES[6], angle / _TURN_RAD, angle_std / _TURN_RAD, 0.0, status, reasons),
     )
 
 
-def _estimate(name: str, value: float, std: float, status: Status, reasons: tuple[Reason, ...]) -> Estimate:
+def _estimate(
+    name: str, value: float, std: float, scatter_std: float, status: Status, reasons: tuple[Reason, ...]
+) -> Estimate:
     if not math.isfinite(value):
         return Estimate.invalid(name, *(reasons or (Reason(Code.NO_CONTACT_EDGES),)))
-    return Estimate(name, value, std, status, reasons)
+    return Estimate(name, value, std, status, reasons, scatter_std if math.isfinite(scatter_std) else 0.0)
 
 
 def _condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:

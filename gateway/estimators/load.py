@@ -125,7 +125,8 @@ class LoadEstimator:
         doubts = tuple(
             reason for reason in width.reasons if reason.code not in (Code.WIDTH_CONTRADICTED, Code.SCALE_BY_WIDTH)
         )
-        return Estimate(NAMES[2], value, std, width.status if doubts else Status.VALID, doubts)
+        status = width.status if doubts else Status.VALID
+        return Estimate(NAMES[2], value, std, status, doubts, value * width.scatter_std / width.value)
 
 
 def _beyond_load(width: Estimate, load_std: float, conditions: TireConditions) -> float:
@@ -267,7 +268,7 @@ def _better(by_angle: Estimate, by_width: Estimate) -> Estimate:
             Reason(Code.NO_LOAD_FROM_BELT_WIDTH, why=by_width.reasons),
         )
     source = Reason(Code.FROM_CONTACT_ANGLE if best is by_angle else Code.FROM_BELT_WIDTH)
-    return Estimate(NAMES[0], best.value, best.std, best.status, (source, *best.reasons))
+    return best._replace(name=NAMES[0], reasons=(source, *best.reasons))
 
 
 def _contradictions(loads: tuple[Estimate, ...], conditions: TireConditions) -> tuple[Reason, ...]:

@@ -103,7 +103,10 @@ def _checked_estimate(estimate: Estimate) -> Estimate:
             raise _RefusedFieldError("value", estimate.value)
         if std < 0.0 or math.isinf(std):
             raise _RefusedFieldError("std", estimate.std)
-        return Estimate(estimate.name, value, std, estimate.status, reasons)
+        scatter_std = _number("scatter_std", estimate.scatter_std)
+        if not (0.0 <= scatter_std <= std or (scatter_std == 0.0 and math.isnan(std))):
+            raise _RefusedFieldError("scatter_std", estimate.scatter_std)
+        return Estimate(estimate.name, value, std, estimate.status, reasons, scatter_std)
     except _RefusedFieldError as refused:
         return Estimate.invalid(estimate.name, refused.reason)
 

@@ -230,6 +230,7 @@ class PlySteerEstimator:
         )
         values_rad, stds_rad = np.empty((2, len(measured), len(_OF_SHAPE)))
         notes: list[tuple[tuple[Reason, ...], ...]] = []
+        scatters_rad: list[list[float]] = []
         while (first := len(notes)) < len(measured):
             counts = [measurement.followed.count for measurement in measured[first:]]
             values = self._followed_values(lateral_m[first:], states[first:], counts)
@@ -241,6 +242,7 @@ class PlySteerEstimator:
             values_rad[rows] = values[:, : len(_OF_SHAPE)]
             stds_rad[rows] = self._renewed.stds_rad(roll_std_rad[rows])
             notes += [self._renewed.notes] * len(values)
+            scatters_rad += [self._renewed.scatter_rad.tolist()] * len(values)
         square = np.square(0.5 * (states[:, 1] - states[:, 0]))
         values_rad[:, _CONICITY], stds_rad[:, _CONICITY] = _conicity(
             values_rad[:, _LINE], values_rad[:, _CONICITY], stds_rad[:, _LINE], stds_rad[:, _CONICITY], square
@@ -254,6 +256,7 @@ class PlySteerEstimator:
                 notes,
                 values_rad.tolist(),
                 stds_rad.tolist(),
+                scatters_rad,
                 is_sound.tolist(),
                 is_significant[:, _LINE].tolist(),
                 strict=True,
@@ -328,6 +331,7 @@ class _Renewed:
         rows: (8, 2 k) maps to the slopes of NAMES, the contact line, the difference of the halves, the slope ahead, and
             the slopes at both ends of the adhesion line.
         variance_rad2: (6,) of the first six, without that of the roll.
+        scatter_rad: (6,) the part of their errors by the scatter of the averaged revolutions; 0 of conicity.
         by_roll: (6,) their derivatives by the roll.
         values_rad: what the maps gave then.
         limits_rad: how far the values may move until the maps are renewed: by a share of a standard error, and at an
@@ -340,6 +344,7 @@ class _Renewed:
 
     rows: FloatArray
     variance_rad2: FloatArray
+    scatter_rad: FloatArray
     by_roll: FloatArray
     values_rad: FloatArray
     limits_rad: FloatArray
@@ -373,6 +378,8 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     variance = np.sum((rows @ record.covariance) * rows, axis=1)
     # Peak and slope ahead are the largest of several places: their noise counts once more.
     variance[[0, -1]] *= 2.0
+    scatter = np.sqrt(np.maximum(variance, 0.0))
+    scatter[_CONICITY] = 0.0
     yaw_std = math.hypot(MOUNTING_STD_RAD, conditions.tilt.yaw_std_rad)
     variance += np.square(rows @ _along(record, revolution, conditions) * yaw_std)
     # The slopes scale with the lateral axis's gain over the radius.
@@ -395,6 +402,7 @@ def _renew(measured: _Measured, block: RevolutionBlock, state: FloatArray) -> _R
     return _Renewed(
         rows,
         variance,
+        scatter,
         by_roll,
         rows @ record.lateral_m,
         np.concatenate([_MOVED_STDS * stds, ends_std]),
@@ -460,6 +468,7 @@ def _estimates(
     notes: tuple[tuple[Reason, ...], ...],
     values_rad: list[float],
     stds_rad: list[float],
+    scatters_rad: list[float],
     is_sound: list[bool],
     has_sign: bool,
 ) -> tuple[Estimate, ...]:
@@ -471,17 +480,18 @@ def _estimates(
         notes: of each estimate of _OF_SHAPE, as the next three.
         values_rad: values.
         stds_rad: standard errors.
+        scatters_rad: their scattering parts.
         is_sound: whether value and error are finite, and the value is significant.
         has_sign: whether the sign of the contact line is significant.
     """
     roll, unusable, claims = measured.followed.roll, measured.unusable, conditions.claims
     doubt = unusable or _doubt(measured.followed, claims)
     made = [
-        Estimate(name, value, std, Status.VALID, estimate_notes)
+        Estimate(name, value, std, Status.VALID, estimate_notes, scatter)
         if sound and doubt is None
         else _doubted(name, value, std, estimate_notes, doubt)
-        for name, value, std, estimate_notes, sound in zip(
-            _OF_SHAPE, values_rad, stds_rad, notes, is_sound, strict=True
+        for name, value, std, scatter, estimate_notes, sound in zip(
+            _OF_SHAPE, values_rad, stds_rad, scatters_rad, notes, is_sound, strict=True
         )
     ]
     if not has_sign:

@@ -219,7 +219,7 @@ class WeakFormEstimator:
                 else:
                     self._renewed, is_new = renewed, True
         doubts = [doubt_about(*both) for both in zip(block.revolutions, block.averages.effective_counts, strict=True)]
-        made = series_estimates(self.name, fitted, block.conditions, doubts)
+        made = series_estimates(self.name, fitted, block.conditions, doubts, noise_scatters=True)
         for index, reason in refused.items():
             made[index] = all_invalid(reason)
         return made

@@ -81,7 +81,12 @@ class WearEstimator:
         if wear.status is Status.INVALID:
             return (wear, *(Estimate.invalid(name, *wear.reasons) for name in NAMES[1:]))
         radius_mm = conditions.radius_m * 1e3
-        number = Estimate(NAMES[1], wear.value / radius_mm, wear.std / radius_mm, wear.status, wear.reasons)
+        number = wear._replace(
+            name=NAMES[1],
+            value=wear.value / radius_mm,
+            std=wear.std / radius_mm,
+            scatter_std=wear.scatter_std / radius_mm,
+        )
         return wear, number, self._drift(revolution, wear, conditions)
 
     def _drift(self, revolution: Revolution, wear: Estimate, conditions: TireConditions) -> Estimate:
@@ -146,13 +151,14 @@ def _wear(conditions: TireConditions) -> Estimate:
     notes = list(bending.reasons)
     if not softening.is_known:
         notes.append(Reason(Code.TEMPERATURE_NOT_COMPENSATED, difference_k=UNKNOWN_DIFFERENCE_K))
-    error = thickness * remaining / _BENDING_POWER * math.hypot(bending.std, softening.std)
+    slope = thickness * remaining / _BENDING_POWER
+    error = slope * math.hypot(bending.std, softening.std)
     std = math.hypot(error, (1.0 - remaining) * tire.ring_thickness_std_m)
     value, status = thickness * (1.0 - remaining), bending.status
     if tire.wear_m is not None and abs(value - tire.wear_m) > DETERMINED * math.hypot(std, tire.wear_std_m):
         status = Status.PROVISIONAL
         notes.insert(0, Reason(Code.WEAR_CONTRADICTED, stated_m=tire.wear_m, stated_std_m=tire.wear_std_m))
-    return Estimate(NAMES[0], 1e3 * value, 1e3 * std, status, tuple(notes))
+    return Estimate(NAMES[0], 1e3 * value, 1e3 * std, status, tuple(notes), 1e3 * slope * bending.scatter_std)
 
 
 def _with_ratio(bending: Estimate, conditions: TireConditions, softening: Softening, thickness_m: float) -> Estimate:
@@ -214,4 +220,5 @@ def bending_since_reference(conditions: TireConditions, *, prefer_ratio: bool = 
         return Estimate.invalid(name, Reason(Code.BENDING_NOT_POSITIVE))
     if bending.status is Status.PROVISIONAL:
         notes[:0] = bending.reasons
-    return Estimate(name, math.log(stiffness), math.hypot(*errors), status, tuple(notes))
+    scatter = bending.scatter_std / bending.value
+    return Estimate(name, math.log(stiffness), math.hypot(*errors), status, tuple(notes), scatter)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 
 class WeightedMean:
     """Mean of values with standard errors, weighted by these, in constant memory.
 
     Revolutions share most of their error: a running average, the belt radius, the load. Its standard error is therefore
-    the weighted mean of the errors, sum(w s) / sum(w) with w = 1 / s^2, as for errors that are fully correlated.
+    the weighted mean of the errors, sum(w s) / sum(w) with w = 1 / s^2, as for errors that are fully correlated. Where
+    the scattering parts of the errors are known, `constant_std` is that of the constant parts alone.
 
     Attributes:
         count: number of values.
@@ -18,12 +20,18 @@ class WeightedMean:
 
     def __init__(self) -> None:
         self.count = 0
-        self._weight = self._weighted = self._weighted_std = 0.0
+        self._weight = self._weighted = self._weighted_std = self._weighted_constant = self._scatter_square = 0.0
         self._mean = self._squares = 0.0
         self._has_errors = True
 
-    def add(self, value: float, std: float) -> None:
-        """Take a finite value; one without a usable error makes the mean an unweighted one without error."""
+    def add(self, value: float, std: float, scatter_std: float = 0.0) -> None:
+        """Take a finite value; one without a usable error makes the mean an unweighted one without error.
+
+        Args:
+            value: of one revolution.
+            std: its standard error.
+            scatter_std: the part of it that scatters; 0 where not known.
+        """
         self.count += 1
         step = value - self._mean
         self._mean += step / self.count
@@ -33,6 +41,8 @@ class WeightedMean:
             self._weight += weight
             self._weighted += weight * value
             self._weighted_std += weight * std
+            self._weighted_constant += weight * math.sqrt(max(std * std - scatter_std * scatter_std, 0.0))
+            self._scatter_square += scatter_std * scatter_std
         else:
             self._has_errors = False
 
@@ -53,6 +63,16 @@ class WeightedMean:
         return std if math.isfinite(std) else None
 
     @property
+    def constant_std(self) -> float | None:
+        """Part of `std` that revolutions share."""
+        return None if self.std is None else self._weighted_constant / self._weight
+
+    @property
+    def stated_scatter(self) -> float:
+        """Root mean square scattering part of the values' errors, 0 where none is known."""
+        return math.sqrt(self._scatter_square / self.count) if self.count else 0.0
+
+    @property
     def scatter(self) -> float | None:
         """Standard deviation between the values, None of less than two."""
         return math.sqrt(self._squares / (self.count - 1)) if self.count > 1 else None
@@ -65,9 +85,10 @@ class MeanEstimate:
     Attributes:
         value: weighted mean.
         std: combined standard uncertainty of the mean.
-        constant_std: its part that averaging does not make smaller: the weighted mean of the errors of the revolutions,
-            which share nearly all of them (radius, load, gains, a running average).
-        scatter_std: its part from the scatter of the revolutions (type A), `scatter` over the root of `independent`.
+        constant_std: its part that averaging does not make smaller: the weighted mean of the constant parts of the
+            errors of the revolutions (radius, load, gains).
+        scatter_std: its part from the scatter of the revolutions: `scatter` (type A) or the scattering part of their
+            errors, whichever is larger, over the root of `independent`.
         scatter: standard deviation of one revolution.
         count: number of revolutions.
         independent: how many independent values these are; a running average hands on most of a value.
@@ -96,13 +117,28 @@ class MeanEstimate:
         Raises:
             ValueError: the probability is not within 0 and 1.
         """
-        if not 0.0 < probability < 1.0:
-            raise ValueError(f"a coverage probability is within 0 and 1, not {probability}")
-        from scipy.stats import norm, t
-
-        tail = 0.5 * (1.0 + probability)
-        factor = float(t.ppf(tail, self.freedom) if math.isfinite(self.freedom) else norm.ppf(tail))
+        factor = coverage_factor(probability, self.freedom)
         return factor * self.std, factor
+
+
+def coverage_factor(probability: float, freedom: float = math.inf) -> float:
+    """Return the factor of the expanded uncertainty: Student's t of the degrees of freedom (JCGM 100 G.3).
+
+    Args:
+        probability: that value +- factor * std contains the quantity.
+        freedom: of the standard uncertainty; infinite of a normal distribution.
+
+    Raises:
+        ValueError: the probability is not within 0 and 1.
+    """
+    if not 0.0 < probability < 1.0:
+        raise ValueError(f"a coverage probability is within 0 and 1, not {probability}")
+    tail = 0.5 * (1.0 + probability)
+    if math.isinf(freedom):
+        return NormalDist().inv_cdf(tail)
+    from scipy.stats import t
+
+    return float(t.ppf(tail, freedom))
 
 
 def mean_estimate(mean: WeightedMean, memory_revolutions: float = 0.0) -> MeanEstimate:
@@ -117,11 +153,13 @@ def mean_estimate(mean: WeightedMean, memory_revolutions: float = 0.0) -> MeanEs
     """
     independent = max(mean.count / max(2.0 * memory_revolutions, 1.0), 1.0)
     scatter = math.nan if mean.scatter is None else mean.scatter
-    constant_std = math.nan if mean.std is None else mean.std
-    scatter_std = scatter / math.sqrt(independent)
-    std = math.hypot(constant_std, 0.0 if math.isnan(scatter_std) else scatter_std)
+    constant_std = math.nan if mean.constant_std is None else mean.constant_std
+    observed, stated = (0.0 if math.isnan(scatter) else scatter), mean.stated_scatter
+    scatter_std = max(observed, stated) / math.sqrt(independent)
+    std = math.hypot(constant_std, scatter_std)
     freedom = math.inf
-    if independent > 1.0 and scatter_std > 0.0:
+    # An error that is stated is taken as known.
+    if independent > 1.0 and observed > stated:
         freedom = (std / scatter_std) ** 4 * (independent - 1.0)
     return MeanEstimate(
         value=math.nan if mean.value is None else mean.value,

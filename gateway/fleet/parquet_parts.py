@@ -11,7 +11,7 @@ from typing import Any, Final, Self
 
 from gateway import __version__
 from gateway.errors import OutputError
-from gateway.table_columns import Column
+from gateway.table_columns import CONVENTIONS, Column
 from gateway.views.output_file import OutputFile
 from gateway.views.tables.table_sinks import Cell, arrow_schema
 
@@ -179,5 +179,6 @@ def _schema(columns: Mapping[str, Column], table: str) -> Any:
         "treadlink.table": table,
         "treadlink.time_zone": "UTC",
         "treadlink.units": json.dumps(units, ensure_ascii=False),
+        **{f"treadlink.{key}": text for key, text in CONVENTIONS.items()},
     }
     return arrow_schema(columns.values(), about, is_brief=True)

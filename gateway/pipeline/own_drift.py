@@ -39,7 +39,7 @@ class OwnDrift:
         return tuple([self._widened(estimate) if estimate.name in self._memory else estimate for estimate in estimates])
 
     def _widened(self, estimate: Estimate) -> Estimate:
-        name, value, std, status, reasons = estimate
+        name, value, std, status, reasons, scatter_std = estimate
         if status is not Status.VALID:
             return estimate
         values = self._valid.get(name)
@@ -47,4 +47,4 @@ class OwnDrift:
             values = self._valid[name] = deque(maxlen=self._memory[name])
         values.append(value)
         # Not by `_replace`, which takes four times as long.
-        return Estimate(name, value, math.hypot(std, _LAG * (value - values[0])), status, reasons)
+        return Estimate(name, value, math.hypot(std, _LAG * (value - values[0])), status, reasons, scatter_std)

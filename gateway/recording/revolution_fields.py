@@ -25,6 +25,7 @@ CONDITIONS: Final = {
 PARTS: Final = {
     "": ("n", ""),
     "_std": ("n", "standard error"),
+    "_scatter_std": ("n", "scattering part of it, where known"),
     "_status": ("s", "validity"),
     "_reasons": ("[o]", "reasons"),
 }

@@ -47,6 +47,7 @@ def estimate_fields(estimate: Estimate, taken: Collection[str] = ()) -> dict[str
     name = distinct_name(estimate.name.replace("/", "_over_"), taken)
     return {
         **_finite({name: estimate.value, f"{name}_std": estimate.std}),
+        **({f"{name}_scatter_std": estimate.scatter_std} if estimate.scatter_std > 0.0 else {}),
         f"{name}_status": str(estimate.status),
         **_reasons(f"{name}_reasons", estimate.reasons),
     }

@@ -189,6 +189,27 @@ def test_stream_is_whole_where_nothing_was_asked_before(tmp_path):
         assert streamed == sum(len(fresh[wheel].revolutions()) for wheel in fresh.wheels)
 
 
+def test_uncertainties_agree_with_the_files(recording, recorded, tmp_path):
+    out = tmp_path / "rows.csv"
+    done = CliRunner().invoke(treadlink, ["estimate", str(recorded), "--csv", str(out), "--coverage", "0.95"])
+    assert done.exit_code == 0, done.output
+    with out.open(newline="") as file:
+        written = rows_of(list(csv.DictReader(file)), "FL")
+    estimates = recording.estimates()
+    speed = estimates.select("speed_mps", wheel="FL")
+    expanded, factor = speed.expanded(0.95)
+    assert numbers(written, "coverage_factor") == pytest.approx(factor)
+    assert numbers(written, "speed_mps_expanded") == pytest.approx(expanded)
+    assert numbers(written, "speed_mps_scatter_std") == pytest.approx(speed.scatter_std)
+    assert np.hypot(speed.constant_std, speed.scatter_std) == pytest.approx(speed.std)
+    both = estimates.covariance("speed_mps", "contact_length_m", wheel="FL")
+    last = [estimates.select(name, wheel="FL", status="valid") for name in ("speed_mps", "contact_length_m")]
+    shared = float(last[0].shared_std[0, 0]) ** 2 * last[0].value[-1] * last[1].value[-1]
+    assert both[0, 1] == pytest.approx(shared, rel=0.02)
+    with pytest.raises(KeyError, match="valid values of all"):
+        estimates.covariance("speed_mps", wheel="FL", revolution=10_000)
+
+
 def test_stream_equals_the_tables(recording, rows):
     streamed = list(recording.stream("kinematic"))
     assert len(streamed) == len(rows)

@@ -88,7 +88,8 @@ def updated(does: Callable[[], Any]) -> tuple[Estimate, ...]:
 def check(estimates: tuple[Estimate, ...]) -> None:
     names = [estimate.name for estimate in estimates]
     assert len(set(names)) == len(names)
-    for name, value, std, status, reasons in estimates:
+    for name, value, std, status, reasons, scatter_std in estimates:
+        assert scatter_std == 0.0 or scatter_std <= std
         assert name.isascii()
         assert 0 < len(name) <= 60
         assert type(value) is float

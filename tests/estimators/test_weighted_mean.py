@@ -58,3 +58,13 @@ def test_a_single_value_has_its_own_error_and_no_scatter() -> None:
     assert math.isnan(one.scatter)
     with pytest.raises(ValueError, match="within 0 and 1"):
         one.expanded(95.0)
+
+
+def test_scattering_part_of_the_errors_falls_and_the_constant_part_stays() -> None:
+    mean, rng = WeightedMean(), np.random.default_rng(3)
+    for value in rng.normal(5.0, 0.4, 400).tolist():
+        mean.add(value, 0.5, 0.4)
+    estimate = mean_estimate(mean)
+    assert estimate.constant_std == pytest.approx(0.3)
+    assert estimate.scatter_std == pytest.approx(0.4 / 20.0, rel=0.1)
+    assert mean.std == pytest.approx(0.5)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
@@ -13,10 +13,20 @@ from typing import Final, Protocol, Self
 
 import numpy as np
 
+from gateway.estimators.estimator import Estimate
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Reason
-from gateway.table_columns import ESTIMATE_PARTS, OTHER, RESULT_HEAD, RESULT_TAIL, estimate_columns
+from gateway.table_columns import (
+    COVERAGE,
+    ESTIMATE_PARTS,
+    EXPANDED,
+    OTHER,
+    RESULT_HEAD,
+    RESULT_TAIL,
+    conventions,
+    estimate_columns,
+)
 from gateway.views.numbers import RENAMED, distinct_name, finite_or_none
 from gateway.views.output_file import OutputFile
 from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
@@ -80,7 +90,12 @@ class TableWriter(RowMaker, Protocol):
 
 
 def open_table(
-    path: Path, table_format: TableFormat, *, force: bool = False, estimates: Sequence[str] = ()
+    path: Path,
+    table_format: TableFormat,
+    *,
+    force: bool = False,
+    estimates: Sequence[str] = (),
+    coverage_factor: float | None = None,
 ) -> TableWriter:
     """Open a result file.
 
@@ -90,6 +105,7 @@ def open_table(
         force: overwrite an existing file.
         estimates: names that get their columns first and even when no row has them. Names that the first
             COLUMNS_FIXED_AFTER_ROWS rows bring get columns too; later ones go into OTHER. JSON lines need none of this.
+        coverage_factor: of expanded uncertainties, which are written beside the standard errors; None for none.
 
     Raises:
         OutputError: the file exists, cannot be made, or Parquet's package is missing.
@@ -98,9 +114,9 @@ def open_table(
         require_pyarrow()
     output = OutputFile(path, force=force)
     if table_format is TableFormat.JSON:
-        return _JsonLines(output)
+        return _JsonLines(output, coverage_factor)
     sink = CsvSink(output.file) if table_format is TableFormat.CSV else ParquetSink(output.file)
-    return _Columns(output, sink, estimates)
+    return _Columns(output, sink, estimates, coverage_factor)
 
 
 def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
@@ -123,6 +139,8 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "load_std_n": None if conditions.load_n is None else conditions.load_std_n,
         "pressure_pa": conditions.pressure_pa,
         "pressure_std_pa": None if conditions.pressure_pa is None else conditions.pressure_std_pa,
+        "relative_rate_std": conditions.claims.rate_std,
+        "relative_gain_std": conditions.gain_std,
         "temperature_degc": conditions.temperature_degc,
         "missing_fraction": revolution.missing_fraction,
         "saturated": bool(revolution.saturated),
@@ -131,22 +149,22 @@ def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cel
         "silent_before_s": result.silent_before_s,
         "alarms": joined(alarm.reason for alarm in result.alarms),
     }
-    named = {
-        distinct_name(estimate.name, _TAKEN): dict(
-            zip(
-                ESTIMATE_PARTS,
-                (
-                    finite_or_none(estimate.value),
-                    finite_or_none(estimate.std),
-                    str(estimate.status),
-                    joined(estimate.reasons),
-                ),
-                strict=True,
-            )
-        )
-        for estimate in result.estimates
-    }
+    named = {distinct_name(estimate.name, _TAKEN): _parts(estimate) for estimate in result.estimates}
     return fixed, named
+
+
+def _parts(estimate: Estimate) -> dict[str, Cell]:
+    """Return the cells of ESTIMATE_PARTS, in their order."""
+    _, value, std, status, reasons, scatter = estimate
+    is_known = std - std == 0.0
+    return {
+        "": float(value) if value - value == 0.0 else None,
+        "_std": float(std) if is_known else None,
+        "_constant_std": estimate.constant_std if is_known else None,
+        "_scatter_std": float(scatter) if is_known else None,
+        "_status": status.value,
+        "_reason": joined(reasons) if reasons else "",
+    }
 
 
 def alarm_fields(alarm: AlarmRecord) -> dict[str, object]:
@@ -167,17 +185,36 @@ def iso_utc(host_ns: int) -> str:
     return f"{np.datetime_as_string(np.datetime64(host_ns, 'ns'), unit='us')}Z"
 
 
-class JsonRows(ABC):
-    """Rows of JSON lines: keys as the columns of the other formats, and reasons as lists; unknown is null."""
+class _Rows(ABC):
+    """Rows of any format, with expanded uncertainties where there is a coverage factor."""
+
+    coverage_factor: float | None = None
 
     @abstractmethod
     def put(self, row: Row) -> None:
         """Take a row; each kind of target has its own."""
 
+    def _row(self, result: RevolutionResult, recording: str) -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
+        fixed, named = row_of(result, recording)
+        factor = self.coverage_factor
+        if factor is not None:
+            fixed[COVERAGE.name] = factor
+            for parts in named.values():
+                std = parts["_std"]
+                parts[EXPANDED.name] = factor * std if isinstance(std, float) else None
+        return fixed, named
+
+
+class JsonRows(_Rows):
+    """Rows of JSON lines: keys as the columns of the other formats, and reasons as lists; unknown is null."""
+
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         """Make the row of a result."""
-        fixed, named = row_of(result, recording)
-        row: dict[str, object] = dict(_in_order(fixed, named, named))
+        fixed, named = self._row(result, recording)
+        row: dict[str, object] = {key: fixed[key] for key in RESULT_HEAD}
+        for name, parts in named.items():
+            row |= {name + part: cell for part, cell in parts.items()}
+        row |= {key: cell for key, cell in fixed.items() if key not in RESULT_HEAD}
         row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
         row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
         for estimate in result.estimates:
@@ -197,21 +234,17 @@ class JsonRows(ABC):
         self.put(_json_line(row))
 
 
-class ColumnRows(ABC):
+class ColumnRows(_Rows):
     """Rows of the formats with columns, one per revolution."""
-
-    @abstractmethod
-    def put(self, row: Row) -> None:
-        """Take a row; each kind of target has its own."""
 
     def write(self, result: RevolutionResult, recording: str = "") -> None:
         """Make the row of a result."""
-        self.put(row_of(result, recording))
+        self.put(self._row(result, recording))
 
-    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:  # noqa: B027
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
         """Do nothing: every row is a revolution."""
 
-    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:  # noqa: B027
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
         """Do nothing: every row is a revolution."""
 
 
@@ -240,6 +273,10 @@ class _Table(ABC):
 class _JsonLines(JsonRows, _Table):
     """One JSON object a line."""
 
+    def __init__(self, output: OutputFile, coverage_factor: float | None) -> None:
+        super().__init__(output)
+        self.coverage_factor = coverage_factor
+
     def put(self, row: Row) -> None:
         assert isinstance(row, bytes)
         with self._output.explained():
@@ -253,21 +290,14 @@ def _json_line(row: dict[str, object]) -> bytes:
     return json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n"
 
 
-def _in_order(
-    fixed: dict[str, Cell], named: dict[str, dict[str, Cell]], names: Iterable[str]
-) -> Iterator[tuple[str, Cell]]:
-    yield from ((key, fixed[key]) for key in RESULT_HEAD)
-    for name in names:
-        parts = named.get(name, {})
-        yield from ((name + part, parts.get(part)) for part in ESTIMATE_PARTS)
-    yield from ((key, fixed[key]) for key in RESULT_TAIL)
-
-
 class _Columns(ColumnRows, _Table):
     """Buffers the first rows to learn the names of the estimates, then streams under fixed columns."""
 
-    def __init__(self, output: OutputFile, sink: RowSink, estimates: Sequence[str]) -> None:
+    def __init__(
+        self, output: OutputFile, sink: RowSink, estimates: Sequence[str], coverage_factor: float | None
+    ) -> None:
         super().__init__(output)
+        self.coverage_factor = coverage_factor
         self._sink = sink
         self._names = dict.fromkeys(estimates)
         self._held: list[tuple[dict[str, Cell], dict[str, dict[str, Cell]]]] | None = []
@@ -307,16 +337,24 @@ class _Columns(ColumnRows, _Table):
         held, self._held = self._held, None
         if held is None:
             return
+        is_expanded = self.coverage_factor is not None
+        of_each = (*ESTIMATE_PARTS.values(), EXPANDED) if is_expanded else ESTIMATE_PARTS.values()
+        self._no_parts: dict[str, Cell] = dict.fromkeys(part.name for part in of_each)
+        self._tail = (*RESULT_TAIL, COVERAGE.name) if is_expanded else tuple(RESULT_TAIL)
         parts = (
             column
             for name in self._names
-            for column in estimate_columns(name, quantity_of(name.removeprefix(RENAMED)).description)
+            for column in estimate_columns(name, quantity_of(name.removeprefix(RENAMED)).description, of_each)
         )
-        self._sink.begin([*RESULT_HEAD.values(), *parts, *RESULT_TAIL.values(), OTHER])
+        tail = (*RESULT_TAIL.values(), COVERAGE) if is_expanded else RESULT_TAIL.values()
+        self._sink.begin([*RESULT_HEAD.values(), *parts, *tail, OTHER], conventions(self._names))
         for fixed, named in held:
             self._put(fixed, named)
 
     def _put(self, fixed: dict[str, Cell], named: dict[str, dict[str, Cell]]) -> None:
         late = {name + part: cell for name in named if name not in self._names for part, cell in named[name].items()}
         other = json.dumps(late, ensure_ascii=False, allow_nan=False) if late else None
-        self._sink.row([*(cell for _, cell in _in_order(fixed, named, self._names)), other])
+        cells = [fixed[key] for key in RESULT_HEAD]
+        for name in self._names:
+            cells += named.get(name, self._no_parts).values()
+        self._sink.row([*cells, *[fixed[key] for key in self._tail], other])

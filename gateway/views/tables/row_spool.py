@@ -59,9 +59,11 @@ class _ColumnSpool(_Spool, ColumnRows):
     pass
 
 
-def open_spool(path: Path, table_format: TableFormat) -> RowSpool:
+def open_spool(path: Path, table_format: TableFormat, coverage_factor: float | None = None) -> RowSpool:
     """Open a new file for the rows of a table; it is a context manager, and a `RowMaker` of the format."""
-    return _JsonSpool(path) if table_format is TableFormat.JSON else _ColumnSpool(path)
+    spool = _JsonSpool(path) if table_format is TableFormat.JSON else _ColumnSpool(path)
+    spool.coverage_factor = coverage_factor
+    return spool
 
 
 def spooled_rows(path: Path) -> Iterator[Row]:

@@ -21,8 +21,8 @@ _FORMULA_STARTS: Final = ("=", "+", "-", "@", "\t", "\r", "\n")
 class RowSink(Protocol):
     """A format with columns, which are given once before the rows."""
 
-    def begin(self, columns: Sequence[Column]) -> None:
-        """Set the columns, before the first row."""
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
+        """Set the columns, before the first row, and the metadata of the file where the format has a place for it."""
         ...
 
     def row(self, cells: list[Cell]) -> None:
@@ -44,8 +44,8 @@ class CsvSink:
         """Take the open file."""
         self._rows = csv.writer(_Utf8(file))
 
-    def begin(self, columns: Sequence[Column]) -> None:
-        """Write the header."""
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:  # noqa: ARG002
+        """Write the header; CSV has no place for metadata."""
         self.header(column.name for column in columns)
 
     def header(self, names: Iterable[str]) -> None:
@@ -54,7 +54,8 @@ class CsvSink:
 
     def row(self, cells: list[Cell]) -> None:
         """Add a row."""
-        self._rows.writerow([harmless(cell) for cell in cells])
+        # Most cells are numbers.
+        self._rows.writerow([cell if cell is None or type(cell) is float else harmless(cell) for cell in cells])
 
     def end(self) -> None:
         """Do nothing: every row is in the file."""
@@ -126,11 +127,11 @@ class ParquetSink:
         self._schema: Any = None
         self._cells: list[list[Cell]] = []
 
-    def begin(self, columns: Sequence[Column]) -> None:
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
         """Write the header."""
         import pyarrow.parquet as pq
 
-        self._schema = arrow_schema(columns)
+        self._schema = arrow_schema(columns, {f"treadlink.{key}": text for key, text in (metadata or {}).items()})
         self._writer = pq.ParquetWriter(self._file, self._schema)
 
     def row(self, cells: list[Cell]) -> None:
