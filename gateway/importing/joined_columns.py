@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
@@ -41,7 +42,8 @@ class JoinedColumns:
         """
         self._paths, self._open_file, self._time_column = tuple(paths), open_file, time_column
         self.unreadable = 0
-        twice = next((path for k, path in enumerate(paths) if path.resolve() in [p.resolve() for p in paths[:k]]), None)
+        real = [os.path.realpath(path) for path in paths]
+        twice = next((path for k, path in enumerate(paths) if real[k] in real[:k]), None)
         if twice is not None:
             raise ImportDataError(f"{twice} is given twice", "Give each file once, in the order of time.")
         facts = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -75,12 +76,14 @@ def check_distinct(paths: Iterable[Path]) -> None:
     Raises:
         RecordingError: one is; or a file whose size is that of another cannot be read.
     """
-    seen: dict[Path, Path] = {}
+    seen: set[str] = set()
     of_size: dict[int, list[Path]] = defaultdict(list)
     for path in paths:
-        if path.resolve() in seen:
+        # Unlike Path.resolve, it leaves a loop of symbolic links to those who open the file.
+        real = os.path.realpath(path)
+        if real in seen:
             raise RecordingError(f"'{path}' is given twice", "Give each recording once.")
-        seen[path.resolve()] = path
+        seen.add(real)
         if path.is_file():
             of_size[path.stat().st_size].append(path)
     for alike in of_size.values():

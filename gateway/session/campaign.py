@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -197,8 +198,8 @@ def _orders(
     reverse: Collection[Path],
     key_file: Path | None,
 ) -> list[ReadOrder]:
-    given, reversed_paths = {path.resolve() for path in paths}, {path.resolve() for path in reverse}
-    unknown = [path for path in reverse if path.resolve() not in given]
+    given, reversed_paths = set(map(os.path.realpath, paths)), set(map(os.path.realpath, reverse))
+    unknown = [path for path in reverse if os.path.realpath(path) not in given]
     if unknown:
         raise RecordingError(
             f"'{unknown[0]}' is given as reverse but is not among the recordings", "Give it as a recording too."
@@ -212,7 +213,7 @@ def _orders(
             vehicle=vehicle,
             wheel=wheel,
             folds=folds,
-            reverse=path.resolve() in reversed_paths,
+            reverse=os.path.realpath(path) in reversed_paths,
             key_file=key_file,
         )
         for index, path in enumerate(paths)

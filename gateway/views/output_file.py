@@ -83,6 +83,11 @@ def _check(path: Path, *, force: bool) -> None:
         return  # a device or a pipe
     if path.exists() and not force:
         raise OutputError(f"'{path}' already exists", "Choose another name, or overwrite it with --force.")
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OutputError(f"'{path}' is a loop of symbolic links", "Remove it, or choose another name.") from error
     folder = path.resolve().parent
     if not folder.is_dir():
         raise OutputError(
