@@ -172,6 +172,7 @@ class Code(Enum):
     NO_CONTACT_EDGES = "no contact edges were found"
     NO_STEADY_VALUE = "the radial signal has no positive mean: its steady value is missing"
     NOT_SETTLED = "settling: {revolutions:.0f} of {needed:.0f} revolutions"
+    LOSS_FREQUENT = "samples were lost in {lossy:.0f} of the last {revolutions:.0f} revolutions"
     REVOLUTION_NOT_USED = "this revolution was not used: {faults}"
     SAMPLES_LOST_SHARE = "{share:.1%} of the samples were lost"
     SIGNAL_MISSING = "the bus has not sent it lately"

@@ -30,6 +30,7 @@ not show it. A loss factor of 0.1 moves order n by 0.1 / n, and the edges are of
 docs/evidence/independent-tire.md has a belt with twice this loss.
 """
 
+_OF_LOSS: Final = frozenset({Code.SAMPLES_LOST, Code.CONTACT_INTERPOLATED})
 # Share of interpolated samples above which the edges, which may lie in the gap, are provisional.
 _MAX_MISSING_SHARE: Final = 0.01
 
@@ -74,6 +75,7 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
     leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
     status, reasons = _condition(revolution)
+    of_times = _timing_condition(revolution, status, reasons)
     radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
     speed = radius * revolution.omega_radps
     timing_error = math.hypot(revolution.period_std_s / revolution.period_s, conditions.claims.rate_std)
@@ -86,11 +88,9 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     length = radius * angle
     length_std = math.hypot(radius * angle_std, length * radius_error)
     return (
-        _estimate(NAMES[0], speed, speed_std, speed * timing_scatter, status, reasons),
-        _estimate(
-            NAMES[1], revolution.omega_radps, omega_std, revolution.omega_radps * timing_scatter, status, reasons
-        ),
-        _estimate(NAMES[2], rpm, rpm_std, rpm * timing_scatter, status, reasons),
+        _estimate(NAMES[0], speed, speed_std, speed * timing_scatter, *of_times),
+        _estimate(NAMES[1], revolution.omega_radps, omega_std, revolution.omega_radps * timing_scatter, *of_times),
+        _estimate(NAMES[2], rpm, rpm_std, rpm * timing_scatter, *of_times),
         _estimate(NAMES[3], leading, math.hypot(leading_std, CENTRE_STD_RAD), 0.0, status, reasons),
         _estimate(NAMES[4], trailing, math.hypot(trailing_std, CENTRE_STD_RAD), 0.0, status, reasons),
         _estimate(NAMES[5], length, length_std, 0.0, status, reasons),
@@ -104,6 +104,15 @@ def _estimate(
     if not math.isfinite(value):
         return Estimate.invalid(name, *(reasons or (Reason(Code.NO_CONTACT_EDGES),)))
     return Estimate(name, value, std, status, reasons, scatter_std if math.isfinite(scatter_std) else 0.0)
+
+
+def _timing_condition(
+    revolution: Revolution, status: Status, reasons: tuple[Reason, ...]
+) -> tuple[Status, tuple[Reason, ...]]:
+    """Return the status of the timing: lost samples do not lower it, and a placed contact has an error of its own."""
+    if not revolution.saturated and all(fault.code in _OF_LOSS for fault in revolution.faults):
+        return Status.VALID, tuple(fault for fault in revolution.faults if fault.code is Code.CONTACT_INTERPOLATED)
+    return status, reasons
 
 
 def _condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:

@@ -446,9 +446,12 @@ class ContactTrack:
         for number in range(1, turns):
             # number = slope x + bend x^2, without cancellation
             root = math.sqrt(max(slope**2 + 4.0 * bend * number, 0.0))
-            centre = last.centre + min(2.0 * number / max(slope + root, 1e-12), whole * (number / turns + 0.2))
+            steady = last.centre + whole * number / turns
+            centre = min(last.centre + 2.0 * number / max(slope + root, 1e-12), steady + 0.2 * whole)
             depth = 0.5 * (last.depth_mps2 + contact.depth_mps2)
-            contacts.append(Contact(centre, self._width, depth, 0.1 * self._width, predicted=True))
+            # The acceleration may have begun or ended between the two contacts.
+            centre_std = math.hypot(0.1 * self._width, centre - steady)
+            contacts.append(Contact(centre, self._width, depth, centre_std, predicted=True))
         return contacts
 
     def period_std(self, start: Contact, end: Contact) -> float:

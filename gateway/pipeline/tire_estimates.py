@@ -16,6 +16,7 @@ from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
+from gateway.pipeline.lost_revolutions import LostRevolutions
 from gateway.pipeline.old_pressure import old_pressure_s
 from gateway.pipeline.own_drift import OwnDrift
 from gateway.pipeline.qualification import noted_where, provisional_where, qualified
@@ -164,6 +165,7 @@ class _Series:
         present: dict[str, Estimator] = {**calibrations, **common}
         self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
         self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
+        self.losses = {estimator.name: LostRevolutions(estimator.name) for estimator in self.estimators}
         # Asked once: the test of a protocol takes as long as an estimator's update.
         self.of_blocks = frozenset(
             estimator.name for estimator in self.estimators if isinstance(estimator, BlockEstimator)
@@ -176,6 +178,7 @@ class _Series:
         for estimator in self.estimators:
             estimator.reset()
             self.drifts[estimator.name].reset()
+            self.losses[estimator.name].reset()
 
 
 class TireEstimates:
@@ -302,13 +305,14 @@ class TireEstimates:
                     for index, revolution in enumerate(revolutions)
                 ]
             name = estimator.name
-            drift = series.drifts[name]
+            drift, loss = series.drifts[name], series.losses[name]
             for index, raw in enumerate(made):
                 final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
                 if name in self._signed:
                     final = noted_where(final, Basis.SIGN, _SIGN_UNVERIFIED)
                 if drift.applies:
                     final = drift.widened(final)
+                final = loss.steadied(final, revolutions[index])
                 given[index].add(name, final)
                 estimates[index] += final
         results = []

@@ -69,12 +69,26 @@ def test_late_bending_is_in_the_error_of_the_edges() -> None:
     ("change", "code"),
     [
         ({"saturated": True}, Code.RADIAL_SATURATED),
-        ({"missing_fraction": 0.03}, Code.SAMPLES_LOST_SHARE),
-        ({"faults": (Reason(Code.CONTACT_INTERPOLATED),)}, Code.CONTACT_INTERPOLATED),
+        ({"faults": (Reason(Code.CONTACT_HAS_NO_SLOPE),)}, Code.CONTACT_HAS_NO_SLOPE),
     ],
 )
 def test_doubtful_revolutions_are_provisional_with_a_reason(change: dict[str, object], code: Code) -> None:
     estimates = estimates_of(make_revolution(WAVE, **change))
+    assert {e.status for e in estimates.values()} == {Status.PROVISIONAL}
+    assert all(code in codes_of(e.reasons) for e in estimates.values())
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"missing_fraction": 0.03}, Code.SAMPLES_LOST_SHARE),
+        ({"faults": (Reason(Code.CONTACT_INTERPOLATED),)}, Code.CONTACT_INTERPOLATED),
+    ],
+)
+def test_lost_samples_lower_the_edges_but_not_the_speed(change: dict[str, object], code: Code) -> None:
+    estimates = estimates_of(make_revolution(WAVE, **change))
+    for name in ("speed_mps", "angular_speed_radps", "rotation_rpm"):
+        assert estimates.pop(name).status is Status.VALID
     assert {e.status for e in estimates.values()} == {Status.PROVISIONAL}
     assert all(code in codes_of(e.reasons) for e in estimates.values())
 

@@ -1,0 +1,116 @@
+"""Loss on the link keeps revolutions out of averages; it does not lower what the averages know."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import treadlink
+from gateway.estimators.estimator import Estimate, Revolution, Status, not_used
+from gateway.pipeline.lost_revolutions import LostRevolutions
+from gateway.quantity_catalogue import quantity_of
+from gateway.reasons import Code, Reason
+from tests.testkit.exact_ring import solution
+from tests.testkit.revolution_data import exact_wave, make_revolution
+
+CLEAN = make_revolution(exact_wave(solution()))
+LOST = (Reason(Code.SAMPLES_LOST),)
+
+
+def revolution(*faults: Reason) -> Revolution:
+    return replace(CLEAN, faults=faults)
+
+
+def number(status: Status, *reasons: Reason, std: float = 0.01) -> tuple[Estimate, ...]:
+    return (Estimate("Bs", 1.0, std, status, reasons),)
+
+
+def test_average_stays_valid_through_loss_as_long_as_its_memory() -> None:
+    losses = LostRevolutions("weak-form")
+    losses.steadied(number(Status.VALID, std=0.02), revolution())
+    statuses = []
+    for _ in range(quantity_of("Bs").memory_revolutions + 1):
+        (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST)), revolution(*LOST))
+        statuses.append(estimate.status)
+        assert estimate.reasons == (not_used(LOST),)
+    assert estimate.status is Status.PROVISIONAL
+    assert set(statuses[:-1]) == {Status.VALID}
+
+
+def test_held_average_has_at_least_the_error_that_it_had() -> None:
+    losses = LostRevolutions("weak-form")
+    losses.steadied(number(Status.VALID, std=0.02), revolution())
+    (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST)), revolution(*LOST))
+    assert estimate.std == 0.02
+
+
+@pytest.mark.parametrize(
+    ("faults", "reasons"),
+    [
+        ((Reason(Code.RADIAL_SATURATED),), (not_used((Reason(Code.RADIAL_SATURATED),)),)),
+        ((*LOST, Reason(Code.SEVERAL_TURNS, turns=2.0)), (not_used(LOST),)),
+        (LOST, (not_used(LOST), Reason(Code.RADIAL_CLIPPED))),
+    ],
+)
+def test_anything_but_loss_lowers_the_status_at_once(faults: tuple[Reason, ...], reasons: tuple[Reason, ...]) -> None:
+    losses = LostRevolutions("weak-form")
+    losses.steadied(number(Status.VALID), revolution())
+    (estimate,) = losses.steadied(number(Status.PROVISIONAL, *reasons), revolution(*faults))
+    assert estimate.status is Status.PROVISIONAL
+    # What was in doubt is not taken up again by the next loss.
+    (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST)), revolution(*LOST))
+    assert estimate.status is Status.PROVISIONAL
+
+
+def test_edges_are_provisional_while_loss_is_frequent() -> None:
+    losses = LostRevolutions("kinematic")
+
+    def edge(lost: bool) -> Status:
+        faults = LOST if lost else ()
+        status = Status.PROVISIONAL if lost else Status.VALID
+        given = Estimate("leading_edge_rad", -0.2, 0.01, status, faults)
+        return losses.steadied((given,), revolution(*faults))[0].status
+
+    for _ in range(12):
+        edge(lost=True)
+    assert edge(lost=False) is Status.PROVISIONAL
+    assert [edge(lost=False) for _ in range(12)][-1] is Status.VALID
+    # A single loss is not frequent.
+    assert edge(lost=True) is Status.PROVISIONAL
+    assert edge(lost=False) is Status.VALID
+
+
+def test_speed_is_valid_and_right_at_ten_percent_loss() -> None:
+    recording = treadlink.simulate("demo", duration_s=20, faults=["drop:rate=0.1"])
+    estimates = recording.estimates()
+    valid, pulls = [], []
+    for wheel, truth in recording.truth.items():
+        bottoms_s = truth.bottom_times_s(0.0, 20.0)
+        rows = (estimates.wheel == wheel) & (estimates.name == "angular_speed_radps")
+        is_valid = estimates.status[rows] == "valid"
+        valid += is_valid.tolist()
+        for start_s, end_s, value, std in zip(
+            *(column[rows][is_valid] for column in (estimates.device_start_s, estimates.device_end_s)),
+            estimates.value[rows][is_valid],
+            estimates.std[rows][is_valid],
+            strict=True,
+        ):
+            first, last = (int(np.argmin(np.abs(bottoms_s - time_s))) for time_s in (start_s, end_s))
+            if last > first:
+                true = 2.0 * math.pi * (last - first) / (bottoms_s[last] - bottoms_s[first])
+                pulls.append((value - true) / std)
+    assert np.mean(valid) > 0.9
+    assert np.max(np.abs(pulls)) < 3.5
+
+
+def test_status_is_steady_and_numbers_are_valid_at_three_percent_loss() -> None:
+    estimates = treadlink.simulate("lab", duration_s=20, faults=["drop:rate=0.03"]).estimates()
+    for name in ("speed_mps", "Bs", "ply_steer_peak_rad"):
+        rows = (estimates.name == name) & (estimates.revolution >= 60)
+        status = estimates.status[rows]
+        assert len(status) > 80
+        assert np.mean(status == "valid") > 0.95, name
+        assert np.mean(status[1:] != status[:-1]) < 0.01, name
