@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from types import TracebackType
@@ -316,7 +317,6 @@ class Recording(Mapping[str, "Wheel"]):
         """
         recording = self._opened()
         names = several_names(estimators) or self._settings.estimators
-        # Asked before the pass: the first answer reads the file, which has one position.
         has_host_time = self._has_host_time
         for result in RecordingPass(recording, names, signals=recording.signals()):
             yield Revolution(result, has_host_time=has_host_time)
@@ -449,8 +449,9 @@ class Recording(Mapping[str, "Wheel"]):
     @property
     def _content(self) -> Survey:
         if self._survey is None:
-            self._survey = survey(self._opened())
-            self._damage = "" if self._file.damage is None else text(self._file.damage)
+            recording = self._opened()
+            self._survey = survey(recording)
+            self._damage = "" if recording.file.damage is None else text(recording.file.damage)
         return self._survey
 
     @property
@@ -460,7 +461,8 @@ class Recording(Mapping[str, "Wheel"]):
     def _opened(self) -> OpenedRecording:
         if self._closed:
             raise RecordingError(f"'{self.name}' is closed", "Open it again with gateway.open.")
-        return self._recording
+        # Each pass has a position of its own: one table may be asked for while another is read.
+        return replace(self._recording, file=copy(self._file))
 
     def _revolutions(self, wheel: str) -> Iterator[RevolutionResult]:
         """Yield the revolutions of a wheel; those of a recording of moderate length are kept."""

@@ -175,9 +175,10 @@ class RecordingReader:
     def messages(self) -> Generator[RecordedMessage, None, None]:
         """Yield all messages in file order, including decoded topics; `damage` is set afterwards."""
         self._forget_damage()
-        self._channels.clear()
-        self._links.clear()
-        self.notes.clear()
+        # Made anew, not cleared: a copy of the reader makes a pass of its own.
+        self._channels = {}
+        self._links = set()
+        self.notes = []
         self._note_chars = 0
         with self._open() as file:
             size = os.fstat(file.fileno()).st_size

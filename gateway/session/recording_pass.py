@@ -41,7 +41,7 @@ class OpenedRecording:
     """A recording or the dump of a link, with all that decides what a pass over it gives.
 
     Attributes:
-        file: the open file; passes over one file must not overlap.
+        file: the open file. Passes over one object must not overlap; those over copies of it may.
         vehicle: configuration, None for an assumed belt radius.
         effects: known effects to subtract, one table per wheel.
         key_file: keys of signed frames; None for the user's.

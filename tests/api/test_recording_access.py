@@ -189,6 +189,21 @@ def test_stream_is_whole_where_nothing_was_asked_before(tmp_path):
         assert streamed == sum(len(fresh[wheel].revolutions()) for wheel in fresh.wheels)
 
 
+def test_passes_over_one_recording_may_overlap(tmp_path):
+    path = tmp_path / "long.mcap"
+    gateway.simulate("demo", duration_s=20.0, out=path)
+    with gateway.open(path) as fresh:
+        streamed = 0
+        for _ in fresh.stream("kinematic"):
+            streamed += 1
+            if streamed == 5:
+                samples = fresh["FL"].samples()
+        assert streamed == sum(len(fresh[wheel].revolutions()) for wheel in fresh.wheels)
+        assert len(samples) == len(fresh["FL"].samples())
+        together = zip(fresh.sample_blocks(), fresh.sample_blocks(), strict=True)
+        assert all(first.wheel == second.wheel for first, second in together)
+
+
 def test_uncertainties_agree_with_the_files(recording, recorded, tmp_path):
     out = tmp_path / "rows.csv"
     done = CliRunner().invoke(treadlink, ["estimate", str(recorded), "--csv", str(out), "--coverage", "0.95"])
