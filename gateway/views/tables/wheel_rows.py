@@ -46,7 +46,7 @@ class _Quantity:
         self._reasons[estimate.status] = estimate.reasons
         has_value = estimate.status is not Status.INVALID and math.isfinite(estimate.value)
         if has_value:
-            self._means[estimate.status].add(estimate.value, estimate.std)
+            self._means[estimate.status].add(estimate.value, estimate.std, estimate.scatter_std)
         elif not self._revolutions:
             return
         self._revolutions += 1
