@@ -18,8 +18,8 @@ from gateway.publishing.sink import (
     PublishedState,
     SinkError,
     SinkSetting,
+    kind_of,
     open_sink,
-    state_interval_s,
 )
 from gateway.publishing.sink_worker import SinkWorker
 
@@ -124,8 +124,8 @@ def open_publisher(uris: Sequence[str], setting: SinkSetting, clock: Clock) -> P
     if not opened:
         return None
     workers = [
-        SinkWorker(name, sink, clock, state_interval_s=state_interval_s(uri))
-        for uri, (name, sink) in zip(uris, opened, strict=True)
+        SinkWorker(name, sink, clock, state_interval_s=kind.state_interval_s, alarms_only=kind.alarms_only)
+        for kind, (name, sink) in zip(map(kind_of, uris), opened, strict=True)
     ]
     return Publisher(workers, clock, [sink.address for _, sink in opened if isinstance(sink, BrowsedSink)])
 

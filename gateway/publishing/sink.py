@@ -214,11 +214,13 @@ class SinkKind:
             checks address and options and raises SinkError; it does not connect.
         extra: of this package, that installs what the output needs; empty when nothing is needed.
         state_interval_s: time from one state to the next.
+        alarms_only: whether it is handed no revolutions; they are not counted as published.
     """
 
     factory: str
     extra: str = ""
     state_interval_s: float = 1.0
+    alarms_only: bool = False
 
 
 SINKS: Final[dict[str, SinkKind]] = {
@@ -230,7 +232,7 @@ SINKS: Final[dict[str, SinkKind]] = {
     "web": SinkKind("gateway.publishing.page_server:open_page", "web", state_interval_s=0.25),
     "influx": SinkKind("gateway.publishing.influx:open_influx", "influx"),
     "influxs": SinkKind("gateway.publishing.influx:open_influx", "influx"),
-    "webhook": SinkKind("gateway.publishing.webhook:open_webhook"),
+    "webhook": SinkKind("gateway.publishing.webhook:open_webhook", alarms_only=True),
     "prometheus": SinkKind("gateway.publishing.prometheus:open_prometheus", "prometheus"),
 }
 """Live outputs of this package by the scheme of their URI; plug-ins add others."""
@@ -255,11 +257,11 @@ def plugin_fault(_plugin: Plugin, sink: object) -> Reason | None:
     return missing_factory(sink.factory)
 
 
-def state_interval_s(uri: str) -> float:
-    """Return the time from one state to the next of the live output of a URI."""
+def kind_of(uri: str) -> SinkKind:
+    """Return the kind of the live output of a URI."""
     kind = sink_kind(parse_sink_uri(uri).scheme)
     assert kind is not None  # parsing refuses other schemes
-    return kind.state_interval_s
+    return kind
 
 
 def parse_sink_uri(uri: str) -> SinkAddress:
@@ -295,9 +297,7 @@ def open_sink(uri: str, setting: SinkSetting) -> tuple[str, Sink]:
     Raises:
         SinkError: the URI is wrong, or an optional package is missing.
     """
-    address = parse_sink_uri(uri)
-    kind = sink_kind(address.scheme)
-    assert kind is not None  # parsing refuses other schemes
+    address, kind = parse_sink_uri(uri), kind_of(uri)
     _logger.debug("opening %s with %s", address.name, kind.factory)
     module_name, factory_name = kind.factory.split(":")
     try:

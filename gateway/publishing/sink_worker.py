@@ -45,7 +45,14 @@ class SinkWorker:
     """Runs a sink in a thread of its own."""
 
     def __init__(
-        self, name: str, sink: Sink, clock: Clock, *, max_items: int = MAX_ITEMS, state_interval_s: float = 1.0
+        self,
+        name: str,
+        sink: Sink,
+        clock: Clock,
+        *,
+        max_items: int = MAX_ITEMS,
+        state_interval_s: float = 1.0,
+        alarms_only: bool = False,
     ) -> None:
         """Prepare the output; `start` runs it.
 
@@ -55,7 +62,9 @@ class SinkWorker:
             clock: for the age of states.
             max_items: size of the buffer.
             state_interval_s: time from one state to the next.
+            alarms_only: whether revolutions are left out.
         """
+        self._alarms_only = alarms_only
         self._state_interval_ns = int(state_interval_s * 1e9)
         self._state_due_ns = 0
         self.name = name
@@ -90,6 +99,8 @@ class SinkWorker:
         """Append an item; it is dropped and counted when the buffer is full, and a state replaces the last one."""
         if isinstance(item, PublishedState):
             self._state = item
+            return
+        if self._alarms_only and isinstance(item, PublishedRevolution):
             return
         if self._phase is SinkState.ENDED:
             with self._lock:

@@ -12,7 +12,7 @@ import pytest
 from gateway.clock import SystemClock
 from gateway.pipeline.results import SinkState
 from gateway.publishing.payloads import messages
-from gateway.publishing.sink import PublishedAlarm, SinkError, SinkSetting, open_sink
+from gateway.publishing.sink import SINKS, PublishedAlarm, PublishedRevolution, Sink, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.webhook import TOKEN
 from tests.publishing.receivers import serving
@@ -49,12 +49,16 @@ def server() -> Iterator[Server]:
         yield server
 
 
+def worker_of(name: str, sink: Sink) -> SinkWorker:
+    return SinkWorker(name, sink, SystemClock(), alarms_only=SINKS["webhook"].alarms_only)
+
+
 def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:
     monkeypatch.setenv(TOKEN, "secret")
     name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/hook/T0P?key=hidden", SinkSetting())
     assert "T0P" not in name
     assert "hidden" not in name
-    worker = SinkWorker(name, sink, SystemClock())
+    worker = worker_of(name, sink)
     worker.start()
     for item in items:
         worker.offer(item)
@@ -63,6 +67,7 @@ def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:
     alarms = [next(messages(item)) for item in items if isinstance(item, PublishedAlarm)]
     assert server.requests == [("/hook/T0P?key=hidden", "Bearer secret", alarm) for alarm in alarms]
     assert [alarm["raised"] for alarm in alarms] == [True, False]
+    assert worker.snapshot().published == 2, "revolutions are not sent, and not counted"
     assert not worker.is_left
 
 
@@ -70,7 +75,7 @@ def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:
 def test_a_refused_alarm_is_sent_again(server, items, status) -> None:
     server.status = status
     name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/", SinkSetting())
-    worker = SinkWorker(name, sink, SystemClock())
+    worker = worker_of(name, sink)
     worker.start()
     worker.offer(next(item for item in items if isinstance(item, PublishedAlarm)))
     until(lambda: worker.snapshot().state is SinkState.DOWN)
@@ -87,11 +92,12 @@ def test_an_alarm_waits_for_a_server_that_is_away(items) -> None:
     server = Server()
     server.server_close()
     name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/", SinkSetting())
-    worker = SinkWorker(name, sink, SystemClock())
+    worker = worker_of(name, sink)
     worker.start()
     worker.offer(next(item for item in items if isinstance(item, PublishedAlarm)))
     until(lambda: worker.snapshot().state is SinkState.DOWN)
-    assert worker.snapshot().waiting == 1
+    worker.offer(next(item for item in items if isinstance(item, PublishedRevolution)))
+    assert worker.snapshot().waiting == 1, "revolutions take no room from alarms"
     back = Server(server.server_port)
     thread = threading.Thread(target=back.serve_forever, args=(0.01,))
     thread.start()
