@@ -88,7 +88,7 @@ def verify(recording: Path) -> None:
     if recording.name not in hashes:
         raise RecordingError(
             f"the manifest of '{recording.parent}' does not have '{recording.name}'",
-            f"Where the recording was made: treadlink manifest {recording.parent}. Then copy {MANIFEST_NAME} too.",
+            f"Where the recording was made, run `treadlink manifest {recording.parent}`, and copy {MANIFEST_NAME} too.",
         )
     for path in (recording, notes_path(recording)):
         if path.name not in hashes:

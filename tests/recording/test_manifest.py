@@ -73,7 +73,8 @@ def test_a_recording_in_progress_waits_for_the_next_run(folder: Path) -> None:
 def test_what_is_wrong_is_named(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="does not have") as error:
         verify(folder / "drive 0.mcap")
-    assert "treadlink manifest" in error.value.remedy
+    # A folder named "." is not followed by a full stop, which would name its parent.
+    assert f"`treadlink manifest {folder}`" in error.value.remedy
     with pytest.raises(RecordingError, match="no recording"):
         write_manifest(tmp_path)
     (folder / MANIFEST_NAME).write_text("x")
