@@ -12,7 +12,14 @@ from gateway.cli.run_options import checked_text, checked_texts
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @click.option("--comment", default="", callback=checked_text, metavar="TEXT", help="Comment.")
-@click.option("--tag", "tags", multiple=True, callback=checked_texts, metavar="WORD", help="Tag; repeat for several.")
+@click.option(
+    "--tag",
+    "tags",
+    multiple=True,
+    callback=checked_texts,
+    metavar="WORD",
+    help="Tag, also several: a,b.",
+)
 def note(recordings: tuple[Path, ...], comment: str, tags: tuple[str, ...]) -> None:
     """Add a comment or tags to RECORDING... without changing the files.
 

@@ -28,9 +28,10 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
     def with_run(
         *args: Any, test: str, driver: str, comment: str, tags: tuple[str, ...], tires: tuple[Any, ...], **rest: Any
     ) -> None:
-        return command(
-            *args, run=RunDescription(test, driver, comment, tuple(dict.fromkeys(tags)), dict(tires)), **rest
-        )
+        run = RunDescription(test, driver, comment, tuple(dict.fromkeys(tags)))
+        for position, tire in tires:
+            run = run.overridden_by(RunDescription(tires={position: tire}))
+        return command(*args, run=run, **rest)
 
     texts: dict[str, Any] = {"default": "", "callback": checked_text}
     for option in (
@@ -43,7 +44,7 @@ def run_options(command: Callable[..., None]) -> Callable[..., None]:
             help="Tire at a wheel, such as FL:maker=Acme Grip,dot=3524,wear_mm=1.5,run_in_km=300; repeat for several.",
         ),
         click.option(
-            "--tag", "tags", multiple=True, metavar="WORD", callback=checked_texts, help="Tag; repeat for several."
+            "--tag", "tags", multiple=True, metavar="WORD", callback=checked_texts, help="Tag, also several: a,b."
         ),
         click.option("--comment", metavar="TEXT", **texts, help="Comment on the run."),
         click.option("--driver", metavar="NAME", **texts, help="Who drives."),
@@ -67,20 +68,21 @@ def checked_text(_context: click.Context, _option: click.Parameter, value: str) 
 
 
 def checked_texts(context: click.Context, option: click.Parameter, values: tuple[str, ...]) -> tuple[str, ...]:
-    """Return texts likewise, without empty ones."""
-    return tuple(filter(None, (checked_text(context, option, value) for value in values)))
+    """Return texts likewise, without empty ones; a comma separates two, as it does where they are shown."""
+    texts = ",".join(values).split(",")
+    return tuple(filter(None, (checked_text(context, option, text) for text in texts)))
 
 
 def _tire(text: str) -> tuple[str, TireIdentity]:
     position, colon, entries = text.partition(":")
     if not colon or not position.strip():
-        raise click.BadParameter(f"'{text}' names no wheel. Give for example FL:maker=Acme,dot=3524.")
+        raise click.BadParameter(f"'{text}' is not POSITION:KEY=VALUE. Give for example FL:maker=Acme,dot=3524.")
     values: dict[str, Any] = {}
     for entry in entries.split(","):
-        key, _, value = (part.strip() for part in entry.partition("="))
+        key, equals, value = (part.strip() for part in entry.partition("="))
         if key not in _TIRE_KEYS or not value:
-            hint = did_you_mean(key, _TIRE_KEYS)
-            raise click.BadParameter(f"'{entry}' is no KEY=VALUE. {hint}Keys: {', '.join(_TIRE_KEYS)}.")
+            fault = f"a tire has no key '{key}'" if equals and value else f"'{entry}' is not KEY=VALUE"
+            raise click.BadParameter(f"{fault}. {did_you_mean(key, _TIRE_KEYS)}Keys: {', '.join(_TIRE_KEYS)}.")
         name, factor, largest = _TIRE_KEYS[key]
         values[name] = value[:MAX_TEXT_CHARS] if factor is None else _number(entry, value, largest) * factor
     return position.strip(), TireIdentity(**values)

@@ -43,12 +43,12 @@ def test_options_replace_the_vehicle_file(source: Path, tmp_path: Path) -> None:
     path = recorded(
         source,
         tmp_path / "a.mcap",
-        *("--test", "wet braking", "--tag", "wet", "--comment", "first"),
-        *("--tire", "W0:dot=3524,wear_mm=1.5,run_in_km=300"),
+        *("--test", "wet braking", "--tag", "wet, wind", "--tag", "wet", "--comment", "first"),
+        *("--tire", "W0:dot=3524,wear_mm=1.5", "--tire", "W0:run_in_km=300"),
     )
     info = RecordingReader(path).info
     assert (info.run.test, info.run.driver, info.run.comment) == ("wet braking", "Bo", "first")
-    assert info.run.tags == ("track", "wet")
+    assert info.run.tags == ("track", "wet", "wind")
     assert info.run.tires == {"W0": TireIdentity("Acme", "3524", 0.0015, 300e3)}
     # The estimates use the wear that was given.
     assert info.vehicle_toml is not None
@@ -92,7 +92,8 @@ def test_a_campaign_and_trends_select_runs(source: Path, tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--tire", "W0"), "names no wheel"),
+        (("--tire", "W0"), "is not POSITION:KEY=VALUE"),
+        (("--tire", "W0:color=red"), "a tire has no key 'color'"),
         (("--tire", "W0:mker=x"), "Did you mean maker?"),
         (("--tire", "W0:wear_mm=nan"), "no number from 0 to 60"),
         (("--tire", "W1:maker=x"), "no such wheel"),
