@@ -29,11 +29,16 @@ def merge(recordings: tuple[Path, ...], out: Path, config_path: Path | None) -> 
     from gateway.cli.summary_output import SummaryOutput
     from gateway.config.validation import read_text
     from gateway.config.vehicle import parse_vehicle
+    from gateway.errors import RecordingError
     from gateway.recording.merge import merge_recordings
     from gateway.views.output_file import check_outputs
 
     say = SummaryOutput()
-    check_outputs([out], [*recordings, config_path])
+    check_outputs([out], [*recordings, config_path], force=True)
+    if out.exists():
+        raise RecordingError(
+            f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
+        )
     vehicle_toml = None
     if config_path is not None:
         vehicle_toml = read_text(config_path, "the vehicle configuration")
@@ -43,6 +48,6 @@ def merge(recordings: tuple[Path, ...], out: Path, config_path: Path | None) -> 
     )
     say(
         f"{report.target}: {report.items} chunks and events of {len(recordings)} recordings; {report.repeated_frames} "
-        f"frames that two of them have are in it once, {report.noise_bytes} bytes of no frame are left out"
+        f"frames were in two of them and are taken once, {report.noise_bytes} bytes outside frames are left out"
     )
     say.finish()

@@ -120,6 +120,13 @@ def test_unfinished_recording_is_refused(whole, tmp_path):
         merge_recordings([whole, cut], tmp_path / "out.mcap")
 
 
+def test_a_target_that_exists_is_never_said_to_be_replaceable(whole, tmp_path):
+    paths = [part(tmp_path / name, whole, 0.0, 1.0) for name in ("a.mcap", "b.mcap", "out.mcap")]
+    done = CliRunner().invoke(treadlink, ["merge", *map(str, paths[:2]), "--out", str(paths[2])])
+    assert isinstance(done.exception, RecordingError)
+    assert "never overwritten" in done.exception.remedy
+
+
 def test_each_time_of_a_bus_comes_from_the_first_recording_that_has_it(tmp_path):
     paths = []
     for name, times in (("a", range(0, 5)), ("b", range(3, 8))):
