@@ -26,12 +26,12 @@ from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent, read_content
 from gateway.recording.reader import RecordingReader
-from gateway.recording.run_description import EVERY_RUN, RunFilter
+from gateway.recording.run_description import EVERY_RUN, KEYS, RunFilter
 from gateway.views.wording import text
 
 _POLL_S: Final = 0.1
 _READ_AHEAD: Final = 64
-_NAMED_TESTS: Final = 10
+_NAMED_VALUES: Final = 10
 
 
 @dataclass(slots=True)
@@ -335,20 +335,24 @@ def _selected(paths: list[Path], where: RunFilter) -> list[Path]:
     """Return the recordings whose description fits; what is no recording has none."""
     if not where.conditions:
         return paths
-    selected, tests = [], set()
+    selected: list[Path] = []
+    stated: dict[str, set[str]] = {key: set() for key, _ in where.conditions}
     for path in paths:
         try:
             info = RecordingReader(path).info
         except RecordingError:
             continue
         run = info.described_run()
-        tests.add(run.test)
+        for key, values in stated.items():
+            values.update(filter(None, KEYS[key](run, list(run.tires.values()))))
         if where.matches(run):
             selected.append(path)
     if not selected:
-        tests.discard("")
-        named = ", ".join(sorted(tests)[:_NAMED_TESTS]) or "no recording names its test"
-        raise RecordingError(f"none of {len(paths)} recordings fits {where}", f"Their tests are: {named}.")
+        named = (
+            f"They have {key}: {', '.join(sorted(values)[:_NAMED_VALUES])}." if values else f"None states its {key}."
+            for key, values in stated.items()
+        )
+        raise RecordingError(f"none of {len(paths)} recordings fits {where}", " ".join(named))
     return selected
 
 

@@ -81,6 +81,9 @@ def test_a_campaign_and_trends_select_runs(source: Path, tmp_path: Path) -> None
     done = run("campaign", folder, *options, "--where", "test=ice*")
     assert isinstance(done.exception, RecordingError)
     assert "dry braking 1, wet braking 1" in done.exception.remedy
+    done = run("campaign", folder, *options, "--where", "tag=ice", "--where", "dot=1*")
+    assert isinstance(done.exception, RecordingError)
+    assert done.exception.remedy == "They have tag: track. None states its dot."
     assert "1 recording estimated" in run("campaign", folder, *options).output
     assert "1 recording," in run("trends", dataset, "--where", "test=dry*").output
     assert run("trends", dataset, "--where", "tag=puddle").exit_code == 1
