@@ -25,6 +25,7 @@ from gateway.publishing.sink import (
     SinkDownError,
     SinkError,
     SinkSetting,
+    cannot_listen,
     host_and_port,
 )
 from gateway.reasons import Level, Notice
@@ -97,7 +98,7 @@ class FoxgloveSink(Sink):
             self._gate = OriginGate(self._host, self._port, (address, self._server.port), self._origins)
         except Exception as error:  # the library raises errors of its own
             self._stop()
-            raise SinkDownError(f"cannot listen on {self._host}:{self._port}: {error}") from error
+            raise SinkDownError(cannot_listen(self._host, self._port, error)) from error
         self._log = LogChannel("/log", context=self._context)
 
     def send(self, item: Item, stop: threading.Event) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import hmac
 import json
 import logging
@@ -36,6 +37,7 @@ from gateway.publishing.sink import (
     SinkDownError,
     SinkError,
     SinkSetting,
+    cannot_listen,
     host_and_port,
 )
 from gateway.views.text import clean
@@ -97,8 +99,10 @@ class PageSink(Sink):
             self._listener: socket.socket | None = _listener(host, port)
         except OSError as error:
             raise SinkError(
-                f"the page cannot listen on {host}:{port}: {error.strerror or error}",
-                f"End the program that does, or choose another port: --publish web://{host}:{port + 1}",
+                f"the page {cannot_listen(host, port, error)}",
+                f"End the program that uses the port, or choose another one: --publish web://{host}:{port + 1}"
+                if error.errno == errno.EADDRINUSE
+                else "Choose a port from 1024 on, and an address of this computer: --publish web://127.0.0.1:8780",
             ) from error
         self.port: int = self._listener.getsockname()[1]
         self._is_local = _is_loopback(self._listener.getsockname()[0])
@@ -126,7 +130,7 @@ class PageSink(Sink):
         try:
             listener = self._listener or _listener(self._host, self.port)
         except OSError as error:
-            raise SinkDownError(f"cannot listen on {self._host}:{self.port}: {error.strerror or error}") from error
+            raise SinkDownError(cannot_listen(self._host, self.port, error)) from error
         self._listener = None
         started = threading.Event()
         self._thread = threading.Thread(

@@ -14,7 +14,16 @@ from prometheus_client.registry import Collector
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import WheelSnapshot
 from gateway.publishing.payloads import JsonObject, messages
-from gateway.publishing.sink import Item, PublishedState, Sink, SinkAddress, SinkDownError, SinkSetting, host_and_port
+from gateway.publishing.sink import (
+    Item,
+    PublishedState,
+    Sink,
+    SinkAddress,
+    SinkDownError,
+    SinkSetting,
+    cannot_listen,
+    host_and_port,
+)
 
 _PORT: Final = 9464
 _LABELS: Final = {"wheel": ("wheel",), "link": ("link",), "session": ()}
@@ -58,7 +67,7 @@ class PrometheusEndpoint(Sink):
         try:
             self._server, _ = start_http_server(self._port, self._host, self._registry)
         except OSError as error:
-            raise SinkDownError(f"cannot listen: {error.strerror or error}") from error
+            raise SinkDownError(cannot_listen(self._host, self._port, error)) from error
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Keep the last state, which has the last revolution of each wheel and all alarms."""

@@ -311,6 +311,12 @@ def open_sink(uri: str, setting: SinkSetting) -> tuple[str, Sink]:
     return address.name, sink
 
 
+def cannot_listen(host: str, port: int, error: Exception) -> str:
+    """Return what a server says of an address that it cannot take; the socket's error repeats the address."""
+    cause = str(getattr(error, "strerror", None) or error).partition(" (while attempting")[0]
+    return f"cannot listen on {host}:{port}: {cause}"
+
+
 def host_and_port(address: SinkAddress, default_port: int) -> tuple[str, int]:
     """Return host and port of `scheme://host:port`.
 

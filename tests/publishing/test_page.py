@@ -295,6 +295,10 @@ def test_port_that_is_taken_is_an_error_at_once(served) -> None:
     with pytest.raises(SinkError, match=r"cannot listen on 127\.0\.0\.1") as failure:
         open_publisher([f"web://127.0.0.1:{served.sink.port}"], SinkSetting(), SystemClock())
     assert f"web://127.0.0.1:{served.sink.port + 1}" in str(failure.value.remedy)
+    assert "while attempting" not in str(failure.value)
+    with pytest.raises(SinkError) as failure:
+        open_sink("web://192.0.2.7:0", SinkSetting())
+    assert "address of this computer" in str(failure.value.remedy), "another port is no help"
 
 
 @pytest.mark.parametrize("uri", ["web://127.0.0.1:0/path", "web://127.0.0.1:0?x=1", "web://:80", "web://192.0.2.7:0"])
