@@ -14,7 +14,10 @@ from gateway.cli import exit_status
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per recording.")
 @click.option(
-    "--verify", "verifies", is_flag=True, help="Only compare with the folder's SHA256SUMS (treadlink manifest)."
+    "--verify",
+    "verifies",
+    is_flag=True,
+    help="Only compare with the folder's SHA256SUMS (treadlink manifest), and name what the folder lacks.",
 )
 def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None:
     """Show the links, sensors, rates, losses, events and time line of RECORDING...
@@ -59,13 +62,17 @@ def inspect(recordings: tuple[Path, ...], as_json: bool, verifies: bool) -> None
 
 
 def _verify(recordings: tuple[Path, ...]) -> None:
-    """Compare all recordings with their manifests, and name each that differs."""
+    """Compare all recordings with their manifests; name each that differs, and those that their folders lack."""
     from gateway.errors import RecordingError
-    from gateway.recording.manifest import verify
+    from gateway.recording.manifest import absent_recordings, verify
     from gateway.views.text import clean
 
     wrong = 0
-    for path in recordings:
+    # `*.mcap` of a copy does not name what it lacks.
+    absent = [
+        path for folder in dict.fromkeys(path.parent for path in recordings) for path in absent_recordings(folder)
+    ]
+    for path in dict.fromkeys((*recordings, *absent)):
         try:
             verify(path)
         except RecordingError as error:

@@ -25,3 +25,6 @@ def manifest(folders: tuple[Path, ...]) -> None:
         with progress_bar("hashing") as bar:
             hashes = write_manifest(folder, lambda path, bar=bar: bar.show(0.0, path.name))  # type: ignore[misc]
         click.echo(clean(f"written: {folder / MANIFEST_NAME} ({counted(len(hashes), 'file')})"))
+        for path in sorted(folder.glob("*.mcap")):
+            if path.name not in hashes:
+                click.echo(clean(f"left out: {path}, which is being recorded"))

@@ -78,6 +78,16 @@ def read_manifest(folder: Path) -> dict[str, str]:
     return hashes
 
 
+def absent_recordings(folder: Path) -> list[Path]:
+    """Return the recordings that are in a folder's manifest but not in the folder.
+
+    Raises:
+        RecordingError: the manifest cannot be read.
+    """
+    names = (name for name in read_manifest(folder) if not name.endswith(NOTES_SUFFIX))
+    return [folder / name for name in names if not (folder / name).exists()]
+
+
 def verify(recording: Path) -> None:
     """Compare a recording, and its notes, with the manifest of its folder.
 
@@ -86,6 +96,11 @@ def verify(recording: Path) -> None:
     """
     hashes = read_manifest(recording.parent)
     if recording.name not in hashes:
+        if RecordingReader(recording).info.in_progress:
+            raise RecordingError(
+                f"'{recording}' is being recorded",
+                f"When its session has ended, run `treadlink manifest {recording.parent}`.",
+            )
         raise RecordingError(
             f"the manifest of '{recording.parent}' does not have '{recording.name}'",
             f"Where the recording was made, run `treadlink manifest {recording.parent}`, and copy {MANIFEST_NAME} too.",

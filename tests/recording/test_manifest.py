@@ -42,6 +42,9 @@ def test_a_copy_is_verified_and_damage_is_named(folder: Path, tmp_path: Path) ->
     notes_path(files[0]).unlink()
     with pytest.raises(RecordingError, match="missing"):
         verify(files[0])
+    files[1].unlink()
+    done = CliRunner().invoke(treadlink, ["inspect", "--verify", str(files[0])])
+    assert "drive 1.mcap' is missing" in done.output
 
 
 @pytest.mark.skipif(shutil.which("sha256sum") is None, reason="needs sha256sum")
@@ -66,6 +69,10 @@ def test_a_second_run_adds_and_never_hides_damage(folder: Path) -> None:
 def test_a_recording_in_progress_waits_for_the_next_run(folder: Path) -> None:
     writer = RecordingWriter(folder / "now.mcap", start_ns=3)
     assert "now.mcap" not in write_manifest(folder)
+    done = CliRunner().invoke(treadlink, ["manifest", str(folder)])
+    assert f"left out: {folder / 'now.mcap'}" in done.output
+    with pytest.raises(RecordingError, match="is being recorded"):
+        verify(folder / "now.mcap")
     writer.close()
     assert "now.mcap" in write_manifest(folder)
 
