@@ -213,6 +213,9 @@ async def test_acknowledged_alarms_come_last_and_say_so(session):
         rows = [row.strip() for row in await drawn(app, pilot) if "ALARM" in row]
         assert [row.partition(":")[0] for row in rows[:2]] == ["ALARM  FR", "ALARM  FL"]
         assert ["acknowledged" in row for row in rows[:2]] == [False, True]
+        assert ["(a: acknowledge)" in row for row in rows[:2]] == [True, False]
+        session.change(alarms=(Alarm("FL", "load", LOAD),))
+        assert not any("(a:" in row for row in await drawn(app, pilot)), "there is nothing to acknowledge"
 
 
 @pytest.mark.parametrize("key", ["q", "Q", "ctrl+c", "ctrl+q"])

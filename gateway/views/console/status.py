@@ -72,7 +72,10 @@ def header(snapshot: SessionSnapshot, paused_at_s: float | None, cells: int) -> 
 
 
 def alarms(snapshot: SessionSnapshot, cells: int, rows: int) -> list[Row]:
-    """Return one prominent row per alarm, acknowledged ones last; the last row names those without room."""
+    """Return one prominent row per alarm, acknowledged ones last; the last row names those without room.
+
+    The first names the key that acknowledges them, as long as there is something to acknowledge.
+    """
     present = sorted(snapshot.alarms, key=snapshot.is_acknowledged)
     shown = present if len(present) <= rows else present[: rows - 1]
     rest = present[len(shown) :]
@@ -82,6 +85,8 @@ def alarms(snapshot: SessionSnapshot, cells: int, rows: int) -> list[Row]:
     ]
     if rest:
         texts.append(f" ALARM  {len(rest)} more: " + ", ".join(f"{alarm.position} {alarm.name}" for alarm in rest))
+    if present and not snapshot.is_acknowledged(present[0]):
+        texts[0] += "   (a: acknowledge)"
     return [fit(((clean(text), Role.ALARM),), cells, Role.ALARM) for text in texts]
 
 
