@@ -16,6 +16,7 @@ from firmware_protocol.messages import HUB_ITSELF, Hello
 from gateway.errors import RecordingError
 from gateway.io.source import BusFrames, Chunk, LinkItem
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
+from gateway.recording.run_description import NO_DESCRIPTION, Note, RunDescription
 from gateway.recording.writer import RecordingWriter
 
 # Minutes of a car: clocks of computers that differ by more are wrong.
@@ -78,6 +79,14 @@ class _Once:
         return b"".join(frames)
 
 
+def _joint_run(readers: Sequence[RecordingReader]) -> RunDescription:
+    joint = NO_DESCRIPTION
+    for run in (reader.info.described_run() for reader in readers):
+        comments = tuple(Note("", line) for line in run.comment.splitlines())
+        joint = run.overridden_by(joint).with_notes(comments)
+    return joint
+
+
 def merge_recordings(
     paths: Sequence[Path],
     target: Path,
@@ -88,7 +97,8 @@ def merge_recordings(
     """Write the links of several recordings into a new one, in the order of the computers' clocks.
 
     Links of different names are taken as they are. Of a link that several recordings have, each frame is taken once;
-    of a vehicle bus that several have, each time is taken from the first recording that has it.
+    of a vehicle bus that several have, each time is taken from the first recording that has it. The run's description
+    has comments, tags and notes of all; where they differ in the rest, the first recording counts.
 
     Args:
         paths: finished recordings, at least two.
@@ -128,6 +138,7 @@ def merge_recordings(
         vehicle_toml=vehicle_toml,
         sources=tuple(dict.fromkeys(source for reader in readers for source in reader.info.sources)),
         dbc_text=dbc_text,
+        run=_joint_run(readers),
     )
     shared = {link: _Once() for link in _links(contents) if sum(link in content.spans_ns for content in contents) > 1}
     try:

@@ -12,6 +12,7 @@ from gateway.errors import RecordingError
 from gateway.io.source import BusFrames, Chunk
 from gateway.recording.merge import merge_recordings
 from gateway.recording.reader import RecordingReader
+from gateway.recording.run_description import Note, RunDescription, TireIdentity, add_note
 from gateway.recording.writer import RecordingWriter
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import simulate
@@ -23,10 +24,12 @@ def whole(tmp_path_factory):
     return write_recording(tmp_path_factory.mktemp("whole") / "whole.mcap", duration_s=3.0, wheels=("", ""))
 
 
-def part(path, whole, begin_s, end_s, *, shift_ns=0, size=0, link=None, toml=""):
+def part(path, whole, begin_s, end_s, *, shift_ns=0, size=0, link=None, toml="", run=None):
     """Write what of a recording lies within a time; another computer has read in pieces of `size` and later."""
     reader = RecordingReader(whole)
-    writer = RecordingWriter(path, start_ns=START_NS, vehicle_toml=toml or reader.vehicle_toml, sources=("sim",))
+    writer = RecordingWriter(
+        path, start_ns=START_NS, vehicle_toml=toml or reader.vehicle_toml, sources=("sim",), run=run
+    )
     for item in reader.items():
         if isinstance(item, Chunk) and begin_s <= (item.host_ns - START_NS) * 1e-9 < end_s:
             step = size or len(item.data)
@@ -125,6 +128,21 @@ def test_a_target_that_exists_is_never_said_to_be_replaceable(whole, tmp_path):
     done = CliRunner().invoke(treadlink, ["merge", *map(str, paths[:2]), "--out", str(paths[2])])
     assert isinstance(done.exception, RecordingError)
     assert "never overwritten" in done.exception.remedy
+
+
+def test_the_run_is_described_as_in_all_parts(whole, tmp_path):
+    tires = [{"W0": TireIdentity("Acme", wear_m=0.001)}, {"W0": TireIdentity("Other", "3524")}]
+    runs = [
+        RunDescription("wet 1", comment="cold", tags=("wet",), tires=tires[0]),
+        RunDescription("wet 2", "Ada", "cold", ("wet", "wind"), tires[1]),
+    ]
+    paths = [part(tmp_path / f"{run.test}.mcap", whole, 0.0, 1.0, run=run) for run in runs]
+    add_note(paths[1], Note("2026-01-01T00:00:00Z", "gusts", ("late",)))
+    merge_recordings(paths, tmp_path / "out.mcap")
+    run = RecordingReader(tmp_path / "out.mcap").info.run
+    assert (run.test, run.driver, run.comment) == ("wet 1", "Ada", "cold\ngusts")
+    assert set(run.tags) == {"wet", "wind", "late"}
+    assert run.tires == {"W0": TireIdentity("Acme", "3524", 0.001)}
 
 
 def test_each_time_of_a_bus_comes_from_the_first_recording_that_has_it(tmp_path):
