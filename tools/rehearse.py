@@ -60,9 +60,13 @@ def _row(seed: int, accounts: Accounts) -> str:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, nargs=2, default=(1, 21), metavar=("FIRST", "END"))
-    parser.add_argument("--rounds", type=int, default=1)
-    parser.add_argument("--only", nargs="+", type=Kind, choices=list(Kind), default=list(Kind), metavar="KIND")
+    parser.add_argument(
+        "--seeds", type=int, nargs=2, default=(1, 21), metavar=("FIRST", "END"), help="from FIRST, before END (1 21)"
+    )
+    parser.add_argument("--rounds", type=int, default=1, help="of all kinds of fault in a day (1)")
+    parser.add_argument(
+        "--only", nargs="+", type=Kind, choices=list(Kind), default=list(Kind), metavar="KIND", help=", ".join(Kind)
+    )
     arguments = parser.parse_args()
     print(f"{_HEAD}\n|{'---|' * (_HEAD.count('|') - 1)}", flush=True)
     quiet = quiet_day()
