@@ -70,7 +70,9 @@ class WheelPairs:
         self._names = frozenset(quantity.name for quantity in declared() if quantity.is_of_axle)
 
     def take(self, result: RevolutionResult) -> None:
-        """Take a revolution of any wheel."""
+        """Take a revolution of any wheel; one without host time, as of a dump, has no other at its time."""
+        if not result.host_ns:
+            return
         direction = next(
             (e.value for e in result.estimates if e.name in self._names and e.status is not Status.INVALID), 0.0
         )

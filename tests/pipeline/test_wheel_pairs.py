@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -62,6 +63,13 @@ def test_few_revolutions_or_another_axle_say_nothing() -> None:
     assert alarms(*results("FL", TURNS), *results("RR", BACK)) == {}
     # At another time.
     assert alarms(*results("FL", TURNS), *results("FR", BACK, 100.0)) == {}
+
+
+def test_revolutions_without_host_times_say_nothing() -> None:
+    left, right = (
+        [replace(one, host_ns=0) for one in results(*given)] for given in (("FL", [1.0] * 12), ("FR", [-1.0] * 12))
+    )
+    assert alarms(*left, *right) == {}
 
 
 def test_wheels_that_slip_by_chance_say_nothing() -> None:
