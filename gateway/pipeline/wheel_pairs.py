@@ -20,6 +20,9 @@ from gateway.quantity_catalogue import declared
 from gateway.reasons import Code, Reason
 from gateway.wheel_position import right_of
 
+ALARM: Final = "lateral axis"
+"""Name of the alarm of a pair."""
+
 # A block of one wheel's revolutions may come before those of the other wheel.
 _WAITING: Final = 256
 # Pairs of revolutions, each of which is beyond three errors at both wheels, and the share that must be opposite. A
@@ -69,21 +72,27 @@ class WheelPairs:
         self._lefts: dict[str, str] = {}
         self._names = frozenset(quantity.name for quantity in declared() if quantity.is_of_axle)
 
-    def take(self, result: RevolutionResult) -> None:
-        """Take a revolution of any wheel; one without host time, as of a dump, has no other at its time."""
+    def take(self, result: RevolutionResult) -> bool:
+        """Take a revolution of any wheel; one without host time, as of a dump, has no other at its time.
+
+        Returns:
+            Whether the alarms of its pair begin or end with it.
+        """
         if not result.host_ns:
-            return
+            return False
         direction = next(
             (e.value for e in result.estimates if e.name in self._names and e.status is not Status.INVALID), 0.0
         )
         if not direction or math.isnan(direction):
-            return
+            return False
         right = right_of(result.position)
         if right is not None:
             self._lefts[right] = result.position
         pair = self._pairs.setdefault(right or result.position, _Pair())
         half_ns = 0.5e9 * result.revolution.period_s
+        was_opposite = pair.is_opposite
         pair.take(int(right is None), result.host_ns - half_ns, half_ns, direction)
+        return pair.is_opposite is not was_opposite
 
     def alarms(self) -> Iterator[Alarm]:
         """Yield those of the vehicle's signals, and one for both wheels of a pair that slips to opposite sides."""
@@ -93,4 +102,4 @@ class WheelPairs:
             if pair.is_opposite:
                 for position, other in ((left, right), (right, left)):
                     told = Reason(Code.LATERAL_SLIP_APART, other=other, opposite=pair.opposite, same=pair.same)
-                    yield Alarm(position, "lateral axis", told)
+                    yield Alarm(position, ALARM, told)

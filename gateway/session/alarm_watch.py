@@ -26,6 +26,7 @@ from gateway.pipeline.results import (
     WheelSnapshot,
     WheelState,
 )
+from gateway.pipeline.wheel_pairs import ALARM as PAIR_ALARM
 from gateway.pipeline.wheels import Pipeline
 from gateway.reasons import Code, Notice, Reason
 from gateway.session.alarm_log import AlarmLog
@@ -182,7 +183,7 @@ class SessionAlarms(AlarmWatch):
 
 
 class RecordingAlarms(AlarmWatch):
-    """Alarms of a pass over a recording: silence frame by frame, thresholds by result, faults block by block."""
+    """Alarms of a pass over a recording: silence by frame, thresholds and pairs by result, faults by block."""
 
     def __init__(
         self,
@@ -246,6 +247,11 @@ class RecordingAlarms(AlarmWatch):
         if standing == result.alarms and silent_s == result.silent_before_s:
             return result
         return replace(result, alarms=standing, silent_before_s=silent_s)
+
+    def compared(self, host_ns: int) -> None:
+        """Take the comparison of left and right wheels, which changes with a result of this time."""
+        at_s = self.silence.since_begin_s(host_ns)
+        self.log.update(self._witnesses(), at_s, covers=lambda key: key[1] == PAIR_ALARM)
 
     def end_of_block(self) -> None:
         """Take the faults of sensors after the results of a block."""

@@ -229,7 +229,8 @@ class RecordingPass:
 
     def _completed(self, result: RevolutionResult) -> RevolutionResult:
         result = self._join.joined(result) if self._join is not None else result
-        self._pairs.take(result)
+        if self._pairs.take(result) and self._alarms is not None:
+            self._alarms.compared(result.host_ns)
         return self._alarms.result(result) if self._alarms is not None else result
 
     def _take_other(self, item: BusFrames | LinkEvent) -> None:
