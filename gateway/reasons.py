@@ -762,7 +762,9 @@ class Code(Enum):
 
     # Rows of a dataset
     ROW_FEW_VALID = "valid in {count} of {of} revolutions only"
-    ROW_SCATTERS = "varies within the recording by {ratio:.1f} times its standard error, which contains it"
+    ROW_SCATTERS = (
+        "varies within the recording by far more than its standard errors; that of the mean contains the scatter"
+    )
 
     # Trends of a dataset
     TREND_ALARMS = "alarm '{name}' in {count} of {of} recordings; the last: {why}"

@@ -215,11 +215,11 @@ def estimate_columns(name: str, description: str, parts: Iterable[Column] = ESTI
 # --- the dataset of a campaign
 
 RECORDING_PARTS: Final = by_name(
-    Column("", "mean over the valid revolutions, weighted by their standard errors"),
+    Column("", "mean over the valid revolutions, weighted by their standard errors unless it varies"),
     Column(
         "_std",
-        "standard error of one revolution's value (weighted mean); revolutions share most of it; of a number that "
-        "driving does not change, with the scatter where it is more than three times as large",
+        "standard error of one revolution's value (weighted mean); revolutions share most of it; with the scatter "
+        "where that is more than three times as large: the quantity varies, as `_reason` says",
     ),
     Column("_scatter", "standard deviation between revolutions"),
     Column("_count", "revolutions in the mean", int),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gateway.api.column_table import ColumnTable, TextArray, column, text_array, unit_of
 from gateway.estimators.mean_comparison import MeanDifference
 from gateway.types import BoolArray, FloatArray
+from gateway.views.wording import joined
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -41,6 +42,9 @@ class Comparison(ColumnTable):
         metadata=column("whether chance marks any of the rows with a probability of 1 % at most")
     )
 
+    reasons: TextArray = field(metadata=column("what is to be known of the mean, such as that the quantity varies"))
+    other_reasons: TextArray = field(metadata=column("what is to be known of the other mean"))
+
     @classmethod
     def of(cls, differences: Sequence[MeanDifference], *, recording: str, other_recording: str) -> Self:
         """Return the table of differences."""
@@ -64,6 +68,8 @@ class Comparison(ColumnTable):
             difference_std=numbers([row.std for row in differences]),
             significance=numbers([row.significance for row in differences]),
             is_significant=np.array([row.is_significant for row in differences], np.bool_),
+            reasons=text_array([joined(row.first.reasons) for row in differences]),
+            other_reasons=text_array([joined(row.second.reasons) for row in differences]),
         )
 
     def _title(self) -> str:

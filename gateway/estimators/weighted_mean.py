@@ -5,6 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Final
+
+from gateway.reasons import Code, Reason
+
+_UNEXPLAINED: Final = 3.0
+"""Scatter over the standard error from which errors do not explain it."""
 
 
 class WeightedMean:
@@ -13,6 +19,10 @@ class WeightedMean:
     Revolutions share most of their error: a running average, the belt radius, the load. Its standard error is therefore
     the weighted mean of the errors, sum(w s) / sum(w) with w = 1 / s^2, as for errors that are fully correlated. Where
     the scattering parts of the errors are known, `constant_std` is that of the constant parts alone.
+
+    Values that scatter far more than their errors differ by more than these: driving changes the quantity. Their mean
+    is then not weighted, since errors that change with the quantity would draw it to one side, and its standard error
+    contains the scatter.
 
     Attributes:
         count: number of values.
@@ -51,16 +61,33 @@ class WeightedMean:
         """The mean, None without a value."""
         if not self.count:
             return None
-        mean = self._weighted / self._weight if self._has_errors and self._weight > 0.0 else self._mean
+        is_weighted = self._stated_std is not None and not self.varies
+        mean = self._weighted / self._weight if is_weighted else self._mean
         return mean if math.isfinite(mean) else None
 
     @property
     def std(self) -> float | None:
         """Standard error of the mean, None when it is not known."""
+        std = self._stated_std
+        return math.hypot(std, self.scatter or 0.0) if std is not None and self.varies else std
+
+    @property
+    def _stated_std(self) -> float | None:
         if not self.count or not self._has_errors or not self._weight > 0.0:
             return None
         std = self._weighted_std / self._weight
         return std if math.isfinite(std) else None
+
+    @property
+    def varies(self) -> bool:
+        """Whether the values scatter far more than their errors explain, and `std` contains the scatter."""
+        std, scatter = self._stated_std, self.scatter
+        return std is not None and scatter is not None and scatter > _UNEXPLAINED * std
+
+    @property
+    def reasons(self) -> tuple[Reason, ...]:
+        """What is to be known of the mean: that its values vary."""
+        return (Reason(Code.ROW_SCATTERS),) if self.varies else ()
 
     @property
     def constant_std(self) -> float | None:
@@ -83,17 +110,18 @@ class MeanEstimate:
     """Mean of a quantity over revolutions.
 
     Attributes:
-        value: weighted mean.
+        value: weighted mean; where the values vary, the mean.
         std: combined standard uncertainty of the mean.
         constant_std: its part that averaging does not make smaller: the weighted mean of the constant parts of the
             errors of the revolutions (radius, load, gains).
         scatter_std: its part from the scatter of the revolutions: `scatter` (type A) or the scattering part of their
-            errors, whichever is larger, over the root of `independent`.
+            errors, whichever is larger, over the root of `independent`; all of `scatter` where the values vary.
         scatter: standard deviation of one revolution.
         count: number of revolutions.
         independent: how many independent values these are; a running average hands on most of a value.
         freedom: effective degrees of freedom of `std` (Welch and Satterthwaite, JCGM 100 G.4.1); infinite where the
             shared part rules.
+        reasons: that the values vary by far more than their errors, if so.
     """
 
     value: float
@@ -104,6 +132,7 @@ class MeanEstimate:
     count: int
     independent: float
     freedom: float
+    reasons: tuple[Reason, ...] = ()
 
     def expanded(self, probability: float = 0.95) -> tuple[float, float]:
         """Return the expanded uncertainty of the mean, and its coverage factor.
@@ -155,7 +184,7 @@ def mean_estimate(mean: WeightedMean, memory_revolutions: float = 0.0) -> MeanEs
     scatter = math.nan if mean.scatter is None else mean.scatter
     constant_std = math.nan if mean.constant_std is None else mean.constant_std
     observed, stated = (0.0 if math.isnan(scatter) else scatter), mean.stated_scatter
-    scatter_std = max(observed, stated) / math.sqrt(independent)
+    scatter_std = observed if mean.varies else max(observed, stated) / math.sqrt(independent)
     std = math.hypot(constant_std, scatter_std)
     freedom = math.inf
     # An error that is stated is taken as known.
@@ -170,4 +199,5 @@ def mean_estimate(mean: WeightedMean, memory_revolutions: float = 0.0) -> MeanEs
         count=mean.count,
         independent=independent,
         freedom=freedom,
+        reasons=mean.reasons,
     )

@@ -10,16 +10,18 @@ from typing import Final
 from gateway.estimators.mean_comparison import FALSE_ALARM, MeanDifference
 from gateway.estimators.weighted_mean import MeanEstimate
 from gateway.quantity_catalogue import unit_of
+from gateway.reasons import Code, Reason
 from gateway.views.drive_page.drive import Drive
 from gateway.views.numbers import fixed, round_to_error, split_name
 from gateway.views.readout import DISTANCE
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.tables.wheel_glance import GLANCE
 from gateway.views.text import clean, counted, pad, pad_left
+from gateway.views.wording import joined, text
 
 _CSV_COLUMNS: Final = (
     "wheel", "quantity", "unit", "first", "first_std", "first_count", "second", "second_std", "second_count",
-    "difference", "difference_std", "significance", "is_significant",
+    "difference", "difference_std", "significance", "is_significant", "first_reason", "second_reason",
 )  # fmt: skip
 
 
@@ -38,7 +40,7 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
     for wheel in [position for position in first.wheels if position in second.wheels]:
         cells = [drive.wheels[wheel].row.cells(drive.wheels[wheel].state, ()) for drive in (first, second)]
         rows: list[tuple[str, ...]] = [(wheel, clean(first.name), clean(second.name), "difference", "significance")]
-        rows += [(label, *(text(values) for values in cells), "", "") for label, text in GLANCE]
+        rows += [(label, *(shown(values) for values in cells), "", "") for label, shown in GLANCE]
         rows += [_row(difference) for difference in differences if difference.wheel == wheel]
         widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
         for label, *texts in rows:
@@ -46,6 +48,9 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
                 (pad(label, widths[0]), *(pad_left(t, w) for t, w in zip(texts, widths[1:], strict=True)))
             ).rstrip()
         yield ""
+    varying = dict.fromkeys(split_name(row.name)[0] for row in differences if row.first.reasons or row.second.reasons)
+    if varying:
+        yield f"~ {', '.join(varying)}: {text(Reason(Code.ROW_SCATTERS))}"
     significant = sum(difference.is_significant for difference in differences)
     yield (
         f"{significant} of {counted(len(differences), 'difference')} marked * are significant: were there none, chance "
@@ -56,11 +61,11 @@ def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDiff
 def _row(compared: MeanDifference) -> tuple[str, str, str, str, str]:
     label, unit = split_name(compared.name)
     texts = [
-        round_to_error(value * unit.factor, std * unit.factor).joined()
-        for value, std in (
-            (compared.first.value, compared.first.std),
-            (compared.second.value, compared.second.std),
-            (compared.difference, compared.std),
+        round_to_error(value * unit.factor, std * unit.factor).joined() + " ~" * bool(reasons)
+        for value, std, reasons in (
+            (compared.first.value, compared.first.std, compared.first.reasons),
+            (compared.second.value, compared.second.std, compared.second.reasons),
+            (compared.difference, compared.std, ()),
         )
     ]
     significance = fixed(compared.significance, 1)
@@ -81,6 +86,7 @@ def comparison_csv(differences: Sequence[MeanDifference]) -> bytes:
                 *(compared.wheel, compared.name, unit_of(compared.name)),
                 *(first.value, _known(first.std), first.count, second.value, _known(second.std), second.count),
                 *(*map(_known, numbers), compared.is_significant),
+                *(joined(first.reasons), joined(second.reasons)),
             ]
         )
     return buffer.getvalue()

@@ -71,3 +71,20 @@ def test_readable_part_of_a_damaged_recording_is_compared(pair, tmp_path):
     result = compare(pair[1], damaged)
     assert "The readable part was compared." in getattr(result.exception, "remedy", "")
     assert "speed, km/h" in result.stdout
+
+
+def test_mean_of_a_speed_that_varies_says_so(pair, tmp_path):
+    ramp = write_recording(
+        tmp_path / "ramp.mcap",
+        "[motion]\nspeed_kmh = [[0, 30], [8, 100]]",
+        duration_s=8.0,
+        start_ns=START_NS,
+    )
+    result = compare(pair[0], ramp, "--csv", "-")
+    assert result.exit_code == 0, result.output
+    rows = {row["quantity"]: row for row in csv.DictReader(io.StringIO(result.stdout))}
+    speed = rows["speed_mps"]
+    assert abs(float(speed["second"]) - 65.0 / 3.6) < float(speed["second_std"])
+    assert (speed["first_reason"], speed["is_significant"]) == ("", "0")
+    assert "varies within the recording" in speed["second_reason"]
+    assert "~ speed" in result.stderr

@@ -12,11 +12,17 @@ from gateway.estimators.mean_comparison import FALSE_ALARM, compared_means
 from gateway.estimators.weighted_mean import WeightedMean, mean_estimate
 
 
-def mean(values, std=math.nan, memory=0.0):
+def mean(values, std=math.nan, scatter_std=0.0):
     collected = WeightedMean()
     for value in values:
-        collected.add(float(value), std)
-    return mean_estimate(collected, memory)
+        collected.add(float(value), std, scatter_std)
+    return mean_estimate(collected)
+
+
+def scattering(values):
+    """Return the mean of values whose errors scatter only, and are stated half as large as they are."""
+    half = float(values.std(ddof=1)) / 2.0
+    return mean(values, half, half)
 
 
 def test_errors_of_both_add_in_squares_and_only_shared_quantities_are_compared():
@@ -41,11 +47,11 @@ def test_few_revolutions_count_by_students_t():
     rng = np.random.default_rng(3)
     pairs = [(rng.normal(0.0, 1.0, 4), rng.normal(0.0, 3.0, 5)) for _ in range(200)]
     for a, b in pairs[:20]:
-        (difference,) = compared_means({("FL", "Cw"): mean(a, 1e-6)}, {("FL", "Cw"): mean(b, 1e-6)})
+        (difference,) = compared_means({("FL", "Cw"): scattering(a)}, {("FL", "Cw"): scattering(b)})
         errors = a.var(ddof=1) / 4, b.var(ddof=1) / 5
         freedom = sum(errors) ** 2 / (errors[0] ** 2 / 3 + errors[1] ** 2 / 4)
         assert difference.is_significant == (2.0 * t.sf(abs(difference.significance), freedom) < FALSE_ALARM)
-    marked = [compared_means({("FL", "Cw"): mean(a, 1e-6)}, {("FL", "Cw"): mean(b, 1e-6)})[0] for a, b in pairs]
+    marked = [compared_means({("FL", "Cw"): scattering(a)}, {("FL", "Cw"): scattering(b)})[0] for a, b in pairs]
     assert sum(difference.is_significant for difference in marked) <= 8
 
 

@@ -8,21 +8,22 @@ import numpy as np
 import pytest
 
 from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
+from gateway.reasons import Code
 
 
-def mean_of(values: np.ndarray, std: float, memory: float = 0.0) -> MeanEstimate:
+def mean_of(values: np.ndarray, std: float, memory: float = 0.0, scatter_std: float = 0.0) -> MeanEstimate:
     mean = WeightedMean()
     for value in values.tolist():
-        mean.add(value, std)
+        mean.add(value, std, scatter_std)
     return mean_estimate(mean, memory)
 
 
 def test_interval_contains_the_truth_as_often_as_stated() -> None:
-    """Values with an error that all share and one of each, ten at a time."""
+    """Values with an error that all share and one of each, stated too small, ten at a time."""
     rng = np.random.default_rng(5)
     hits = {0.68: 0, 0.95: 0, 0.99: 0}
     for _ in range(2000):
-        mean = mean_of(7.0 + rng.normal(0.0, 0.2) + rng.normal(0.0, 1.0, 10), 0.2)
+        mean = mean_of(7.0 + rng.normal(0.0, 0.2) + rng.normal(0.0, 1.0, 10), math.hypot(0.2, 0.6), scatter_std=0.6)
         for probability in hits:
             hits[probability] += abs(mean.value - 7.0) < mean.expanded(probability)[0]
     for probability, count in hits.items():
@@ -46,7 +47,8 @@ def test_running_average_counts_as_few_values() -> None:
         for noise in rng.normal(0.0, 1.0, 1000).tolist():
             smooth += (noise - smooth) / memory
             series.append(smooth)
-        mean = mean_of(np.array(series), 1e-9, memory)
+        size = float(np.std(series)) / 2.0
+        mean = mean_of(np.array(series), size, memory, size)
         means.append(mean.value)
         stated.append(mean.scatter_std)
     assert np.median(stated) == pytest.approx(float(np.std(means)), rel=0.15)
@@ -68,3 +70,17 @@ def test_scattering_part_of_the_errors_falls_and_the_constant_part_stays() -> No
     assert estimate.constant_std == pytest.approx(0.3)
     assert estimate.scatter_std == pytest.approx(0.4 / 20.0, rel=0.1)
     assert mean.std == pytest.approx(0.5)
+
+
+def test_mean_of_what_driving_changes_is_not_weighted_and_contains_the_scatter() -> None:
+    """Speeds of one accelerating drive, whose errors grow with the speed."""
+    speed_mps = np.linspace(8.0, 28.0, 201)
+    mean = WeightedMean()
+    for value in speed_mps.tolist():
+        mean.add(value, 0.02 * value)
+    estimate = mean_estimate(mean)
+    assert [reason.code for reason in estimate.reasons] == [Code.ROW_SCATTERS]
+    assert estimate.value == mean.value == pytest.approx(18.0)
+    assert estimate.std == pytest.approx(mean.std) == pytest.approx(math.hypot(0.02 * 14.3, mean.scatter), rel=0.01)
+    steady = mean_of(np.linspace(17.9, 18.1, 11), 0.1)
+    assert not steady.reasons

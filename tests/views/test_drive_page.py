@@ -49,7 +49,7 @@ def test_page_is_self_contained_and_escapes_names(make_drive):
 def test_page_shows_means_what_varies_and_why_a_value_is_missing(make_drive):
     page = drive_page([make_drive(21)])
     assert "0.1953 ± 0.0012" in page
-    assert ">varies<" in page
+    assert "FL, speed: varies within the recording by far more" in page
     assert re.search(r">Rs</th><td class=\"n none\">—<", page)
     assert "FL, Rs: " in page
     assert "is drawn" not in page

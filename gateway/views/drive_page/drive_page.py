@@ -24,8 +24,6 @@ from gateway.views.text import clean, counted
 from gateway.views.wording import notice_text
 
 _TEMPLATE: Final = ("gateway.views.drive_page", "drive_page.html.j2")
-# Scatter over the standard error from which one number does not describe the drive.
-_VARIES: Final = 5.0
 # Times before it are no dates: the clock of a hub counts from its start.
 _FIRST_DATE_NS: Final = 10**17
 
@@ -144,13 +142,11 @@ def _means(drive: Drive) -> tuple[list[tuple[str, str, list[_Value]]], list[tupl
 
 
 def _value(value: float, std: float, scatter: float, status: Status) -> _Value:
-    """Return the mean and the scatter of a quantity; what driving changes has no mean that describes it."""
+    """Return the mean and the scatter of a quantity."""
     if status is Status.INVALID:
         return _Value(MISSING, "", True)
     size = round_to_error(scatter, scatter)
     small = f"scatter {size.error}{size.power}" if size.error else ""
-    if scatter > _VARIES * std:
-        return _Value("varies", small, False)
     text = f"{round_to_error(value, std).joined()} {STATUS_MARKS[status]}".strip()
     return _Value(text, small, status is not Status.VALID)
 

@@ -20,9 +20,8 @@ from gateway.views.tables.table_sinks import Cell
 from gateway.views.wording import as_json, joined
 
 _TAKEN: Final = frozenset((*RECORDING_HEAD, *RECORDING_TAIL))
-# Share of the revolutions that are valid where a row is, and scatter over the standard error that errors explain.
+# Share of the revolutions that are valid where a row is.
 _LEAST_VALID_SHARE: Final = 0.5
-_UNEXPLAINED: Final = 3.0
 
 
 class _Quantity:
@@ -68,16 +67,14 @@ class _Quantity:
         return None, None, None, 0, str(Status.INVALID), joined(self._reasons.get(Status.INVALID, ()))
 
     def _of_mean(self, status: Status, mean: WeightedMean) -> tuple[Cell, ...]:
-        reasons, std, scatter = self._reasons[status], mean.std, mean.scatter
+        reasons = self._reasons[status]
         doubts: list[Reason] = []
         if status is Status.VALID and mean.count < _LEAST_VALID_SHARE * self._revolutions:
             doubts.append(Reason(Code.ROW_FEW_VALID, count=mean.count, of=self._revolutions))
             doubts += [self._doubt_of[code] for code, _ in self._doubts.most_common(1)]
-        if self._is_steady and std and scatter is not None and scatter > _UNEXPLAINED * std:
-            doubts.append(Reason(Code.ROW_SCATTERS, ratio=scatter / std))
-            std = math.hypot(std, scatter)
-        status = Status.PROVISIONAL if doubts else status
-        return mean.value, std, scatter, mean.count, str(status), joined((*doubts, *reasons))
+        status = Status.PROVISIONAL if doubts or (self._is_steady and mean.varies) else status
+        reasons = (*doubts, *mean.reasons, *reasons)
+        return mean.value, mean.std, mean.scatter, mean.count, str(status), joined(reasons)
 
 
 class WheelRow:
