@@ -59,7 +59,7 @@ def estimate_recording(
         on_position=on_position,
     )
     vehicle = recording.vehicle
-    drive = Drive(order.path.name) if order.is_drawn else None
+    drive = Drive(order.path.name, reader.info.described_run().lines()) if order.is_drawn else None
     check = ReferenceCheck(reader, vehicle) if isinstance(reader, ReferenceReader) else None
     summary, name = ResultSummary(), order.path.name
     estimation = RecordingPass(recording, order.estimators, signals=recording.signals())

@@ -55,6 +55,11 @@ def test_page_shows_means_what_varies_and_why_a_value_is_missing(make_drive):
     assert "is drawn" not in page
 
 
+def test_page_says_what_is_stated_of_the_run():
+    page = drive_page([Drive("a.mcap", ["test: braking <7>", "driver: M. Kurz"])])
+    assert "<br>test: braking &lt;7&gt;<br>driver: M. Kurz</p>" in page
+
+
 def test_page_without_a_revolution_says_so():
     drive = Drive("a.mcap")
     page = drive_page([drive])

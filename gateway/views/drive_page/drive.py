@@ -66,13 +66,14 @@ class Drive:
 
     Attributes:
         name: of the file.
+        run: lines of what is stated of the run: test, driver, tags, tires, comments.
         wheels: by position, in the order of their first revolution.
         alarms: of the whole recording.
         notices: contradictions, and what has no result.
     """
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, run: Sequence[str] = ()) -> None:
+        self.name, self.run = name, run
         self.wheels: dict[str, DriveWheel] = {}
         self.alarms: Sequence[AlarmRecord] = ()
         self.notices: Sequence[Notice] = ()

@@ -42,6 +42,7 @@ class _Section(NamedTuple):
     id: str
     title: str
     facts: str
+    run: list[str]
     wheels: list[str]
     glance: list[tuple[str, list[str]]]
     means: list[tuple[str, str, list[_Value]]]
@@ -91,6 +92,7 @@ def _section(identity: str, drive: Drive) -> _Section:
         id=identity,
         title=drive.name,
         facts=_facts(drive),
+        run=[clean(line) for line in drive.run],
         wheels=wheels,
         glance=[
             (label, [text(rows[position]) for position in wheels])
