@@ -33,7 +33,7 @@ class WorstError:
     Attributes:
         quantity: its name.
         speed_mps: where.
-        error: root mean square of scatter and what stays; infinite where too few drives gave an estimate.
+        error: root sum of squares of scatter and what stays; infinite where too few drives gave an estimate.
         wanted: its largest error.
     """
 
