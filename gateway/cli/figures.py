@@ -85,6 +85,7 @@ def figures(
     table: list[Path] = []
     if sources or grid_path is not None:
         from gateway.cli.figure_sources import FigureSource, measured_tires, read_grid, table_csv, table_lines
+        from gateway.errors import TreadlinkError
         from gateway.papers.figure_sheet import make_room
         from gateway.papers.measured_figures import measured_figures
 
@@ -99,6 +100,10 @@ def figures(
         for name, reason in missing.items():
             say(f"{name}: left out: {reason}")
         write(table[0], table_csv(tires))
+        if not wanted:
+            raise TreadlinkError(
+                "these measurements allow no figure", f"The reasons are above; '{table[0]}' has what was measured."
+            )
     elif config_path is not None:
         raise click.UsageError("--config needs --from or --grid: simulated tires have no configuration.")
     else:

@@ -93,6 +93,17 @@ def test_unknown_figure_is_named(tires):
     assert "Did you mean ring-fig-7" in caught.value.remedy
 
 
+def test_no_figure_at_all_is_no_result(folder, tmp_path, monkeypatch):
+    nothing = ({}, {"ring-fig-11": "no value"})
+    monkeypatch.setattr("gateway.papers.measured_figures.measured_figures", lambda *_: nothing)
+    recording = next(folder.glob("*.mcap"))
+    done = CliRunner().invoke(treadlink, ["figures", "--from", str(recording), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 1
+    assert "allow no figure" in str(done.exception)
+    assert (tmp_path / "out" / "conditions.csv").exists()
+    assert not (tmp_path / "out" / "index.html").exists()
+
+
 def test_dataset_gives_trends_without_waveforms(folder, tmp_path):
     pytest.importorskip("pyarrow")
     pytest.importorskip("psutil")
