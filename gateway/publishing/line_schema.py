@@ -74,7 +74,8 @@ def _revolution() -> dict[str, Any]:
         "revolution",
         {"wheel": _TEXT, "index": _COUNT},
         {name: field for name, field in recorded["properties"].items() if name != "index"},
-        "one revolution of one wheel; each estimate is NAME, NAME_std (one standard error), NAME_status, NAME_reasons",
+        "one revolution of one wheel; each estimate is NAME, NAME_std (one standard error), NAME_scatter_std (its "
+        "scattering part, where known), NAME_status, NAME_reasons",
     )
     schema["patternProperties"] = {
         "_status$": {"enum": ["valid", "provisional", "invalid"]},

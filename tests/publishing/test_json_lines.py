@@ -18,6 +18,7 @@ from gateway.publishing.line_schema import line_schema
 from gateway.publishing.payloads import encoded, messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
+from gateway.recording.revolution_fields import PARTS
 from tests.testkit.waiting import TIMEOUT_S, until
 
 ROOT = Path(__file__).parents[2]
@@ -55,6 +56,11 @@ def test_every_line_is_valid_by_the_schema(items, tmp_path) -> None:
     raised, over = (line for line in lines if line["type"] == "alarm")
     assert (raised["raised"], over["raised"], over["stood_s"]) == (True, False, 1.0)
     assert raised["reason"]["values"] == {"pressure_pa": 180e3, "limit_pa": 200e3}
+
+
+def test_schema_tells_of_every_part_of_an_estimate() -> None:
+    told = line_schema()["$defs"]["revolution"]["description"]
+    assert [part for part in PARTS if f"NAME{part}" not in told] == []
 
 
 def test_schema_refuses_what_is_not_published(items) -> None:
