@@ -17,7 +17,7 @@ from gateway.cli.run_options import where_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
 from gateway.estimators.registry import CAMPAIGN_ESTIMATORS, estimator_names, in_order
-from gateway.views.text import clean, counted
+from gateway.views.text import clean, counted, file_size
 from gateway.views.wording import text
 
 if TYPE_CHECKING:
@@ -307,7 +307,7 @@ def _troubles(progress: CampaignProgress) -> Iterator[str]:
 
 def _report(progress: CampaignProgress, failures: list[tuple[Path, Failure]], root: Path) -> None:
     """Print what was done, and the failures."""
-    from gateway.views.numbers import duration, file_size
+    from gateway.views.numbers import duration
 
     rate = progress.estimated / progress.elapsed_s if progress.elapsed_s > 0.0 else 0.0
     took = f" in {duration(progress.elapsed_s)} ({rate:.2g} per second)" if progress.estimated else ""

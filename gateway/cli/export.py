@@ -69,10 +69,9 @@ def export(
     from gateway.exporting.export_registry import check_format, format_of
     from gateway.exporting.recording_export import export_recording
     from gateway.security.key_file import default_key_file
-    from gateway.views.numbers import file_size
     from gateway.views.output_file import check_outputs, is_stdout
     from gateway.views.progress import progress_bar
-    from gateway.views.text import clean
+    from gateway.views.text import clean, file_size
     from gateway.views.wording import notice_text, text
 
     name = format_of(out, format_name)

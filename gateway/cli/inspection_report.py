@@ -12,9 +12,9 @@ from gateway.reasons import Code, Notice, Reason
 from gateway.recording.inspection import AlarmSpan, Inspection, LinkInspection, WheelInspection
 from gateway.recording.reader import RecordingInfo
 from gateway.recording.writer import utc_text
-from gateway.views.numbers import duration, file_size, fixed, percent
+from gateway.views.numbers import duration, fixed, percent
 from gateway.views.recording_topics import log_level
-from gateway.views.text import escaped
+from gateway.views.text import escaped, file_size
 from gateway.views.wording import as_json, notice_text, text
 
 _BARS: Final = " ▁▂▃▄▅▆▇█"

@@ -55,9 +55,8 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
         raise click.UsageError("--out requires a single recording and cannot be combined with --in-place.")
     from gateway.recording.compact import compact_recording
     from gateway.recording.run_description import copy_notes
-    from gateway.views.numbers import file_size
     from gateway.views.progress import progress_bar
-    from gateway.views.text import clean
+    from gateway.views.text import clean, file_size
 
     for recording in recordings:
         target = _hidden_beside(recording) if in_place else out or _beside(recording, "compact")
@@ -74,7 +73,7 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
 
 
 def _report_lines(report: RepairReport) -> Iterator[str]:
-    from gateway.views.numbers import file_size
+    from gateway.views.text import file_size
 
     losses = report.losses
     yield f"{report.target}"

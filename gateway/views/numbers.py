@@ -227,19 +227,6 @@ def age(seconds: float) -> str:
     return f"{seconds:.0f} s" if seconds < 120.0 else duration(seconds)
 
 
-def file_size(size_bytes: int) -> str:
-    """Return a size in decimal units with three digits, e.g. `12.3 MB`."""
-    if size_bytes < 1000:
-        return f"{size_bytes} B"
-    size = float(size_bytes)
-    for prefix in "kMGT":
-        size /= 1000.0
-        if size < 999.5 or prefix == "T":
-            break
-    decimals = 2 if size < 9.995 else 1 if size < 99.95 else 0
-    return f"{size:.{decimals}f} {prefix}B"
-
-
 def percent(part: int, whole: int) -> str:
     """Return a share as `1.02 %`; `0 %` when nothing is missing and `<0.01 %` rather than a rounded zero."""
     if whole <= 0 or part <= 0:

@@ -1,4 +1,4 @@
-"""Width, cropping and cleaning of terminal text."""
+"""Width, cropping and cleaning of terminal text, and sizes of files."""
 
 from __future__ import annotations
 
@@ -87,3 +87,16 @@ def pad_left(text: str, cells: int) -> str:
 def storable(text: str) -> str:
     """Return text that UTF-8 can encode: a path may hold bytes that it cannot."""
     return text.encode("utf-8", "backslashreplace").decode()
+
+
+def file_size(size_bytes: int) -> str:
+    """Return a size in decimal units with three digits, e.g. `12.3 MB`."""
+    if size_bytes < 1000:
+        return f"{size_bytes} B"
+    size = float(size_bytes)
+    for prefix in "kMGT":
+        size /= 1000.0
+        if size < 999.5 or prefix == "T":
+            break
+    decimals = 2 if size < 9.995 else 1 if size < 99.95 else 0
+    return f"{size:.{decimals}f} {prefix}B"

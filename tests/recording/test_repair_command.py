@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +42,19 @@ def test_repair_of_a_cut_file_is_reported(recording: tuple[Path, list[LinkItem]]
     got = streams.link_bytes(streams.read(path.with_name("drive.repaired.mcap")))
     assert streams.link_bytes(items).startswith(got)
     assert len(got) > 60_000
+
+
+def test_repair_loads_no_scipy(recording: tuple[Path, list[LinkItem]]) -> None:
+    """Loaded for the report, it could fail for want of memory after the file is written."""
+    path, _ = recording
+    path.write_bytes(path.read_bytes()[:-10])
+    code = (
+        "import sys; from gateway.cli import treadlink; "
+        "treadlink(['repair', sys.argv[1]], standalone_mode=False); print('scipy' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(path)], capture_output=True, text=True, check=True)
+    assert "recovered:" in done.stdout
+    assert done.stdout.splitlines()[-1] == "False"
 
 
 def test_undamaged_file_is_not_repaired(recording: tuple[Path, list[LinkItem]]) -> None:

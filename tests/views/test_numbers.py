@@ -5,7 +5,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.views.numbers import MISSING, duration, file_size, fixed, kpa, percent, round_to_error, show, split_name
+from gateway.views.numbers import MISSING, duration, fixed, kpa, percent, round_to_error, show, split_name
+from gateway.views.text import file_size
 
 
 @pytest.mark.parametrize(

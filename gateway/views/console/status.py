@@ -16,8 +16,8 @@ from gateway.pipeline.results import (
 from gateway.reasons import Code, Notice
 from gateway.views.console.styled_rows import Role, Row, Run, fill_while_fitting, fit, spread
 from gateway.views.console.waveform import Zoom
-from gateway.views.numbers import MISSING, age, duration, file_size, fixed, percent
-from gateway.views.text import clean, crop_middle, pad
+from gateway.views.numbers import MISSING, age, duration, fixed, percent
+from gateway.views.text import clean, crop_middle, file_size, pad
 from gateway.views.wording import notice_text
 from gateway.views.wording import text as reason_text
 

@@ -23,9 +23,9 @@ from gateway.views.console.wheel_panel import (
     state_text,
     surroundings,
 )
-from gateway.views.numbers import MISSING, Shown, duration, file_size
+from gateway.views.numbers import MISSING, Shown, duration
 from gateway.views.recording_topics import waveform_payload
-from gateway.views.text import clean
+from gateway.views.text import clean, file_size
 from gateway.views.trend_history import TrendHistory, TrendPoint
 from gateway.views.wording import notice_text
 from gateway.views.wording import text as reason_text
