@@ -51,6 +51,8 @@ _INCH_M: Final = 0.0254
 # mean circumference by some per cent.
 _LINER_BELOW_BELT_M: Final = 0.006
 _CAVITY_STD: Final = 0.02
+# What a depth gauge and grooves that are worn unequally leave open.
+_WEAR_STD_MM: Final = 0.2
 POSITION_PATTERN: Final = r"^[A-Za-z0-9][A-Za-z0-9_.-]{0,23}$"
 
 
@@ -197,7 +199,9 @@ class Tire(Section):
     wear_mm: float | None = Field(
         default=None, ge=0, le=60, description="tread worn off since the tire was new in mm, as measured"
     )
-    wear_std_mm: float | None = Field(default=None, ge=0, le=20, description="standard error of wear_mm in mm")
+    wear_std_mm: float | None = Field(
+        default=None, ge=0, le=20, description=f"standard error of wear_mm in mm; default: {_WEAR_STD_MM:g}"
+    )
     cavity_length_mm: float | None = Field(
         default=None,
         ge=500,
@@ -280,7 +284,7 @@ class Tire(Section):
             ring_thickness_m=self.ring_thickness_m,
             ring_thickness_std_m=(self.ring_thickness_std_mm or 0.0) * 1e-3,
             wear_m=None if self.wear_mm is None else self.wear_mm * 1e-3,
-            wear_std_m=(self.wear_std_mm or 0.0) * 1e-3,
+            wear_std_m=(_WEAR_STD_MM if self.wear_std_mm is None else self.wear_std_mm) * 1e-3,
             cavity_length_m=self.cavity_length_m,
             cavity_length_std_m=self.cavity_length_std_m,
             reference=self.reference.numbers(self.pressure_pa),
@@ -550,6 +554,9 @@ class VehicleConfig(Section):
         ):
             if wheels:
                 yield what, f"{100.0 * default:g} %", tuple(wheels)
+        worn = (where for where, tire in tires.items() if tire.wear_mm is not None and tire.wear_std_mm is None)
+        if positions := tuple(worn):
+            yield "wear", f"{_WEAR_STD_MM:g} mm", positions
 
     def notices(self) -> tuple[Notice, ...]:
         """Return a notice for each assumption."""

@@ -180,3 +180,8 @@ def test_configuration_states_softening_wear_and_temperature() -> None:
     assert tire.reference.softening_std_per_k == pytest.approx(5e-4)
     assert tire.load_calibration.temperature_degc == 31.0
     assert parse_vehicle(vehicle.to_toml(), "test") == vehicle
+    without = parse_vehicle(text.replace("wear_std_mm = 0.2", ""), "test")
+    assert without.wheel_setups()[0].tire.wear_std_m == pytest.approx(2e-4)
+    assert ("wear", "0.2 mm", ("FL",)) in [*without.assumed_errors()]
+    exact = parse_vehicle(text.replace("wear_std_mm = 0.2", "wear_std_mm = 0"), "test")
+    assert exact.wheel_setups()[0].tire.wear_std_m == 0.0
