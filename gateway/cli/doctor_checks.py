@@ -253,6 +253,14 @@ def check_config(path: Path) -> Iterator[Check]:
     yield Check(name, Level.OK, f"{path}: {config.name or 'unnamed'}, wheels {wheels}")
     if assumed := [f"{share} of the {what} ({', '.join(wheels)})" for what, share, wheels in config.assumed_errors()]:
         yield Check(name, Level.OK, f"standard errors that are not stated and assumed: {'; '.join(assumed)}")
+    unstated = {
+        "lateral_is_left, so no sign is verified": [
+            each.position for each in setups if not each.sensor.lateral_is_left
+        ],
+        "bandwidth_hz, so no band is doubted": [each.position for each in setups if each.sensor.bandwidth_hz is None],
+    }
+    if lines := [f"{what} ({', '.join(positions)})" for what, positions in unstated.items() if positions]:
+        yield Check(name, Level.OK, f"not stated: {'; '.join(lines)}")
     for what, key, unknown in (
         ("load", "load_n or an [[axle]]", [setup.position for setup in setups if setup.load_n is None]),
         ("pressure", "pressure_kpa", [setup.position for setup in setups if setup.pressure_pa is None]),

@@ -1,6 +1,7 @@
 import importlib.metadata
 import json
 import os
+import re
 import shutil
 import socket
 import stat
@@ -158,9 +159,13 @@ def test_configuration_faults_and_unknowns_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "car.toml"
     path.write_text(GOOD, encoding="utf-8")
     found = list(checks.check_config(path))
-    assert [check.level for check in found] == [Level.OK, Level.OK, Level.WARNING]
+    assert [check.level for check in found] == [Level.OK] * 3 + [Level.WARNING]
     assert "FL (hub 0, wheel 0)" in found[0].text
-    assert found[2].text.startswith("pressure of FL is unknown")
+    assert re.fullmatch(r"not stated: lateral_is_left, [^(]+\(FL\); bandwidth_hz, [^(]+\(FL\)", found[2].text)
+    assert found[3].text.startswith("pressure of FL is unknown")
+    stated = "mounting = { lateral_is_left = true }\nsensor = { bandwidth_hz = 2000 }\n"
+    path.write_text(GOOD + stated, encoding="utf-8")
+    assert not any(check.text.startswith("not stated") for check in checks.check_config(path))
     path.write_text(GOOD.replace("320", "0.32").replace("4000", "4"), encoding="utf-8")
     found = list(checks.check_config(path))
     assert [check.level for check in found] == [Level.FAULT] * 2
