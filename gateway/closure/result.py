@@ -173,7 +173,7 @@ class Unexplained:
             that of the change.
         narrow: True for a spectral line, False for a band; only of "time".
         centre_order: mean order of a "time" residual whose frequency moves with speed, NaN otherwise.
-        road_m: length of the road after which such a residual repeats, NaN otherwise.
+        road_m: length of the road after which such a residual repeats, NaN otherwise and where it may be of the wheel.
         centre_hz: mean frequency of a line that keeps its frequency, NaN otherwise.
         speeds: (with it, recorded) number of speeds of a "time" residual that keeps its frequency over several.
         other_axes: (axis, rms) of the other axes that show a "time" residual.

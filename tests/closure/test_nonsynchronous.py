@@ -271,6 +271,7 @@ class TestLock:
         groups = [self.line(kmh, hz, seed) for seed, (kmh, hz) in enumerate(zip((50.0, 80.0), turns, strict=True))]
         (entry,) = diagnose_time_locked(groups).unexplained
         assert (entry.lock_known, entry.orders) == (False, (2, 2))
+        assert math.isnan(entry.road_m)
 
     def test_joints_of_the_road_have_their_distance(self) -> None:
         joint_m = 0.57

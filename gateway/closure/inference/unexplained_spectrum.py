@@ -291,7 +291,7 @@ def _entry(sites: Sequence[Site], parts: Sequence[Part], locked: bool | None) ->
         narrow=line,
         centre_order=float(np.mean(ratios)) if locked else math.nan,
         road_m=float(np.mean([sites[part.group].spectra.speed_mps / part.centre_hz for part in axis_parts]))
-        if locked
+        if locked and not doubtful
         else math.nan,
         centre_hz=float(np.mean([part.centre_hz for part in axis_parts])) if line and not locked else math.nan,
         speeds=_number_of_speeds(sites, parts) if locked is False else None,
