@@ -263,7 +263,7 @@ def _searched(
         search.run(first)
     except FitFailedError as error:
         raise _cannot_be_fitted(model, error) from error
-    if frozenset() not in search.found:
+    if frozenset() not in search.evaluations:
         raise _cannot_be_fitted(model, "its residual has no fit")
     return posterior_of(search)
 
@@ -454,7 +454,7 @@ def other_optimum_notes(posterior: Posterior) -> Iterator[Reason]:
 
 
 def _ended(search: SetSearch) -> tuple[Reason, ...]:
-    return () if search.complete else (Reason(Code.SEARCH_ENDED_EARLY, sets=len(search.found)),)
+    return () if search.complete else (Reason(Code.SEARCH_ENDED_EARLY, sets=len(search.evaluations)),)
 
 
 def _tempered(posterior: Posterior) -> tuple[Reason, ...]:

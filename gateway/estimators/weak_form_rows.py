@@ -158,8 +158,8 @@ def row_sensitivity(rows: BalanceRows, unknowns: FloatArray) -> FloatArray:
     force += deflection * (rs * _RISE_FORCES[0, coarse] + ts * _RISE_FORCES[1, coarse])
     axial = _dot(tangent, force)
     by_angle = np.empty((len(tangent), ROWS + 1, tangent.shape[1]))
-    for index, one in enumerate(by_angle):
-        by_angle_of(tangent[index], axial[index], rotation, unknowns[index, 1:4], one)
+    for index, row in enumerate(by_angle):
+        by_angle_of(tangent[index], axial[index], rotation, unknowns[index, 1:4], row)
     bs = bs[..., np.newaxis]
     by_order: FloatArray = by_angle @ _COARSE_REMAINING
     by_order[:, :ROWS] += bs * motion.bending

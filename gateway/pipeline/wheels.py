@@ -240,9 +240,9 @@ class Pipeline:
 
     def position(self, link: str, hub: int, wheel: int) -> str:
         """Return the position that names a wheel in results."""
-        known = self._router.wheels.get((link, hub, wheel))
+        routed = self._router.wheels.get((link, hub, wheel))
         return (
-            known.setup.position if known is not None else self._positions.get((hub, wheel), f"hub{hub}.wheel{wheel}")
+            routed.setup.position if routed is not None else self._positions.get((hub, wheel), f"hub{hub}.wheel{wheel}")
         )
 
     def average_mps2(self, position: str) -> FloatArray | None:
@@ -251,5 +251,5 @@ class Pipeline:
 
     def latency_s(self, link: str, hubs: Container[int]) -> float | None:
         """Return the delay of the newest frame of these hubs relative to the fastest, None before the first frame."""
-        known = [hub.host.latency_s for number, hub in self._router.hubs(link) if number in hubs]
-        return max((value for value in known if value is not None), default=None)
+        latencies = [hub.host.latency_s for number, hub in self._router.hubs(link) if number in hubs]
+        return max((value for value in latencies if value is not None), default=None)

@@ -74,12 +74,12 @@ def _errors(axes: Axes, quantity: str, by_sensor: dict[str, list[SensorPlan]], c
     label, unit = split_name(quantity)
     for name, plans in by_sensor.items():
         points = [(plan.speed_mps, _last(plan, quantity)) for plan in plans]
-        known = [(3.6 * speed, error) for speed, error in points if error is not None]
-        kmh = [speed for speed, _ in known]
-        scatter = [unit.factor * error.scatter for _, error in known]
-        whole = [unit.factor * math.hypot(error.scatter, error.stays) for _, error in known]
+        finite = [(3.6 * speed, error) for speed, error in points if error is not None]
+        kmh = [speed for speed, _ in finite]
+        scatter = [unit.factor * error.scatter for _, error in finite]
+        whole = [unit.factor * math.hypot(error.scatter, error.stays) for _, error in finite]
         axes.plot(kmh, scatter, color=colours[name], marker=".", lw=1.2)
-        bounds = [unit.factor * error.bound for _, error in known]
+        bounds = [unit.factor * error.bound for _, error in finite]
         axes.plot(kmh, bounds, color=colours[name], ls="--", lw=0.7)
         axes.plot(kmh, whole, color=colours[name], marker="o", markersize=3.5, fillstyle="none", ls=":", lw=1.0)
     axes.set(yscale="log", title=f"{label}, {unit.symbol}" if unit.symbol else label)

@@ -52,10 +52,10 @@ def _load_line(load: LinkLoad, power: PowerModel | None) -> str:
         parts.append(f"more than the {power.radio_kbps:g} kbit/s of the radio")
     elif power is not None:
         parts.append(f"radio on {100.0 * load.radio_share:.0f} % of the time")
-        known = math.isfinite(load.battery_h)
+        finite = math.isfinite(load.battery_h)
         parts.append(
             f"{load.battery_h:.3g} h from {power.battery_mah:g} mAh"
-            if known
+            if finite
             else "battery: the sensor's current is unknown"
         )
     return ", ".join(parts)

@@ -36,13 +36,13 @@ class Shares(NamedTuple):
 def running_shares(weights: tuple[float, ...]) -> Shares:
     """Return the shares for weights of updates one after the other; only the first may be 1."""
     weight = np.array(weights, dtype=np.float64)
-    kept = np.subtract(1.0, weight, dtype=np.float64)
-    is_fresh = kept[0] == 0.0
+    retained = np.subtract(1.0, weight, dtype=np.float64)
+    is_fresh = retained[0] == 0.0
     if is_fresh:
-        kept[0] = 1.0
-    left = np.asarray(np.cumprod(kept), dtype=np.float64)
-    values: FloatArray = np.tril(np.multiply.outer(left, weight / left))
-    prior: FloatArray = np.zeros_like(left) if is_fresh else left
+        retained[0] = 1.0
+    product = np.asarray(np.cumprod(retained), dtype=np.float64)
+    values: FloatArray = np.tril(np.multiply.outer(product, weight / product))
+    prior: FloatArray = np.zeros_like(product) if is_fresh else product
     for array in (prior, values):
         array.setflags(write=False)
     return Shares(prior, values)
@@ -78,8 +78,8 @@ class RunningMoments:
     def variance(self) -> FloatArray:
         """Return the unbiased variance (with `covariance`, the matrix) of one value; NaN after a single update."""
         freedom = 1.0 - np.asarray(self.weight_square)
-        known = freedom > 1e-12
-        result: FloatArray = np.where(known, self._spread / np.where(known, freedom, 1.0), math.nan)
+        determined = freedom > 1e-12
+        result: FloatArray = np.where(determined, self._spread / np.where(determined, freedom, 1.0), math.nan)
         return result
 
 
@@ -192,17 +192,17 @@ class _Edges:
     def and_then(self, edges: tuple[float, float], stds: tuple[float, float], floor: float) -> _Edges:
         count = self.count + 1
         weight = max(1.0 / count, floor)
-        kept = 1.0 - weight
+        retained = 1.0 - weight
         mean, square = self.mean if self.count else (0.0, 0.0), self.square
         first, second = edges[0] - mean[0], edges[1] - mean[1]
         return _Edges(
             count,
             (mean[0] + weight * first, mean[1] + weight * second),
             (
-                kept * (self.spread[0] + weight * first * first),
-                kept * (self.spread[1] + weight * second * second),
+                retained * (self.spread[0] + weight * first * first),
+                retained * (self.spread[1] + weight * second * second),
             ),
-            kept * kept * self.weight_square + weight * weight,
+            retained * retained * self.weight_square + weight * weight,
             (
                 square[0] + weight * (stds[0] * stds[0] - square[0]),
                 square[1] + weight * (stds[1] * stds[1] - square[1]),
@@ -217,10 +217,10 @@ class _Edges:
         # constant error, so averaging does not reduce it.
         model = EDGE_MODEL_STD_RAD**2
         freedom = 1.0 - self.weight_square
-        known = self.count >= 3 and freedom > 1e-12
+        determined = self.count >= 3 and freedom > 1e-12
 
         def std(spread: float, square: float) -> float:
-            scatter = spread / freedom if known else max(square - model, 0.0)
+            scatter = spread / freedom if determined else max(square - model, 0.0)
             return math.sqrt(scatter * self.weight_square + max(square - scatter, model))
 
         return std(self.spread[0], self.square[0]), std(self.spread[1], self.square[1])
@@ -247,24 +247,24 @@ class _Moments:
         if not len(values):
             return self
         # Share that each update leaves to the values before it, those of later updates included.
-        left = np.cumprod(1.0 - weights[::-1], axis=0)[::-1]
-        shares, kept = weights.copy(), left[0]
-        shares[:-1] *= left[1:]
-        origin = np.where(kept > 0.0, self.mean, values[0])
+        product = np.cumprod(1.0 - weights[::-1], axis=0)[::-1]
+        shares, retained = weights.copy(), product[0]
+        shares[:-1] *= product[1:]
+        origin = np.where(retained > 0.0, self.mean, values[0])
         change = values - origin
         if shares.shape[1] == 1:
             column = shares[:, 0]
             mean, square = column @ change, column @ np.square(change)
         else:
             mean, square = np.sum(shares * change, axis=0), np.sum(shares * np.square(change), axis=0)
-        spread = np.maximum(kept * self.spread + square - np.square(mean), 0.0)
-        return _Moments(origin + mean, spread, kept**2 * self.weight_square + np.sum(np.square(shares), axis=0))
+        spread = np.maximum(retained * self.spread + square - np.square(mean), 0.0)
+        return _Moments(origin + mean, spread, retained**2 * self.weight_square + np.sum(np.square(shares), axis=0))
 
     def variance(self) -> FloatArray:
         """Return the unbiased variance of one value; NaN after a single one."""
         freedom = 1.0 - self.weight_square
-        known = freedom > 1e-12
-        result: FloatArray = np.where(known, self.spread / np.where(known, freedom, 1.0), math.nan)
+        determined = freedom > 1e-12
+        result: FloatArray = np.where(determined, self.spread / np.where(determined, freedom, 1.0), math.nan)
         return result
 
 
@@ -385,9 +385,9 @@ class _Steps:
         # Coefficients are those of the waveforms, as far as the sampling carries them.
         state = self._before
         before = _spectra(state.moments.mean[np.newaxis], has_orders=bool((state.order_counts == state.count).all()))
-        own = _spectra(self._values, has_orders=bool(self._carried.all()))
-        result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ own
-        change = (own - np.concatenate([before, result[:-1]])) * self._carried
+        block_spectra = _spectra(self._values, has_orders=bool(self._carried.all()))
+        result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ block_spectra
+        change = (block_spectra - np.concatenate([before, result[:-1]])) * self._carried
         self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
         return result
 
@@ -407,8 +407,8 @@ class _Steps:
             steps = np.tile(weights, 2)
             mean, each = moments.mean[_ORDERS_AT:].copy(), moments.spread[_ORDERS_AT:]
             spreads = []
-            for own, weight in zip(self._values[:, _ORDERS_AT:], steps, strict=True):
-                change = own - mean
+            for orders, weight in zip(self._values[:, _ORDERS_AT:], steps, strict=True):
+                change = orders - mean
                 mean += weight * change
                 each = (1.0 - weight) * (each + weight * np.square(change))
                 spreads.append(0.5 * float(each.sum()))
@@ -427,23 +427,23 @@ class _Steps:
         return edges.stds_rad()
 
     def at(self, index: int) -> AngleAverage:
-        found = self._averages.get(index)
-        if found is None:
-            found = self._averages[index] = self.state(index).average()
-        return found
+        average = self._averages.get(index)
+        if average is None:
+            average = self._averages[index] = self.state(index).average()
+        return average
 
     def state(self, index: int) -> _State:
         """Return the state after a revolution."""
-        found = self._states.get(index)
-        if found is None:
-            found = self._states[index] = self._state(index)
-        return found
+        state = self._states.get(index)
+        if state is None:
+            state = self._states[index] = self._state(index)
+        return state
 
     def _state(self, index: int) -> _State:
         # From the nearest state that is known.
-        known = max((other for other in self._states if other < index), default=-1)
-        begin = self._states[known] if known >= 0 else self._before
-        rows = slice(known + 1, index + 1)
+        previous = max((other for other in self._states if other < index), default=-1)
+        begin = self._states[previous] if previous >= 0 else self._before
+        rows = slice(previous + 1, index + 1)
         counts, _ = self._order_weights
         count, weight_square, _, noise, edges = self._scalars[index]
         return _State(

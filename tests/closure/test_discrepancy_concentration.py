@@ -118,10 +118,10 @@ def test_set_that_can_do_without_an_effect_calls_first(ahead: float, caller: fro
     search = SetSearch(campaign, core, data, effects, Discrepancy(campaign, data))
     for given in ((), tuple(effects.values())):
         one, _ = evaluated(campaign, *given)
-        search.found[one.names] = one
-    bare = search.found[frozenset()]
-    imitating = replace(search.found[frozenset(effects)], log_evidence=bare.log_evidence + ahead)
-    search.found[imitating.names] = imitating
+        search.evaluations[one.names] = one
+    bare = search.evaluations[frozenset()]
+    imitating = replace(search.evaluations[frozenset(effects)], log_evidence=bare.log_evidence + ahead)
+    search.evaluations[imitating.names] = imitating
     assert search.best is imitating
     called = search.called_for()
     assert called is not None

@@ -121,7 +121,7 @@ def test_impossible_set_has_no_weight() -> None:
     """Its finding says which value is out of range."""
     effects = {"small": Sideways("small", high=1.0)}
     found, search = searched(campaign_of(ONE_SPEED, sideways(3.0), axes=ALL_AXES), effects)
-    assert frozenset(["small"]) in search.found
+    assert frozenset(["small"]) in search.evaluations
     assert found.probability(["small"]) == 0.0
     assert found.best.names == frozenset()
     (finding,) = findings_of(found, effects, {})
@@ -179,7 +179,7 @@ def test_evidence_counts_less_beside_a_large_unexplained_part() -> None:
 
 def at_temperatures(search: SetSearch, plane: float, lateral: float) -> Posterior:
     """Return the posterior with the evidence of plane and lateral axis divided by these."""
-    return over({names: one.tempered(plane, lateral) for names, one in search.found.items()})
+    return over({names: one.tempered(plane, lateral) for names, one in search.evaluations.items()})
 
 
 @pytest.mark.parametrize(("size_mps2", "named"), [(3.0, False), (6.0, True)])

@@ -92,7 +92,7 @@ def test_two_effects_are_found_together() -> None:
     assert found.best.names == {"roll tilt", "gain"}
     assert set(found.identified()) == {"roll tilt", "gain"}
     assert found.best.names == search.best.names
-    assert frozenset() in search.found
+    assert frozenset() in search.evaluations
     assert search.complete
 
 
@@ -115,14 +115,14 @@ def test_a_chain_ends_where_three_sets_in_a_row_bring_no_evidence(monkeypatch: p
     found, search = searched(campaign_of(ONE_SPEED, five_waves, noise_mps2=0.3, axes=ALL_AXES), effects)
     assert search.complete
     assert found.best.names == frozenset()
-    assert max(map(len, search.found)) == 1 + criteria.STALLED
+    assert max(map(len, search.evaluations)) == 1 + criteria.STALLED
 
 
 def test_few_sets_hold_the_inverse_of_their_covariance() -> None:
     """It takes megabytes a set."""
     effects = among("roll tilt", "gain", "pitch tilt", "zero-g offset")
     _, search = searched(campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects)
-    applied = [one.fit.applied for one in search.found.values() if one.fit.applied is not None]
+    applied = [one.fit.applied for one in search.evaluations.values() if one.fit.applied is not None]
     assert len(applied) >= 8
     assert sum("inverses" in vars(one) for one in applied) <= 4
     # It is worked out again where it is needed.
@@ -141,10 +141,10 @@ def test_known_set_is_fitted_again_from_a_better_optimum() -> None:
     found, search = searched(campaign, among("roll tilt", "gain"))
     assert found.best.names == {"roll tilt", "gain"}
     alone = frozenset(["gain"])
-    stuck = search.found[alone]
-    search.found[alone] = replace(stuck, log_evidence=stuck.log_evidence - 50.0)
+    stuck = search.evaluations[alone]
+    search.evaluations[alone] = replace(stuck, log_evidence=stuck.log_evidence - 50.0)
     search.run(baseline_fit(campaign, search.core, search.data))
-    assert search.found[alone].log_evidence == pytest.approx(stuck.log_evidence, abs=0.5)
+    assert search.evaluations[alone].log_evidence == pytest.approx(stuck.log_evidence, abs=0.5)
 
 
 def test_known_set_stays_where_another_fit_of_it_fails(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,10 +153,10 @@ def test_known_set_stays_where_another_fit_of_it_fails(monkeypatch: pytest.Monke
 
     campaign = campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES)
     _, search = searched(campaign, among("roll tilt", "gain"))
-    known = dict(search.found)
+    known = dict(search.evaluations)
     monkeypatch.setattr(set_search, "evaluate", fail)
     search.run(baseline_fit(campaign, search.core, search.data))
-    assert search.found == known
+    assert search.evaluations == known
     assert not search.rejected & set(known)
 
 
@@ -189,7 +189,7 @@ def test_expired_search_returns_what_is_known(answers: int) -> None:
         campaign_of(ONE_SPEED, tilt_and_gain, axes=ALL_AXES), effects, expired=lambda: next(asked) >= answers
     )
     assert not search.complete
-    assert found.best.names in search.found
+    assert found.best.names in search.evaluations
     assert sum(found.weights) == pytest.approx(1.0)
     assert found.baseline.names == frozenset()
 
@@ -246,7 +246,7 @@ def test_an_expired_search_tries_no_further_effect(monkeypatch: pytest.MonkeyPat
     _, search = searched(campaign, effects, expired=lambda: True)
     assert tried == []
     assert not search.complete
-    assert list(search.found) == [frozenset()]
+    assert list(search.evaluations) == [frozenset()]
     # The time runs out while single effects are tried.
     _, search = searched(campaign, effects, expired=lambda: len(tried) >= 1)
     assert len(tried) == 1
@@ -256,7 +256,7 @@ def test_an_expired_search_tries_no_further_effect(monkeypatch: pytest.MonkeyPat
 def test_sets_that_count_as_alike_beside_much_that_is_left_are_not_climbed(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is left of the plane has 20 times the rms of the noise: 10 of log evidence count as half of one."""
     _, search = searched(campaign_of(ONE_SPEED, axes=ALL_AXES), {})
-    (start,) = search.found.values()
+    (start,) = search.evaluations.values()
     higher, highest = (replace(start, log_evidence=start.log_evidence + gain) for gain in (10.0, 30.0))
     lateral = replace(higher, lateral=start.lateral + 10.0)
     monkeypatch.setattr(set_search, "ratios_by_part", lambda *_: ByPart(400.0, 1.0))

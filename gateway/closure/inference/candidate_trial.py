@@ -161,7 +161,7 @@ def _trials(
     stacked: list[FloatArray | None] = [None] * len(model.campaign.groups)
     for number, index in enumerate(shapes):
         stacked[index] = np.concatenate([rows[number] for _, rows in begun])
-    inner, cross = fit.own(stacked, len(begun)), np.split(fit.cross(stacked), len(begun), axis=1)
+    inner, cross = fit.cross_information(stacked, len(begun)), np.split(fit.cross(stacked), len(begun), axis=1)
     trials = [_trial(fit, model, effect, start, *both) for (start, _), *both in zip(begun, inner, cross, strict=True)]
     return [trial for trial in trials if trial is not None and math.isfinite(trial.cost + trial.promise)]
 

@@ -131,7 +131,7 @@ class Fit:
         """Return derivatives and residual C^-1 others' for others (q, 3, REAL) of each group, (P + 1, q)."""
         return product(self.weighted, others) / self.scale
 
-    def own(self, others: Rows, batches: int) -> FloatArray:
+    def cross_information(self, others: Rows, batches: int) -> FloatArray:
         """Return others C^-1 others' within equal batches of others (k, 3, REAL) of each group, (batches, q, q)."""
         return products(self.data, others, self.applied, batches) / self.scale
 

@@ -169,7 +169,7 @@ class Parts:
             np.concatenate([empty, *(part.std for part in priors)]),
         )
 
-    def place(self, name: str) -> slice:
+    def columns_of(self, name: str) -> slice:
         """Return the slice of a component's parameters among the shared ones.
 
         Raises:

@@ -69,7 +69,7 @@ def diagnose_time_locked(groups: Sequence[Group]) -> TimeLocked:
         return TimeLocked(notes=tuple(notes))
     sites = tuple(Site.of(index, each) for index, each in enumerate(measured))
     effects = [effect for effect in catalogue().values() if isinstance(effect, SpectrumEffect)]
-    posterior = over(SpectrumSearch(sites, effects).found)
+    posterior = over(SpectrumSearch(sites, effects).evaluations)
     findings = _findings(posterior, effects, sites)
     # The density that is explained is that of effects that are identified, or of which one is.
     named = frozenset(finding.name for finding in findings if finding.verdict is not Verdict.REFUSED)
@@ -139,7 +139,7 @@ def _within_band(name: str, part: Unexplained, sites: Sequence[Site], fit: Spect
     effect = catalogue()[name]
     if name not in fit.parts.names or part.hz is None or not isinstance(effect, SpectrumEffect):
         return False
-    parameters = fit.shared[fit.parts.place(name)]
+    parameters = fit.shared[fit.parts.columns_of(name)]
     inside = total = 0.0
     for site in sites:
         frequency = site.spectra.frequency_hz
@@ -240,13 +240,13 @@ def _parameters(
 
 
 def _of_effect(fit: SpectrumFit, name: str) -> tuple[FloatArray, FloatArray]:
-    where = fit.parts.place(name)
+    where = fit.parts.columns_of(name)
     return fit.shared[where], np.diag(fit.covariance)[where]
 
 
 def _rms(sites: Sequence[Site], fit: SpectrumFit, effect: SpectrumEffect) -> float:
     """Return the root mean square of an effect, over groups and the axes on which it acts."""
-    parameters = fit.shared[fit.parts.place(effect.name)]
+    parameters = fit.shared[fit.parts.columns_of(effect.name)]
     powers = []
     for site in sites:
         density = effect.density(site.spectra.conditions, site.spectra.frequency_hz, parameters)

@@ -178,7 +178,7 @@ def counted(effect_set: Weighed) -> Names:
 
 def posterior_of(search: SetSearch) -> Posterior:
     """Return the posterior over the sets that a search has found."""
-    sets, temperatures = doubted_sets(search.found, search.data)
+    sets, temperatures = doubted_sets(search.evaluations, search.data)
     posterior = over({names: evaluated.tempered(*temperatures) for names, evaluated in sets.items()})
     possible = {
         name: tuple(evaluated.tempered(*temperatures) for evaluated in each if not evaluated.objections)

@@ -64,7 +64,7 @@ class SetSearch:
     expired: Callable[[], bool] = lambda: False
     on_step: Callable[[int], None] = lambda _: None
     helpers: Helpers = field(default_factory=lambda: Helpers(Workers()))
-    found: dict[Names, Evaluated] = field(default_factory=dict)
+    evaluations: dict[Names, Evaluated] = field(default_factory=dict)
     optima: dict[str, tuple[Evaluated, ...]] = field(default_factory=dict)
     rejected: set[Names] = field(default_factory=set)
     complete: bool = True
@@ -104,11 +104,11 @@ class SetSearch:
     def _settle(self) -> None:
         """Let the sets that matter rest."""
         least = self.best.log_evidence + math.log(criteria.SUPPORTED)
-        for names in sorted(self.found, key=lambda names: (-self.found[names].log_evidence, sorted(names))):
+        for names in sorted(self.evaluations, key=lambda names: (-self.evaluations[names].log_evidence, sorted(names))):
             if self._stop():
                 return
-            if self.found[names].log_evidence >= least or not names:
-                at_rest = self.found[names] = settled(self.found[names], self.data)
+            if self.evaluations[names].log_evidence >= least or not names:
+                at_rest = self.evaluations[names] = settled(self.evaluations[names], self.data)
                 if at_rest is not self.best and at_rest.fit.applied is not None:
                     at_rest.fit.applied.release()
 
@@ -158,7 +158,7 @@ class SetSearch:
         """
         least = self.best.log_evidence - criteria.WORTH_GROWTH
         for name in sorted(self.best.names):
-            without = [evaluated for names, evaluated in self.found.items() if name not in names]
+            without = [evaluated for names, evaluated in self.evaluations.items() if name not in names]
             if without and (rival := _best(without)).log_evidence > least:
                 yield rival
 
@@ -175,7 +175,7 @@ class SetSearch:
         if not expected:
             return
         for included in (expected, frozenset[str]()):
-            alike = [evaluated for names, evaluated in self.found.items() if names & expected == included]
+            alike = [evaluated for names, evaluated in self.evaluations.items() if names & expected == included]
             if alike and (leader := _best(alike)).log_evidence > least:
                 yield leader
 
@@ -190,21 +190,21 @@ class SetSearch:
         caller, evident = call
         applied = caller.fit.applied
         assert applied is not None
-        before, smoother = self.found, self.discrepancy
+        before, smoother = self.evaluations, self.discrepancy
         concentrated = smoother.concentrated(evident.concentration)
         try:
             begin = concentrated.applied(np.concatenate([applied.amplitudes, evident.amplitudes[:, :, None]], axis=2))
         except np.linalg.LinAlgError:
             return False
-        self.found, self.discrepancy = {}, concentrated
+        self.evaluations, self.discrepancy = {}, concentrated
         for evaluated in sorted(
             before.values(), key=lambda evaluated: (-evaluated.log_evidence, sorted(evaluated.names))
         ):
             # Even without time left, the best set and the empty one are needed.
-            if not (self.found and evaluated.names and self._stop()):
-                self._evaluate(evaluated.fit, self.best.fit.applied if self.found else begin)
-        if frozenset() not in self.found:
-            self.found, self.discrepancy = before, smoother
+            if not (self.evaluations and evaluated.names and self._stop()):
+                self._evaluate(evaluated.fit, self.best.fit.applied if self.evaluations else begin)
+        if frozenset() not in self.evaluations:
+            self.evaluations, self.discrepancy = before, smoother
             return False
         return True
 
@@ -221,7 +221,7 @@ class SetSearch:
             optima = [] if bare is None else other_optima(best, bare, effect, self._scanned, at_rest=flat)
             if optima and optima[0].log_evidence > best.log_evidence:
                 # Those found so far are of the worse one.
-                self.found[best.names], self.optima = optima[0], {}
+                self.evaluations[best.names], self.optima = optima[0], {}
                 return True
             self.optima[effect.name] = tuple(optima)
         return False
@@ -236,7 +236,9 @@ class SetSearch:
         if len(self.discrepancy.concentrations) >= criteria.MOST_CONCENTRATED:
             return None
         if not self._at_noise(best.fit):
-            less = [self.found[names] for name in best.names if (names := best.names - {name}) in self.found]
+            less = [
+                self.evaluations[names] for name in best.names if (names := best.names - {name}) in self.evaluations
+            ]
             asked = [(evaluated, evident) for evaluated in less if (evident := self._evident(evaluated)) is not None]
             worth = {
                 evaluated.names: evaluated.log_evidence + evident.gain + evident.log_odds
@@ -254,7 +256,7 @@ class SetSearch:
     @property
     def best(self) -> Evaluated:
         """The set of the highest evidence, impossible ones included; of two alike, the one first by name."""
-        return _best(self.found.values())
+        return _best(self.evaluations.values())
 
     @property
     def _expected(self) -> tuple[AngleEffect, ...]:
@@ -273,20 +275,20 @@ class SetSearch:
         names = _names(fit)
         if names in self.rejected:
             return None
-        if names not in self.found:
+        if names not in self.evaluations:
             self.on_step(len(names))
-            before = self.best if self.found else None
+            before = self.best if self.evaluations else None
             try:
                 enough = -math.inf if before is None else before.log_evidence - criteria.WORTH_WORK
-                self.found[names] = evaluate(fit, self.data, self.discrepancy, near, enough)
+                self.evaluations[names] = evaluate(fit, self.data, self.discrepancy, near, enough)
             except (FitFailedError, np.linalg.LinAlgError):
                 self.rejected.add(names)
                 return None
             # Others are seldom needed, and a hundred sets would take gigabytes.
-            for evaluated in (before, self.found[names]):
+            for evaluated in (before, self.evaluations[names]):
                 if evaluated is not None and evaluated is not self.best and evaluated.fit.applied is not None:
                     evaluated.fit.applied.release()
-        return self.found[names]
+        return self.evaluations[names]
 
     def _evaluate_anew(self, fit: Fit, near: Applied | None) -> None:
         """Evaluate a set, also a known one, and keep the better optimum.
@@ -294,11 +296,11 @@ class SetSearch:
         From a worse one, the effect that the set lacks would get the credit for leading out of it.
         """
         names = _names(fit)
-        previous = self.found.get(names)
-        self.found.pop(names, None)
+        previous = self.evaluations.get(names)
+        self.evaluations.pop(names, None)
         evaluated = self._evaluate(fit, near)
         if previous is not None and (evaluated is None or evaluated.log_evidence < previous.log_evidence):
-            self.found[names] = previous
+            self.evaluations[names] = previous
             self.rejected.discard(names)
 
     def _corrected(self, start: Fit) -> Fit:
@@ -316,14 +318,18 @@ class SetSearch:
         except FitFailedError:
             return start
         evaluated = self._evaluate(fit, None)
-        return fit if evaluated is not None and evaluated.log_evidence > self.found[frozenset()].log_evidence else start
+        return (
+            fit
+            if evaluated is not None and evaluated.log_evidence > self.evaluations[frozenset()].log_evidence
+            else start
+        )
 
     def _expected_in_question(self) -> bool:
         """Return whether an effect that is to be expected is missing in the best set, or in one nearly as good."""
         expected = frozenset(effect.name for effect in self._expected)
         near = self.best.log_evidence - criteria.WORTH_WORK
         return any(
-            evaluated.log_evidence > near and not expected <= evaluated.names for evaluated in self.found.values()
+            evaluated.log_evidence > near and not expected <= evaluated.names for evaluated in self.evaluations.values()
         )
 
     def _with_expected(self, start: Fit) -> Fit | None:
@@ -373,7 +379,7 @@ class SetSearch:
             if not last:
                 self._begin(fit, self.effects)
             better = self._of_chain(fit)
-            evaluated = self.found.get(_names(fit))
+            evaluated = self.evaluations.get(_names(fit))
             stalled = 0 if evaluated is not None and evaluated.log_evidence > highest else stalled + 1
             highest = highest if evaluated is None else max(highest, evaluated.log_evidence)
             if last or stalled >= criteria.STALLED or (self._at_noise(fit) and not better):
@@ -388,7 +394,7 @@ class SetSearch:
     def _of_chain(self, fit: Fit) -> bool:
         """Evaluate a set of a chain; return whether it is better than the one that it extends."""
         names = _names(fit)
-        smaller = [candidate for of, candidate in self.found.items() if of < names]
+        smaller = [candidate for of, candidate in self.evaluations.items() if of < names]
         parent = max(smaller, key=lambda candidate: (len(candidate.names), sorted(candidate.names)))
         evaluated = self._evaluate(fit, parent.fit.applied)
         return evaluated is not None and evaluated.log_evidence > parent.log_evidence
@@ -486,14 +492,14 @@ class SetSearch:
                 fit = linearised(model, self.data, vector, applied=best.fit.applied)
             except (NoShapeError, np.linalg.LinAlgError):
                 continue
-            if _linear_score(fit) > self.found[best.names].log_evidence:
+            if _linear_score(fit) > self.evaluations[best.names].log_evidence:
                 self._evaluate_anew(fit, best.fit.applied)
                 begun = True
-        return begun and self.found[best.names] is not best
+        return begun and self.evaluations[best.names] is not best
 
     def _score(self, fit: Fit) -> float:
         """Return the log evidence of a set, by its linearisation where it was not worked out."""
-        evaluated = self.found.get(_names(fit))
+        evaluated = self.evaluations.get(_names(fit))
         return _linear_score(fit) if evaluated is None else evaluated.log_evidence
 
     def _bare(self, best: Evaluated, effect: AngleEffect) -> Fit | None:
@@ -513,7 +519,7 @@ class SetSearch:
             if self._stop():
                 return
             names = _names(fit) | {trial.effect.name}
-            if names in self.found or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
+            if names in self.evaluations or names in self.rejected or len(names) > criteria.MOST_EFFECTS:
                 continue
             odds = log_prior_odds(trial.model) - log_prior_odds(fit.model)
             if score + trial.promise + odds < near:
@@ -546,7 +552,7 @@ class SetSearch:
             names = _names(fit) | {trial.effect.name}
             if self._stop() or trial.promise < criteria.LOOKED_AT:
                 return
-            if names not in self.found and names not in self.rejected:
+            if names not in self.evaluations and names not in self.rejected:
                 self._work_out(trial, best)
 
     def _work_out(self, trial: Trial, best: Evaluated) -> None:

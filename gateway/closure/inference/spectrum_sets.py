@@ -81,9 +81,9 @@ class SpectrumSearch:
         self._components = {component.name: component for component in made}
         self._candidates = (*self._components, LOW_PASS)
         self._last: tuple[SpectrumFit, list[tuple[FloatArray, FloatArray]]] | None = None
-        self.found: dict[Names, SpectrumSet] = {}
+        self.evaluations: dict[Names, SpectrumSet] = {}
         white = start_fit(self._sites, self._observed)
-        self.found[frozenset()] = self._evaluated(white)
+        self.evaluations[frozenset()] = self._evaluated(white)
         self._run()
 
     def _run(self) -> None:
@@ -103,17 +103,17 @@ class SpectrumSearch:
 
     def _best(self) -> Names:
         return max(
-            self.found.values(), key=lambda spectrum_set: (spectrum_set.log_evidence, sorted(spectrum_set.names))
+            self.evaluations.values(), key=lambda spectrum_set: (spectrum_set.log_evidence, sorted(spectrum_set.names))
         ).names
 
     def _fit(self, names: Names, near: Names) -> None:
         """Evaluate a set, from the fit of one that lacks or has one more of its components."""
-        if names in self.found:
+        if names in self.evaluations:
             return
-        base = self.found[near].fit
+        base = self.evaluations[near].fit
         fits = [fit_spectra(self._sites, self._observed, start) for start in self._starts(names, base)]
         if fits:
-            self.found[names] = self._evaluated(max(fits, key=lambda fit: fit.log_evidence))
+            self.evaluations[names] = self._evaluated(max(fits, key=lambda fit: fit.log_evidence))
 
     def _starts(self, names: Names, base: SpectrumFit) -> Iterator[SpectrumFit]:
         have = base.parts.names
@@ -222,7 +222,7 @@ class SpectrumSearch:
         """Yield the log likelihood ratios of what spectra by axis do not contain, effect against unknown cause."""
         for component in fit.parts.components:
             if not component.strange:
-                parameters = fit.shared[fit.parts.place(component.name)]
+                parameters = fit.shared[fit.parts.columns_of(component.name)]
                 if isinstance(component.effect, NarrowNoise):
                     yield self._envelope(component.effect.noise_band(parameters))
                 if isinstance(component.effect, Rotating):
@@ -293,7 +293,9 @@ def _removed(fit: SpectrumFit, name: str) -> SpectrumFit:
     if name == LOW_PASS:
         return replace(fit, parts=replace(parts, low_pass=False), shared=fit.shared[:-FILTER_TERMS])
     components = tuple(component for component in parts.components if component.name != name)
-    return replace(fit, parts=replace(parts, components=components), shared=np.delete(fit.shared, parts.place(name)))
+    return replace(
+        fit, parts=replace(parts, components=components), shared=np.delete(fit.shared, parts.columns_of(name))
+    )
 
 
 def _impossible(fit: SpectrumFit) -> tuple[tuple[str, Reason], ...]:
@@ -303,7 +305,7 @@ def _impossible(fit: SpectrumFit) -> tuple[tuple[str, Reason], ...]:
     for component in fit.parts.components:
         if component.strange:
             continue
-        where = fit.parts.place(component.name)
+        where = fit.parts.columns_of(component.name)
         values, errors = fit.shared[where], std[where]
         for parameter, value, error in zip(component.effect.parameters, values.tolist(), errors.tolist(), strict=True):
             slack = criteria.BEYOND_BOUND * error

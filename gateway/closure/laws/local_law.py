@@ -126,12 +126,12 @@ class Responses:
 
     def __init__(self) -> None:
         """Start empty, for a scan."""
-        self._kept: dict[tuple[float, ...], dict[Change, Response]] = {}
+        self._cache: dict[tuple[float, ...], dict[Change, Response]] = {}
         self._wanted = tuple(Change)
 
     def renew(self, change: Change) -> None:
         """Forget all responses, for a fit of one kind."""
-        self._kept.clear()
+        self._cache.clear()
         self._wanted = (change,)
 
     def at(
@@ -149,7 +149,7 @@ class Responses:
         # Speeds within a recording differ by some permille.
         log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
         key = log_speed, conditions.load_n, conditions.pressure_pa, float(len(belt.state)), loss_s
-        responses = self._kept.setdefault(key, {})
+        responses = self._cache.setdefault(key, {})
         if change not in responses:
             wanted = self._wanted if change in self._wanted else (change,)
             omega = math.exp(log_speed / _PER_SPEED)

@@ -138,7 +138,7 @@ class ProfileScan:
     def _projected(self, fit: Fit, rows: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
         """Return the score and the information of each row, what the parameters of the fit take left out."""
         cross = fit.cross(rows)
-        information = fit.own(rows, len(rows[0]))[:, 0, 0]
+        information = fit.cross_information(rows, len(rows[0]))[:, 0, 0]
         taken = np.linalg.solve(fit.precision, cross[:-1])
         return cross[-1] - fit.step @ cross[:-1], np.maximum(information - (cross[:-1] * taken).sum(axis=0), 1e-300)
 
@@ -147,7 +147,7 @@ class ProfileScan:
         best = (-math.inf, np.zeros(len(stds)))
         for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
             cross = fit.cross(rows)
-            information = fit.own(rows, 1)[0] - cross[:-1].T @ np.linalg.solve(fit.precision, cross[:-1])
+            information = fit.cross_information(rows, 1)[0] - cross[:-1].T @ np.linalg.solve(fit.precision, cross[:-1])
             precision = information + np.diag(stds**-2.0)
             score = cross[-1] - fit.step @ cross[:-1]
             sizes = np.linalg.solve(precision, score)

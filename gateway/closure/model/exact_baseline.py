@@ -93,7 +93,7 @@ class ExactCore:
         self.prior_mean: FloatArray = np.zeros(5)
         self.prior_std: FloatArray = np.array([2.0, 1.5, 1.5, 1.5, 1.0])
         self.steps: FloatArray = np.full(5, 1e-3)
-        self._kept: OrderedDict[_Key, _Solved] = OrderedDict()
+        self._cache: OrderedDict[_Key, _Solved] = OrderedDict()
         self._near: dict[tuple[float, float, int, bool], RingSolution] = {}
         self._corrections: dict[tuple[float, float, float], tuple[FloatArray, float, float]] = {}
         self._nodes: dict[tuple[float, float, float], int] = {}
@@ -245,9 +245,9 @@ class ExactCore:
             omega,
             nodes,
         )
-        cached = self._kept.get(key)
+        cached = self._cache.get(key)
         if cached is not None:
-            self._kept.move_to_end(key)
+            self._cache.move_to_end(key)
             return cached
         ring = ring_parameters(parameters, conditions, options)
         near_key = (conditions.load_n, conditions.pressure_pa, nodes, math.isfinite(ring.shear_stiffness_n))
@@ -265,9 +265,9 @@ class ExactCore:
         )
         self._near[near_key] = solution
         solved = _Solved(_on_field(solution, options), solution)
-        self._kept[key] = solved
-        if len(self._kept) > _KEPT:
-            self._kept.popitem(last=False)
+        self._cache[key] = solved
+        if len(self._cache) > _KEPT:
+            self._cache.popitem(last=False)
         return solved
 
     def _anchor(

@@ -28,7 +28,7 @@ class Tangents:
 
     def __init__(self) -> None:
         """Start empty."""
-        self._kept: dict[Hashable, list[_Entry]] = {}
+        self._cache: dict[Hashable, list[_Entry]] = {}
 
     def at(
         self,
@@ -45,7 +45,7 @@ class Tangents:
             options: with every ring effect in.
             work_out: returns the derivatives at exactly these parameters and options.
         """
-        entries = self._kept.setdefault(key, [])
+        entries = self._cache.setdefault(key, [])
         chosen = np.array(astuple(options))
         for entry in entries:
             if np.abs(entry.parameters - parameters).max() <= _SAME and np.all(
