@@ -71,6 +71,8 @@ def estimate(
 
     given = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
     outputs = {kind: path for kind, path in given.items() if path is not None}
+    if coverage is not None and not outputs:
+        raise click.UsageError("--coverage adds columns to a table: give --csv, --json or --parquet too.")
     read = (*recordings, config_path, *effects_paths, key_file or default_key_file())
     check_outputs([*outputs.values(), html_path], read, force=force)
     if html_path is not None:

@@ -75,3 +75,11 @@ def test_dump_of_a_link_has_the_same_estimates_and_no_times(recordings, tmp_path
             del row[name]
     assert timed == untimed
     assert len(timed) > 10
+
+
+def test_coverage_without_a_table_is_refused(recordings, tmp_path):
+    for page in ((), ("--html", str(tmp_path / "page.html"))):
+        result = CliRunner().invoke(treadlink, ["estimate", str(recordings[1]), "--coverage", "0.95", *page])
+        assert result.exit_code == 2
+        assert "give --csv, --json or --parquet" in result.output
+    assert not list(tmp_path.iterdir())
