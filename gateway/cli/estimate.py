@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
+from gateway.cli.options import FiniteRange, config_option, effects_option, estimator_option, force_option, keys_option
 
 
 def _output_option(name: str, help_text: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -27,7 +27,7 @@ def _output_option(name: str, help_text: str) -> Callable[[Callable[..., None]],
 @effects_option
 @click.option(
     "--coverage",
-    type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
+    type=FiniteRange(0.0, 1.0, min_open=True, max_open=True),
     metavar="PROBABILITY",
     help="Also write expanded uncertainties of this coverage probability, such as 0.95, and their coverage factor.",
 )
