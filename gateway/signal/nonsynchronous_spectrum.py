@@ -115,13 +115,13 @@ def spectral_lines(spectrum: Spectrum, low_hz: float, high_hz: float) -> tuple[L
     floor = median_filter(power, 2 * _FLOOR_BINS + 1, mode="mirror") / (1.0 - 2.0 / (9.0 * freedom)) ** 3
     limit = floor * (1.0 - 2.0 / (9.0 * freedom) + _NORMAL_QUANTILE * math.sqrt(2.0 / (9.0 * freedom))) ** 3
     lines = []
-    excess = np.where(power > limit, power, 0.0)
-    while (peak := int(np.argmax(excess))) or excess[0] > 0.0:
-        if not excess[peak] > 0.0:
+    remaining = np.where(power > limit, power, 0.0)
+    while (peak := int(np.argmax(remaining))) or remaining[0] > 0.0:
+        if not remaining[peak] > 0.0:
             break
         first, last = _extent(power, floor, peak)
         part = slice(first, last + 1)
-        excess[max(0, first - 1) : last + 2] = 0.0
+        remaining[max(0, first - 1) : last + 2] = 0.0
         excess = np.maximum(power[part] - floor[part], 0.0)
         total = float(excess.sum())
         centre = float(excess @ frequency[part]) / total
