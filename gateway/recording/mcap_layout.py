@@ -150,7 +150,7 @@ def _event_details(recorded: list[dict[str, Any]]) -> tuple[Reason, ...]:
     """Return the details of a recorded event; what this version does not know is left out."""
     details = []
     for entry in recorded:
-        values, code = entry["values"], Code.__members__.get(str(entry["code"]).upper())
+        values, code = entry["values"], Code.__members__.get(str.upper(entry["code"]))
         if code is not None and {name: type(value) for name, value in values.items()} == EVENT_DETAILS.get(code):
             details.append(Reason(code, **values))
     return tuple(details)

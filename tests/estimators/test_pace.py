@@ -115,7 +115,7 @@ def test_fault_applies_in_its_own_revolution(revolutions: list[Revolution]) -> N
     at = 110
     assert not is_due(at)
     faulty = list(revolutions)
-    faulty[at] = replace(revolutions[at], faults=(Reason(Code.SAMPLES_LOST),))
+    faulty[at] = replace(revolutions[at], faults=(Reason(Code.RADIAL_CLIPPED),))
     results = estimated(faulty, 16, ("weak-form", "ply-steer"))
     for estimate in results[at].estimates:
         assert estimate.status is not Status.VALID or estimate.name == "sensor_roll_rad"

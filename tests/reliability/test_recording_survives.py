@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -83,8 +84,10 @@ def test_power_cut_that_tears_pages(recorded, tmp_path: Path, content: str) -> N
     rng = np.random.default_rng(2)
     for number in range(5):
         torn = bytearray(whole)
-        # The last pages were being written; some arrived, some did not.
-        first = len(whole) // PAGE - 16
+        # The last pages of the data were being written; some arrived, some did not. The summary behind them is told
+        # by the footer: record head, summary's position, two more fields, and the magic.
+        (summary,) = struct.unpack_from("<Q", whole, len(whole) - 8 - 20)
+        first = summary // PAGE - 16
         for page in rng.choice(np.arange(first, first + 16), 5, replace=False).tolist():
             old = {"zeros": bytes(PAGE), "noise": rng.bytes(PAGE), "older": whole[:PAGE]}[content]
             torn[page * PAGE : (page + 1) * PAGE] = old

@@ -29,7 +29,7 @@ def clean_wave(load_n: float = 5000.0, **others: object) -> np.ndarray:
 def test_edges_match_exact_ring(load_n: float, pressure_pa: float) -> None:
     truth = solution(load_n, pressure_pa)
     edges = find_contact_edges(clean_wave(load_n, pressure_pa=pressure_pa), 1069.0)
-    assert edges.found
+    assert edges.measured
     # Ring and tread as in the paper: well inside the standard deviation for unknown treads.
     assert edges.leading_rad == pytest.approx(truth.leading_edge_rad, abs=0.8 * EDGE_MODEL_STD_RAD)
     assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=0.8 * EDGE_MODEL_STD_RAD)
@@ -108,7 +108,7 @@ def test_edges_from_time_samples(rate_hz: float, speed_kmh: float, noise_mps2: f
         phase = fit_phase(contacts[1], contacts[2], contacts[0])
         wave = normalise_radial(resample_revolution(radial, phase)[0], phase, ac_coupled=ac_coupled).radial_mps2
         edges = find_contact_edges(wave, phase.samples)
-        assert edges.found, edges.reason
+        assert edges.measured, edges.reason
         for found, true, std in (
             (edges.leading_rad, truth.leading_edge_rad, edges.leading_std_rad),
             (edges.trailing_rad, truth.trailing_edge_rad, edges.trailing_std_rad),
@@ -147,7 +147,7 @@ def test_missing_contact_is_reported(kind: str) -> None:
         "tone": np.cos(theta),
     }[kind]
     edges = find_contact_edges(wave, 1024.0)
-    assert not edges.found
+    assert not edges.measured
     assert edges.reason
     assert math.isnan(edges.leading_rad)
     assert math.isnan(edges.trailing_std_rad)
@@ -165,7 +165,7 @@ def test_edges_of_measured_tire() -> None:
         phase = fit_phase(start, end)
         wave = normalise_radial(resample_revolution(radial[:, np.newaxis], phase)[0], phase, ac_coupled=True)
         edges = find_contact_edges(wave.radial_mps2, phase.samples)
-        assert edges.found
+        assert edges.measured
         # 152.7 g from contact to baseline, read from the recording by hand.
         assert edges.baseline_mps2 - edges.plateau_mps2 == pytest.approx(152.7 * STANDARD_GRAVITY_MPS2, rel=0.03)
         halves.append(0.5 * (edges.trailing_rad - edges.leading_rad))
