@@ -14,6 +14,7 @@ from click.testing import CliRunner
 from gateway.cli import treadlink
 from gateway.errors import TreadlinkError
 from gateway.fleet.scheduler_tasks import scheduler_tasks
+from gateway.reasons import Code
 from tests.fleet.test_campaign_run import is_whole, names
 
 distributed = pytest.importorskip("distributed")
@@ -87,7 +88,7 @@ def test_a_worker_that_ends_is_a_reason():
         scheduler_tasks(workers.scheduler_address) as tasks,
     ):
         assert tasks.places() == 1
-        for order, code in (("fine", None), ("end", "worker_ended"), ("memory", "worker_memory_full")):
+        for order, code in (("fine", None), ("end", Code.WORKER_ENDED), ("memory", Code.WORKER_MEMORY_FULL)):
             tasks.submit(order, work, order)
             while (result := tasks.wait(1.0)) is None:
                 pass

@@ -77,6 +77,13 @@ def test_a_name_is_of_its_fault_and_its_time(played: Played) -> None:
     assert (accounts.named, accounts.false) == (2, [])
 
 
+def test_damage_on_a_slow_link_may_be_said_late(played: Played) -> None:
+    noise = Fault(Kind.NOISE, 10.0, 13.0, 0)
+    played.said = [(12.0, LINKS[0], str(AlarmName.LOSS)), (33.0, LINKS[0], str(Code.FRAMES_DAMAGED))]
+    accounts = account(played, played, [noise])
+    assert (accounts.named, accounts.false) == (1, [])
+
+
 def test_an_alarm_that_stays_is_false_except_of_a_replaced_hub(played: Played) -> None:
     played.standing = [("FL", str(AlarmName.MISPLACED)), (LINKS[0], str(AlarmName.LOSS))]
     assert [name for _, _, name in account(played, played, []).false] == ["loss"]

@@ -117,7 +117,7 @@ def _covers(fault: Fault, at_s: float, back_s: list[float]) -> bool:
 
 def _explains(fault: Fault, at_s: float, target: int, name: str) -> bool:
     expected = EXPECTED[fault.kind]
-    settle_s = _JUDGED_S if name == Code.FRAMES_DAMAGED else SETTLE_S
+    settle_s = _JUDGED_S if name == str(Code.FRAMES_DAMAGED) else SETTLE_S
     if name not in expected.names | expected.may or not fault.begin_s - _BEFORE_S <= at_s <= fault.end_s + settle_s:
         return False
     return NOBODY in (fault.target, target) or fault.target == target
