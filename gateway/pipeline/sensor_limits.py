@@ -1,6 +1,6 @@
 """What is known of a sensor itself: its band, AC corner and amplitude steps, and what they bias.
 
-The limits are those from which a trap biases a number by more than a percent on simulated drives.
+Beyond the limits a number is biased by more than a percent on simulated drives.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _REVOLUTIONS: Final = 8
 
 
 class Doubt(NamedTuple):
-    """A reason against all that rests on something."""
+    """A reason against every estimate that rests on a basis."""
 
     basis: Basis
     reason: Reason

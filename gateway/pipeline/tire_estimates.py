@@ -16,7 +16,7 @@ from gateway.estimators.registry import in_order, make_estimator
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
-from gateway.pipeline.lost_revolutions import LostRevolutions
+from gateway.pipeline.lost_revolutions import LinkLoss, SteadyStatus
 from gateway.pipeline.old_pressure import old_pressure_s
 from gateway.pipeline.own_drift import OwnDrift
 from gateway.pipeline.qualification import noted_where, provisional_where, qualified
@@ -165,7 +165,8 @@ class _Series:
         present: dict[str, Estimator] = {**calibrations, **common}
         self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
         self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
-        self.losses = {estimator.name: LostRevolutions(estimator.name) for estimator in self.estimators}
+        self.link_loss = LinkLoss()
+        self.statuses = {estimator.name: SteadyStatus(estimator.name) for estimator in self.estimators}
         # Asked once: the test of a protocol takes as long as an estimator's update.
         self.of_blocks = frozenset(
             estimator.name for estimator in self.estimators if isinstance(estimator, BlockEstimator)
@@ -175,10 +176,11 @@ class _Series:
         """Forget everything, as after a change of tire."""
         self.average.reset()
         self.calibration.reset()
+        self.link_loss.reset()
         for estimator in self.estimators:
             estimator.reset()
             self.drifts[estimator.name].reset()
-            self.losses[estimator.name].reset()
+            self.statuses[estimator.name].reset()
 
 
 class TireEstimates:
@@ -293,6 +295,7 @@ class TireEstimates:
         ]
         block = RevolutionBlock(revolutions, arrays, averages, conditions)
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
+        losses = [series.link_loss.take(revolution) for revolution in revolutions]
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
         for estimator in series.estimators:
             if estimator is series.calibration:
@@ -305,14 +308,14 @@ class TireEstimates:
                     for index, revolution in enumerate(revolutions)
                 ]
             name = estimator.name
-            drift, loss = series.drifts[name], series.losses[name]
+            drift, status = series.drifts[name], series.statuses[name]
             for index, raw in enumerate(made):
                 final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
                 if name in self._signed:
                     final = noted_where(final, Basis.SIGN, _SIGN_UNVERIFIED)
                 if drift.applies:
                     final = drift.widened(final)
-                final = loss.steadied(final, revolutions[index])
+                final = status.steadied(final, losses[index])
                 given[index].add(name, final)
                 estimates[index] += final
         results = []

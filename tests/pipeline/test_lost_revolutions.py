@@ -10,7 +10,7 @@ import pytest
 
 import treadlink
 from gateway.estimators.estimator import Estimate, Revolution, Status, not_used
-from gateway.pipeline.lost_revolutions import LostRevolutions
+from gateway.pipeline.lost_revolutions import LinkLoss, SteadyStatus
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
 from tests.testkit.exact_ring import solution
@@ -24,12 +24,22 @@ def revolution(*faults: Reason) -> Revolution:
     return replace(CLEAN, faults=faults)
 
 
+class Losses:
+    """One estimator behind one link."""
+
+    def __init__(self, estimator: str) -> None:
+        self._link, self._status = LinkLoss(), SteadyStatus(estimator)
+
+    def steadied(self, estimates: tuple[Estimate, ...], taken: Revolution) -> tuple[Estimate, ...]:
+        return self._status.steadied(estimates, self._link.take(taken))
+
+
 def number(status: Status, *reasons: Reason, std: float = 0.01) -> tuple[Estimate, ...]:
     return (Estimate("Bs", 1.0, std, status, reasons),)
 
 
 def test_average_stays_valid_through_loss_as_long_as_its_memory() -> None:
-    losses = LostRevolutions("weak-form")
+    losses = Losses("weak-form")
     losses.steadied(number(Status.VALID, std=0.02), revolution())
     statuses = []
     for _ in range(quantity_of("Bs").memory_revolutions + 1):
@@ -41,7 +51,7 @@ def test_average_stays_valid_through_loss_as_long_as_its_memory() -> None:
 
 
 def test_held_average_has_at_least_the_error_that_it_had() -> None:
-    losses = LostRevolutions("weak-form")
+    losses = Losses("weak-form")
     losses.steadied(number(Status.VALID, std=0.02), revolution())
     (estimate,) = losses.steadied(number(Status.PROVISIONAL, not_used(LOST)), revolution(*LOST))
     assert estimate.std == 0.02
@@ -56,7 +66,7 @@ def test_held_average_has_at_least_the_error_that_it_had() -> None:
     ],
 )
 def test_anything_but_loss_lowers_the_status_at_once(faults: tuple[Reason, ...], reasons: tuple[Reason, ...]) -> None:
-    losses = LostRevolutions("weak-form")
+    losses = Losses("weak-form")
     losses.steadied(number(Status.VALID), revolution())
     (estimate,) = losses.steadied(number(Status.PROVISIONAL, *reasons), revolution(*faults))
     assert estimate.status is Status.PROVISIONAL
@@ -66,7 +76,7 @@ def test_anything_but_loss_lowers_the_status_at_once(faults: tuple[Reason, ...],
 
 
 def test_edges_are_provisional_while_loss_is_frequent() -> None:
-    losses = LostRevolutions("kinematic")
+    losses = Losses("kinematic")
 
     def edge(lost: bool) -> Status:
         faults = LOST if lost else ()
