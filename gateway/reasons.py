@@ -323,9 +323,7 @@ class Code(Enum):
     LAMINATE_NOT_BALANCED = (
         "the plies are not at opposite angles (A16 / A66 = {share:.2f}): tension shears the belt as well (Eq. 11)"
     )
-    LATERAL_SIGN_UNVERIFIED = (
-        "the sign is that of the lateral axis, which is not verified (lateral_is_left of the mounting): the size holds"
-    )
+    LATERAL_SIGN_UNVERIFIED = "the sign is not verified (state lateral_is_left of the mounting)"
     LATERAL_ZERO_CONTRADICTED = (
         "contradicts the stated accuracy of the sensor's zero, {stated_std_mps2:.1f m/s²}; a degree of camber is "
         "0.17 m/s²"

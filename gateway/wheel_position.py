@@ -8,7 +8,7 @@ _LETTERS: Final = {"L": "R", "l": "r", "LEFT": "RIGHT", "Left": "Right", "left":
 
 
 def right_of(position: str) -> str | None:
-    """Return the right position of a left one: FL -> FR, rear.left -> rear.right; None for other names."""
+    """Return the name of the wheel on the right of a left wheel: FL -> FR, rear.left -> rear.right; else None."""
     for left_letter, right_letter in _LETTERS.items():
         if (len(left_letter) > 1 and left_letter in position) or (
             len(left_letter) == 1 and position.endswith(left_letter)

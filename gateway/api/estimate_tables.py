@@ -282,9 +282,9 @@ class EstimateRows:
             self._texts["name"].append(self._code(estimate.name))
             self._texts["status"].append(self._code(str(estimate.status)))
             self._texts["reasons"].append(self._code(joined(estimate.reasons)))
-            self._numbers["value"].append(_known(estimate.value))
-            self._numbers["std"].append(_known(estimate.std))
-            self._numbers["constant_std"].append(_known(estimate.constant_std))
+            self._numbers["value"].append(_finite_or_nan(estimate.value))
+            self._numbers["std"].append(_finite_or_nan(estimate.std))
+            self._numbers["constant_std"].append(_finite_or_nan(estimate.constant_std))
             self._numbers["scatter_std"].append(estimate.scatter_std if math.isfinite(estimate.std) else math.nan)
 
     def table(self, recording: str) -> Estimates:
@@ -306,7 +306,7 @@ class EstimateRows:
         return self._codes.setdefault(word, len(self._codes))
 
 
-def _known(value: float) -> float:
+def _finite_or_nan(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 

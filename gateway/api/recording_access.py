@@ -387,22 +387,14 @@ class Recording(Mapping[str, "Wheel"]):
         return target
 
     def report_html(self, path: PathLike | None = None, *, force: bool = False) -> str:
-        """Return the page of `treadlink estimate --html`, and write it to a file if one is given.
-
-        Args:
-            path: new file.
-            force: overwrite an existing one.
-
-        Raises:
-            OutputError: a package is missing, the file exists, or it cannot be written.
-        """
+        """Return the page of `treadlink estimate --html`, and write it; arguments as `Diagnosis.report_html`."""
         from gateway.views.drive_page.drive import Drive
         from gateway.views.drive_page.drive_page import check_page, drive_page
         from gateway.views.output_file import write_whole
 
         if path is not None:
             check_page(Path(path), force=force)
-        recording, drive = self._opened(), Drive(self.name)
+        recording, drive = self._opened(), Drive(self.name, self._file.info.described_run().lines())
         estimation = RecordingPass(recording, self._settings.estimators, signals=recording.signals())
         for result in estimation:
             drive.add(result)

@@ -143,22 +143,20 @@ def _fig_7(spectra: Sequence[tuple[MeasuredTire, OrderStatistics]], figure: Figu
     )
 
 
-def _fig_11(tires: Sequence[MeasuredTire], figure: Figure) -> str:
+def _fig_11(tire: MeasuredTire, waveforms: Waveforms, fitted: FloatArray, figure: Figure) -> str:
     """Standing-wave amplitudes of the radial acceleration: signal and fitted linear ring."""
-    tire, waveforms, fitted = _fitted(tires)
     measured = measured_orders(waveforms.average)
     draw_orders(figure.subplots(), measured, fitted, tire.name)
-    known = np.isfinite(measured)
+    finite = np.isfinite(measured)
     return (
         f"{_condition(tire)}: Eq. 27 with the numbers of Eq. 28 fits the orders with a residual of "
-        f"{relative_residual(measured[known], fitted[known]):.0%}. A good fit of the orders does not make the numbers "
-        "right."
+        f"{relative_residual(measured[finite], fitted[finite]):.0%}. A good fit of the orders does not make the "
+        "numbers right."
     )
 
 
-def _fig_12(tires: Sequence[MeasuredTire], figure: Figure) -> str:
+def _fig_12(tire: MeasuredTire, waveforms: Waveforms, fitted: FloatArray, figure: Figure) -> str:
     """Radial acceleration over a revolution: signal and fitted linear ring."""
-    tire, waveforms, fitted = _fitted(tires)
     average = waveforms.average
     label = f"{tire.name}, {average.count} revolutions"
     error = draw_waveform(figure, average.radial_mps2, average.omega_radps, tire.radius_m, fitted, label)
@@ -212,9 +210,9 @@ def _usable(series: Mapping[str, Sequence[tuple[MeasuredTire, float, float]]], a
     Raises:
         _MissingError: less than two different abscissae.
     """
-    place = _ABSCISSAE[against][1]
+    abscissa = _ABSCISSAE[against][1]
     points = {
-        name: [(place(tire), value, std) for tire, value, std in values if math.isfinite(place(tire) + value)]
+        name: [(abscissa(tire), value, std) for tire, value, std in values if math.isfinite(abscissa(tire) + value)]
         for name, values in series.items()
     }
     if not any(points.values()):
@@ -280,20 +278,14 @@ def _condition(tire: MeasuredTire) -> str:
     return ", ".join(parts)
 
 
-def _make_fig_11(tires: Sequence[MeasuredTire]) -> Draw:
-    _fitted(tires)
-    return _titled(_fig_11, tires)
-
-
-def _make_fig_12(tires: Sequence[MeasuredTire]) -> Draw:
-    _fitted(tires)
-    return _titled(_fig_12, tires)
+def _make_fitted(draw: Callable[..., str], tires: Sequence[MeasuredTire]) -> Draw:
+    return _titled(draw, *_fitted(tires))
 
 
 _FIGURES: Final[dict[str, Callable[[Sequence[MeasuredTire]], Draw]]] = {
     "ring-fig-7": _make_fig_7,
-    "ring-fig-11": _make_fig_11,
-    "ring-fig-12": _make_fig_12,
+    "ring-fig-11": partial(_make_fitted, _fig_11),
+    "ring-fig-12": partial(_make_fitted, _fig_12),
     "ring-fig-13": partial(_make_trend, "Bs", "Bending stiffness number against wear", "wear"),
     "ring-fig-14": partial(_make_trend, "Cw", "Contact width number against pressure number", "pressure number"),
     "ring-fig-15": partial(_make_trend, "Rs", "Radial stiffness number against contact angle", "contact angle"),

@@ -19,7 +19,7 @@ from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import NO_DESCRIPTION, Note, RunDescription
 from gateway.recording.writer import RecordingWriter
 
-# Minutes of a car: clocks of computers that differ by more are wrong.
+# Some minutes of one link: copies of a frame are no further apart, unless a clock is wrong.
 _REMEMBERED_FRAMES: Final = 200_000
 
 
@@ -198,10 +198,10 @@ def _check_wheels(contents: Sequence[_Content], paths: Sequence[Path]) -> None:
                     remedy,
                 )
             for sensor in sensors:
-                place, other_path = by_sensor.setdefault(sensor, ((link, hub, wheel), path))
-                if place != (link, hub, wheel):
+                origin, other_path = by_sensor.setdefault(sensor, ((link, hub, wheel), path))
+                if origin != (link, hub, wheel):
                     raise RecordingError(
-                        f"the sensor {sensor:08x} comes from two hubs or wheels: hub {place[1]}, wheel {place[2]} in "
+                        f"the sensor {sensor:08x} comes from two hubs or wheels: hub {origin[1]}, wheel {origin[2]} in "
                         f"'{other_path}' and hub {hub}, wheel {wheel} in '{path}'",
                         remedy,
                     )

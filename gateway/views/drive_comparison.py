@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -12,7 +11,7 @@ from gateway.estimators.weighted_mean import MeanEstimate
 from gateway.quantity_catalogue import unit_of
 from gateway.reasons import Code, Reason
 from gateway.views.drive_page.drive import Drive
-from gateway.views.numbers import fixed, round_to_error, split_name
+from gateway.views.numbers import finite_or_none, fixed, round_to_error, split_name
 from gateway.views.readout import DISTANCE
 from gateway.views.tables.table_sinks import CsvSink
 from gateway.views.tables.wheel_glance import GLANCE
@@ -84,13 +83,16 @@ def comparison_csv(differences: Sequence[MeanDifference]) -> bytes:
         sink.row(
             [
                 *(compared.wheel, compared.name, unit_of(compared.name)),
-                *(first.value, _known(first.std), first.count, second.value, _known(second.std), second.count),
-                *(*map(_known, numbers), compared.is_significant),
+                *(
+                    first.value,
+                    finite_or_none(first.std),
+                    first.count,
+                    second.value,
+                    finite_or_none(second.std),
+                    second.count,
+                ),
+                *(*map(finite_or_none, numbers), compared.is_significant),
                 *(joined(first.reasons), joined(second.reasons)),
             ]
         )
     return buffer.getvalue()
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None

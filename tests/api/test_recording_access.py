@@ -7,6 +7,7 @@ import dataclasses
 import io
 import json
 import math
+import shutil
 import traceback
 
 import numpy as np
@@ -430,10 +431,14 @@ def test_text_forms_state_units(recording):
     assert "km/h" in revolution._repr_html_()
 
 
-def test_page_is_that_of_estimate(recorded, recording, tmp_path):
+def test_page_is_that_of_estimate(recorded, tmp_path):
     by_command, by_program = tmp_path / "command.html", tmp_path / "program.html"
-    assert CliRunner().invoke(treadlink, ["estimate", str(recorded), "--html", str(by_command)]).exit_code == 0
-    assert recording.report_html(by_program) == by_command.read_text(encoding="utf-8")
-    assert by_program.read_bytes() == by_command.read_bytes()
-    with pytest.raises(gateway.OutputError, match="already exists"):
-        recording.report_html(by_program)
+    described = shutil.copy(recorded, tmp_path / "described.mcap")
+    assert CliRunner().invoke(treadlink, ["note", str(described), "--comment", "wet track"]).exit_code == 0
+    assert CliRunner().invoke(treadlink, ["estimate", str(described), "--html", str(by_command)]).exit_code == 0
+    with gateway.open(described) as recording:
+        assert recording.report_html(by_program) == by_command.read_text(encoding="utf-8")
+        assert by_program.read_bytes() == by_command.read_bytes()
+        assert "wet track" in by_program.read_text(encoding="utf-8")
+        with pytest.raises(gateway.OutputError, match="already exists"):
+            recording.report_html(by_program)

@@ -19,7 +19,7 @@ def order_hz(conditions: GroupConditions) -> ComplexArray:
     return ORDER * (conditions.omega_radps / (2.0 * math.pi))
 
 
-def filtered(signal: FloatArray, response: ComplexArray | FloatArray) -> FloatArray:
+def filtered(signal: FloatArray, response: ComplexArray) -> FloatArray:
     """Return a periodic signal (..., FIELD_SIZE) behind a filter.
 
     Args:

@@ -244,14 +244,14 @@ def _drift(fit: Fit, index: int, walk: _Walk, number: int, parameter: int, rival
         replace(
             _fitted(
                 shown,
-                float(walk.candidate.values[parameter] + ends[place]),
-                math.sqrt(max(float(covariance[place, place]), 0.0)),
+                float(walk.candidate.values[parameter] + ends[side]),
+                math.sqrt(max(float(covariance[side, side]), 0.0)),
             ),
             inverse_display=shown.inverse_display,
         )
-        for place in (0, 1)
+        for side in (0, 1)
     )
-    # The inverse of a parameter has no rate of its own: a rate is that of the parameter.
+    # A parameter shown as its inverse has no rate in that unit: the rate is that of the parameter itself.
     return Drift(walk.candidate.name, shown.name, group.label, _fitted(shown, *rate), begin, end, rivals)
 
 

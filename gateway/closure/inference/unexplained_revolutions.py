@@ -244,9 +244,9 @@ def _timing_s(group: Group, profiles: _Profiles, number: int, cells: IntArray, m
     tau_square = float((precision * square * power).sum()) / below if below > 0.0 else 0.0
     if not tau_square > 0.0:
         return math.nan
-    here = measured[:, cells]
-    rest = float(np.abs((power - tau_square * square)[:, cells][here]).sum())
-    is_timing = rest < criteria.EDGE_SHAPE * float(np.abs(power[:, cells][here]).sum())
+    within = measured[:, cells]
+    rest = float(np.abs((power - tau_square * square)[:, cells][within]).sum())
+    is_timing = rest < criteria.EDGE_SHAPE * float(np.abs(power[:, cells][within]).sum())
     return math.sqrt(tau_square) if is_timing else math.nan
 
 

@@ -32,7 +32,7 @@ class DriveWheel:
     Attributes:
         row: its means and counts, as in the dataset of a campaign.
         points: estimates of evenly chosen revolutions, at most MOST_POINTS.
-        stride: one in so many revolutions is among them.
+        stride: `points` has every stride-th revolution.
         state: last state, None when it is not known.
     """
 

@@ -42,7 +42,7 @@ class Line(NamedTuple):
 
 
 def begin_ns(drive: Drive) -> int:
-    """Return the end of the first revolution of any wheel 0 without one."""
+    """Return the end of the first revolution of any wheel, ns; 0 without one."""
     return min((wheel.points[0].time_ns for wheel in drive.wheels.values()), default=0)
 
 
