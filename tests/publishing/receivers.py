@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from http.server import HTTPServer
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import TypeVar
 
 from gateway.publishing.sink import Item, PublishedState, SinkDownError, SinkEndedError
@@ -22,6 +22,33 @@ def serving(server: _S) -> Iterator[_S]:
     server.shutdown()
     thread.join()
     server.server_close()
+
+
+class PostServer(HTTPServer):
+    """Answers every POST with `status`; keeps path, authorization and body of each, and the lines that it accepted."""
+
+    def __init__(self, port: int = 0) -> None:
+        super().__init__(("127.0.0.1", port), _PostHandler)
+        self.status = 204
+        self.requests: list[tuple[str, str | None, bytes]] = []
+        self.lines: list[str] = []
+
+
+class _PostHandler(BaseHTTPRequestHandler):
+    server: PostServer
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.requests.append((self.path, self.headers["Authorization"], body))
+        if self.server.status < 300:
+            self.server.lines += body.decode().splitlines()
+        self.send_response(self.server.status)
+        if self.server.status in (302, 307):
+            self.send_header("Location", "/elsewhere")
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
 
 
 class Receiver:

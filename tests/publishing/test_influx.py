@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
@@ -12,7 +11,7 @@ from gateway.pipeline.results import SinkState
 from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
-from tests.publishing.receivers import serving
+from tests.publishing.receivers import PostServer, serving
 from tests.testkit.waiting import TIMEOUT_S, until
 
 influx = pytest.importorskip("gateway.publishing.influx")
@@ -20,34 +19,9 @@ TOKEN, lines = influx.TOKEN, influx.lines
 parse_line = pytest.importorskip("line_protocol_parser").parse_line
 
 
-class Server(HTTPServer):
-    """Takes writes with `status`, and keeps what it confirmed."""
-
-    def __init__(self) -> None:
-        super().__init__(("127.0.0.1", 0), _Handler)
-        self.status = 204
-        self.requests: list[tuple[str, str]] = []
-        self.lines: list[str] = []
-
-
-class _Handler(BaseHTTPRequestHandler):
-    server: Server
-
-    def do_POST(self) -> None:
-        body = self.rfile.read(int(self.headers["Content-Length"])).decode()
-        self.server.requests.append((self.path, self.headers["Authorization"]))
-        if self.server.status == 204:
-            self.server.lines += body.splitlines()
-        self.send_response(self.server.status)
-        self.end_headers()
-
-    def log_message(self, format: str, *args: object) -> None:
-        pass
-
-
 @pytest.fixture
-def server() -> Iterator[Server]:
-    with serving(Server()) as server:
+def server() -> Iterator[PostServer]:
+    with serving(PostServer()) as server:
         yield server
 
 
@@ -100,7 +74,7 @@ def test_server_gets_everything_with_bucket_org_and_token(items, server, monkeyp
     worker.finish()
     assert worker.join(TIMEOUT_S)
     assert sorted(server.lines) == sorted(line for item in items for line in lines(item))
-    path, authorization = server.requests[0]
+    path, authorization, _ = server.requests[0]
     assert "bucket=car+a" in path
     assert "org=rig" in path
     assert "precision=ns" in path

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import threading
 from collections.abc import Iterator
-from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 
@@ -15,37 +14,13 @@ from gateway.publishing.payloads import messages
 from gateway.publishing.sink import SINKS, PublishedAlarm, PublishedRevolution, Sink, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from gateway.publishing.webhook import TOKEN
-from tests.publishing.receivers import serving
+from tests.publishing.receivers import PostServer, serving
 from tests.testkit.waiting import TIMEOUT_S, until
 
 
-class Server(HTTPServer):
-    """Answers with `status`, and keeps what it was asked."""
-
-    def __init__(self, port: int = 0) -> None:
-        super().__init__(("127.0.0.1", port), _Handler)
-        self.status = 204
-        self.requests: list[tuple[str, str | None, dict]] = []
-
-
-class _Handler(BaseHTTPRequestHandler):
-    server: Server
-
-    def do_POST(self) -> None:
-        body = self.rfile.read(int(self.headers["Content-Length"]))
-        self.server.requests.append((self.path, self.headers["Authorization"], json.loads(body)))
-        self.send_response(self.server.status)
-        if self.server.status == 307:
-            self.send_header("Location", "/elsewhere")
-        self.end_headers()
-
-    def log_message(self, format: str, *args: object) -> None:
-        pass
-
-
 @pytest.fixture
-def server() -> Iterator[Server]:
-    with serving(Server()) as server:
+def server() -> Iterator[PostServer]:
+    with serving(PostServer()) as server:
         yield server
 
 
@@ -65,7 +40,8 @@ def test_alarms_arrive_and_nothing_else(server, items, monkeypatch) -> None:
     worker.finish()
     assert worker.join(TIMEOUT_S)
     alarms = [next(messages(item)) for item in items if isinstance(item, PublishedAlarm)]
-    assert server.requests == [("/hook/T0P?key=hidden", "Bearer secret", alarm) for alarm in alarms]
+    asked = [(path, authorization, json.loads(body)) for path, authorization, body in server.requests]
+    assert asked == [("/hook/T0P?key=hidden", "Bearer secret", alarm) for alarm in alarms]
     assert [alarm["raised"] for alarm in alarms] == [True, False]
     assert worker.snapshot().published == 2, "revolutions are not sent, and not counted"
     assert not worker.is_left
@@ -89,7 +65,7 @@ def test_a_refused_alarm_is_sent_again(server, items, status) -> None:
 
 
 def test_an_alarm_waits_for_a_server_that_is_away(items) -> None:
-    server = Server()
+    server = PostServer()
     server.server_close()
     name, sink = open_sink(f"webhook:http://127.0.0.1:{server.server_port}/", SinkSetting())
     worker = worker_of(name, sink)
@@ -98,7 +74,7 @@ def test_an_alarm_waits_for_a_server_that_is_away(items) -> None:
     until(lambda: worker.snapshot().state is SinkState.DOWN)
     worker.offer(next(item for item in items if isinstance(item, PublishedRevolution)))
     assert worker.snapshot().waiting == 1, "revolutions take no room from alarms"
-    back = Server(server.server_port)
+    back = PostServer(server.server_port)
     thread = threading.Thread(target=back.serve_forever, args=(0.01,))
     thread.start()
     worker.finish()
