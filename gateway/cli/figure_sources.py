@@ -52,12 +52,18 @@ class FigureSource:
 
 
 def read_grid(path: Path) -> list[FigureSource]:
-    """Return the recordings of a table of conditions, a CSV file with the columns `recording` and others.
+    """Return the recordings of a table of conditions: CSV with the column `recording`, by commas or semicolons.
 
     Raises:
         ConfigError: it cannot be read, has another column, no recording, or a cell that is no positive number.
     """
-    lines = csv.DictReader(io.StringIO(read_text(path, "the table of conditions")), restkey="")
+    table = read_text(path, "the table of conditions")
+    delimiter = ";" if ";" in table.partition("\n")[0] else ","
+    lines = csv.DictReader(io.StringIO(table), restkey="", delimiter=delimiter)
+    try:
+        rows = [(lines.line_num, line) for line in lines]
+    except csv.Error as error:
+        raise ConfigError(f"'{path}', line {lines.line_num}: {error}", "Give a CSV file.") from error
     columns = [name.strip() for name in lines.fieldnames or ()]
     for name in columns:
         if name not in _COLUMNS:
@@ -66,11 +72,10 @@ def read_grid(path: Path) -> list[FigureSource]:
             )
     if "recording" not in columns:
         raise ConfigError(f"'{path}' has no column 'recording'", f"Its first line names some of {', '.join(_COLUMNS)}.")
-    lines.fieldnames = columns
     sources = []
-    for line in lines:
-        cells = {name: (line[name] or "").strip() for name in columns}
-        origin = f"'{path}', line {lines.line_num}"
+    for number, line in rows:
+        cells = {name.strip(): (cell or "").strip() for name, cell in line.items() if name}
+        origin = f"'{path}', line {number}"
         if "" in line or not cells["recording"]:
             raise ConfigError(f"{origin} does not fit the columns", f"Give a cell for each of {', '.join(columns)}.")
         values = {

@@ -128,6 +128,8 @@ def test_dataset_gives_trends_without_waveforms(folder, tmp_path):
         ("recording,load_n\na,3,4\n", "line 2 does not fit"),
         ("recording,load_n\n,3\n", "line 2 does not fit"),
         ("recording\n", "has no recording"),
+        (f"recording\n{'a' * 200_000}\n", "line 1: field larger"),
+        ("recording;laod_n\na;3\n", "a column 'laod_n'"),
     ],
 )
 def test_faults_of_a_table_are_named(tmp_path, text, message):
@@ -135,6 +137,13 @@ def test_faults_of_a_table_are_named(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ConfigError, match=message):
         read_grid(path)
+
+
+def test_semicolons_separate_cells_too(tmp_path):
+    path = tmp_path / "grid.csv"
+    path.write_text("recording; wheel; load_n\na.mcap; FL; 4000\n")
+    (source,) = read_grid(path)
+    assert (source.path.name, source.wheel, source.stated.load_n) == ("a.mcap", "FL", 4000.0)
 
 
 def test_wheel_that_is_not_there_is_named(folder):
