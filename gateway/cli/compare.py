@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
+
+if TYPE_CHECKING:
+    from gateway.views.progress import Bar
 
 
 @click.command()
@@ -51,6 +56,7 @@ def compare(
     from gateway.security.key_file import default_key_file
     from gateway.views.drive_comparison import comparison_csv, comparison_lines, means_of
     from gateway.views.output_file import check_outputs, is_stdout, write_whole
+    from gateway.views.progress import progress_bar
     from gateway.views.wording import text
 
     check_outputs([csv_path], [first, second, config_path, *effects_paths, key_file or default_key_file()], force=force)
@@ -59,7 +65,9 @@ def compare(
         order = EstimateOrder(
             path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {}, is_drawn=True
         )
-        estimated = estimate_recording(order, lambda _: None, ())
+        size = path.stat().st_size if path.is_file() else 0
+        with progress_bar(f"estimating {path.name}") as bar:
+            estimated = estimate_recording(order, partial(_show, bar, size), ())
         assert estimated.drive is not None
         drives.append(estimated.drive)
         if estimated.damage is not None:
@@ -82,3 +90,7 @@ def compare(
     if damaged:
         raise TreadlinkError("; ".join(damaged), "The readable part was compared.")
     say.finish()
+
+
+def _show(bar: Bar, size: int, position: int) -> None:
+    bar.show(position / max(size, 1))

@@ -129,14 +129,18 @@ def _of_recording(source: FigureSource, config_path: Path | None) -> list[Measur
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.recording.recorded_file import open_recorded_file
     from gateway.session.recording_pass import RecordingPass, open_recording
+    from gateway.views.progress import progress_bar
 
-    recording = open_recording(open_recorded_file(source.path), config_path)
+    file = open_recorded_file(source.path)
     wheels: dict[str, MeasuredWheel] = {}
-    for result in RecordingPass(recording, DEFAULT_ESTIMATORS, signals=recording.signals()):
-        if source.wheel in (None, result.position):
-            if result.position not in wheels:
-                wheels[result.position] = MeasuredWheel(f"{source.path.stem} {result.position}", source.stated)
-            wheels[result.position].add(result.revolution, result.conditions, result.estimates)
+    with progress_bar(f"reading {source.path.name}") as bar:
+        size = max(file.info.size_bytes, 1)
+        recording = open_recording(file, config_path, on_position=lambda position: bar.show(position / size))
+        for result in RecordingPass(recording, DEFAULT_ESTIMATORS, signals=recording.signals()):
+            if source.wheel in (None, result.position):
+                if result.position not in wheels:
+                    wheels[result.position] = MeasuredWheel(f"{source.path.stem} {result.position}", source.stated)
+                wheels[result.position].add(result.revolution, result.conditions, result.estimates)
     if source.wheel is not None and source.wheel not in wheels:
         raise RecordingError(
             f"wheel '{source.wheel}' has no revolution in '{source.path}'",

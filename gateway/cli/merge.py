@@ -47,7 +47,7 @@ def merge(recordings: tuple[Path, ...], out: Path, config_path: Path | None) -> 
         recordings, out, vehicle_toml=vehicle_toml, on_recording=lambda path: say(f"reading {path}")
     )
     say(
-        f"{report.target}: {report.items} chunks and events of {len(recordings)} recordings; {report.repeated_frames} "
-        f"frames were in two of them and are taken once, {report.noise_bytes} bytes outside frames are left out"
+        f"{report.target}: {report.items} chunks and events of {len(recordings)} recordings; left out: "
+        f"{report.repeated_frames} repeated frames, {report.noise_bytes} bytes outside frames"
     )
     say.finish()
