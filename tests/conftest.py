@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from gateway.io.source import Source
@@ -21,8 +21,13 @@ if TYPE_CHECKING:
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(variable, "1")
 
-# `make nightly` runs with fresh seeds and prints what repeats a failure; CI runs the same examples every time.
-settings.register_profile("nightly", derandomize=False, print_blob=True)
+# The same examples everywhere and every time, and no limit of time: a busy computer is no failure. `make nightly` runs
+# with fresh seeds and prints what repeats a failure.
+settings.register_profile(
+    "usual", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow], print_blob=True
+)
+settings.register_profile("nightly", settings.get_profile("usual"), derandomize=False)
+settings.load_profile("usual")
 
 # A parent that ignores SIGINT, as a shell does in the background, hands that on. Children need the default for Ctrl-C.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
