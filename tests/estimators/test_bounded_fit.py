@@ -9,7 +9,7 @@ from scipy.optimize import least_squares, nnls
 from gateway.estimators.bounded_fit import fit_nonnegative
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_linear_problems_match_scipy_nnls(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -21,7 +21,7 @@ def test_linear_problems_match_scipy_nnls(seed: int) -> None:
     assert (fit.parameters >= 0.0).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_rational_problems_match_scipy(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -86,7 +86,7 @@ def test_correlated_numbers_are_reported() -> None:
     assert Code.CORRELATED not in codes_of(determination(fitted(0.5)).why_not(1))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=16, max_size=16), st.floats(1e-4, 3.0))
 def test_ratio_errors_follow_from_the_covariance(entries: list[float], size: float) -> None:
     root = np.array(entries).reshape(4, 4) * size * 1e-2 * VALUES[:, np.newaxis]

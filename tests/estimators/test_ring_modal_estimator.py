@@ -37,7 +37,7 @@ def estimates_of(wave: np.ndarray, estimator: object | None = None) -> dict[str,
     return {e.name: e for e in chosen.update(revolution, settled(revolution), CONDITIONS)}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     factors=st.tuples(factor, factor, factor, factor),
     shape=st.tuples(st.floats(-0.2, 0.2), st.floats(-0.8, -0.2), st.floats(-0.1, 0.1), st.floats(-0.6, -0.1)),

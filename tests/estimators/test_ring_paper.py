@@ -51,7 +51,7 @@ def values(estimates: dict[str, Estimate]) -> np.ndarray:
 factor = st.floats(0.4, 2.5)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(factors=st.tuples(factor, factor, factor, factor))
 def test_data_of_the_papers_model_return_its_numbers(factors: tuple[float, float, float, float]) -> None:
     numbers = tuple(f * t for f, t in zip(factors, TABLE_3_NUMBERS, strict=True))

@@ -72,7 +72,7 @@ def test_even_orders_about_the_centre() -> None:
     assert even_orders(waves, centre, max_order=2)[0, 3] == 0.0
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=40))
 def test_integration_is_exact_when_band_limited(amounts: list[float]) -> None:
     n = np.arange(1, len(amounts) + 1)

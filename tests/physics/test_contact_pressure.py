@@ -18,7 +18,7 @@ ORDERS = np.arange(1, 61)
 amount = st.floats(-1.0, 1.0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     shape=st.tuples(amount, amount, amount, amount),
     half=st.floats(0.05, 0.8),

@@ -27,7 +27,7 @@ RING = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure
 ORDERS = np.arange(1, 61)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     factors=st.tuples(*[st.floats(0.2, 5.0)] * 4),
     omega=st.floats(0.0, 250.0),

@@ -30,7 +30,7 @@ LOADED = {"load_n": 5000.0, "pressure_pa": PRESSURE_PA, "radius_m": RADIUS_M, "h
 positive = st.floats(0.2, 5.0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(factors=st.tuples(positive, positive, positive, positive), radius=st.floats(0.2, 0.6), bar=st.floats(1.0, 9.0))
 def test_modal_number_is_eq_13(factors: tuple[float, float, float, float], radius: float, bar: float) -> None:
     pressure = bar * 1e5

@@ -43,7 +43,7 @@ EVENTS = st.builds(LinkEvent, LINKS, TIMES, st.sampled_from(LinkEventKind), st.t
 ITEMS = st.lists(CHUNKS | EVENTS, max_size=40)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(items=ITEMS)
 def test_items_read_back_unchanged(tmp_path_factory: pytest.TempPathFactory, items: list[LinkItem]) -> None:
     path = tmp_path_factory.mktemp("any") / "r.mcap"

@@ -40,7 +40,7 @@ def indexes(draw: st.DrawFn) -> ChunkIndex:
     )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(indexes(), max_size=20), st.integers(1, 80))
 def test_packed_indexes_are_lossless(entries: list[ChunkIndex], times: int) -> None:
     packed = PackedIndexes("")

@@ -131,7 +131,7 @@ def unsigned_commands(sent: Sequence[bytes]) -> list[int]:
     return [kind for kind in types if kind in (MessageType.SET_STREAM, MessageType.SET_RATE, MessageType.SET_TIME)]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(st.sampled_from(ALL), max_size=12), st.booleans(), st.integers(SECONDS - 2, SECONDS + 2))
 def test_no_replay_executes_a_command_or_brings_it_out_unsigned(
     frames: list[bytes], running: bool, seconds: int

@@ -101,7 +101,7 @@ def outcome(line: str) -> int:
     return result.exit_code
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(first=st.integers(0, 120), count=st.sampled_from([1, 20, 10_000]), time_ns=TIMES, steps=st.booleans())
 @example(first=0, count=10_000, time_ns=2**63, steps=False)
 @example(first=60, count=10_000, time_ns=2**63, steps=True)

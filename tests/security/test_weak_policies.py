@@ -44,7 +44,7 @@ def seqs(frames: list[Frame]) -> list[tuple[int, int]]:
     return [(f.wheel, f.seq) for f in frames if isinstance(f.message, SampleBlock) and f.wheel in (0, 1)]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.lists(HOSTILE, max_size=3), min_size=len(STREAM), max_size=len(STREAM)))
 def test_a_verified_source_loses_nothing_to_unverified_frames(hostile: list[list[bytes]]) -> None:
     decoder = FrameDecoder(guard(requires=False).gate("link"))

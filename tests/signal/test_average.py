@@ -64,7 +64,7 @@ def test_effective_count_matches_exponential_average() -> None:
     np.testing.assert_allclose(result.radial_mps2, 0.5 * SHAPE, atol=4.0)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(speeds=st.lists(st.floats(5.0, 300.0), min_size=2, max_size=12))
 def test_average_scales_to_latest_speed(speeds: list[float]) -> None:
     average = RunningAverage()
@@ -155,7 +155,7 @@ def test_returned_averages_do_not_change() -> None:
         np.testing.assert_array_equal(before, after)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     highest=st.lists(st.sampled_from([54, 58, 60]), min_size=3, max_size=12),
     cuts=st.sets(st.integers(1, 11)),

@@ -56,7 +56,7 @@ def test_damped_tread_shifts_edges() -> None:
     assert edges.trailing_rad == pytest.approx(truth.trailing_edge_rad, abs=1.5 * EDGE_MODEL_STD_RAD)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(constant=st.floats(-5e3, 5e3), gain=st.floats(0.01, 100.0))
 def test_edges_ignore_coupling_and_gain(constant: float, gain: float) -> None:
     wave = clean_wave()
@@ -75,7 +75,7 @@ def test_reversed_waveform_swaps_edges() -> None:
     assert mirrored.trailing_rad == pytest.approx(-forward.leading_rad, abs=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(shift=st.floats(-0.08, 0.08))
 def test_edges_follow_contact_centre(shift: float) -> None:
     spectrum = np.fft.rfft(clean_wave())

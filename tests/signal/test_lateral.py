@@ -46,7 +46,7 @@ def test_trusted_orders_are_limited_by_sampling() -> None:
 
 
 @given(st.integers(0, 2**31))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_deformation_inverts_second_derivative(seed: int) -> None:
     y, second = random_shape(seed)
     x = lateral_coefficients(second + 3.0, ORDERS)  # a constant is no deformation
@@ -57,7 +57,7 @@ def test_deformation_inverts_second_derivative(seed: int) -> None:
 
 
 @given(st.integers(0, 2**31), st.floats(-0.5, -0.05), st.floats(0.0, 0.5))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_rows_match_slopes_of_the_curve(seed: int, first: float, last: float) -> None:
     x = lateral_coefficients(random_shape(seed)[1], ORDERS)
     fine = np.linspace(first, last, 2001)

@@ -23,7 +23,7 @@ def waveform_from_orders(coefficients: np.ndarray, n: int) -> np.ndarray:
     return coefficients.real @ np.cos(phase) - coefficients.imag @ np.sin(phase)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), n=st.sampled_from([128, 500, 1024]))
 def test_order_coefficients_inverts_the_series(seed: int, n: int) -> None:
     rng = np.random.default_rng(seed)

@@ -71,7 +71,7 @@ def test_constant_acceleration_is_corrected(acceleration: float, speed_kmh: floa
     assert abs(warped[31] + 1j) > 0.02
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     start=st.floats(0.0, 1e4),
     period=st.floats(60.0, 2e4),
@@ -94,7 +94,7 @@ def test_stop_before_revolution_is_not_acceleration() -> None:
     assert fit_phase(1000.0, 1500.0, previous=-1000.0).acceleration == 0.0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(fraction=st.floats(0.0, 1.0), period=st.floats(150.0, 1500.0))
 def test_fractional_centres_do_not_shift_phase(fraction: float, period: float) -> None:
     start = 30.0 + fraction

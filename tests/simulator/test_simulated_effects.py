@@ -155,7 +155,7 @@ def test_stone_strikes_once_per_revolution_and_rings() -> None:
     assert np.isfinite(run(table, speed=stopping, until_s=3.0)).all()
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.floats(0.001, 0.02), st.floats(0.0, 0.02), st.integers(1, 5))
 def test_jitter_moves_only_the_contact_edges(lead: float, trail: float, parts: int) -> None:
     angle = np.linspace(0.0, 2 * math.pi * 300, 300 * 800, endpoint=False)

@@ -199,7 +199,7 @@ def test_silence_leaves_no_gap_in_the_counters(part: int, left: set[MessageType]
     assert any(frame.wheel == 1 for frame in received[141:]) == (part != 0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.lists(st.sampled_from(sorted(FAULTS)), max_size=5),
     st.integers(0, 2**32),
@@ -215,7 +215,7 @@ def test_mixed_faults_keep_time_order(kinds: list[str], seed: int, rate: float, 
     decode(result)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(st.binary(min_size=1, max_size=40), max_size=12), st.randoms(use_true_random=False))
 def test_cutting_at_frame_borders_keeps_every_byte(parts: list[bytes], random: object) -> None:
     frames = [data_of(stream(3, 1))[:262], b"\xa5", b"\xa5\x5a", b"\xa5\x5a\x10\x02\xe0"]

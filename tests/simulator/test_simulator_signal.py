@@ -68,7 +68,7 @@ def test_profile_repeats_and_holds_before_the_first_point() -> None:
     assert held.at(np.array([0.0, 4.0, 6.0, 7.0])).speed_mps == pytest.approx([10, 10, 20, 20])
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     st.lists(st.tuples(st.floats(0.1, 20), st.just(0.0) | st.floats(0.1, 200)), min_size=1, max_size=6),
     st.floats(0, 60),
@@ -115,7 +115,7 @@ def test_lowpass_has_two_poles_and_unit_dc_gain() -> None:
 
 
 @given(st.lists(st.integers(0, 50), min_size=1, max_size=10))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_filters_do_not_depend_on_block_length(sizes: list[int]) -> None:
     signal = np.random.default_rng(1).standard_normal((sum(sizes), 2))
     whole, parts = lowpass(700.0, 9600.0), lowpass(700.0, 9600.0)
