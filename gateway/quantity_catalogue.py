@@ -768,6 +768,9 @@ def quantity_of(name: str) -> Quantity:
 
     An estimate that is not declared rests on the whole signal.
     """
+    quantity = _BY_NAME.get(name)
+    if quantity is not None:
+        return quantity
     plain = name.rpartition(":")[2]
     return _BY_NAME.get(plain) or Quantity(plain, plain, rests_on=_LOCKED)
 

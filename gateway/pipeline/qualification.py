@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Final
 
 from gateway.estimators.estimator import Estimate, Status
@@ -51,13 +51,16 @@ def provisional_where(estimates: Iterable[Estimate], basis: Basis, why: Reason) 
     )
 
 
-def noted_where(estimates: tuple[Estimate, ...], basis: Basis, note: Reason) -> tuple[Estimate, ...]:
-    """Return estimates with a note on those that are not invalid and rest on something."""
+def noted(estimates: tuple[Estimate, ...], names: Collection[str], note: Reason) -> tuple[Estimate, ...]:
+    """Return estimates with a note on those of the names that are not invalid."""
     return tuple(
-        estimate._replace(reasons=(*estimate.reasons, note))
-        if estimate.status is not Status.INVALID and basis in quantity_of(estimate.name).rests_on
-        else estimate
-        for estimate in estimates
+        [
+            # Not by `_replace`, which takes four times as long.
+            Estimate(e.name, e.value, e.std, e.status, (*e.reasons, note), e.scatter_std)
+            if e.name in names and e.status is not Status.INVALID
+            else e
+            for e in estimates
+        ]
     )
 
 

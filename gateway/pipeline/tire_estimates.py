@@ -19,7 +19,7 @@ from gateway.estimators.signal_evidence import Evidence, assess
 from gateway.pipeline.lost_revolutions import LinkLoss, SteadyStatus
 from gateway.pipeline.old_pressure import old_pressure_s
 from gateway.pipeline.own_drift import OwnDrift
-from gateway.pipeline.qualification import noted_where, provisional_where, qualified
+from gateway.pipeline.qualification import noted, provisional_where, qualified
 from gateway.pipeline.results import RevolutionResult, SensorFlag
 from gateway.pipeline.sensor_limits import Doubt
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -196,13 +196,12 @@ class TireEstimates:
         """Make the estimators; they run in the registry's order."""
         self._setup = setup
         self._names = tuple(estimators)
-        # Estimators with quantities whose sign nobody can know.
-        self._signed = frozenset(
-            name
+        # Quantities whose sign nobody can know, by estimator.
+        self._signed = {
+            name: frozenset(quantity.name for quantity in quantities_of(name) if Basis.SIGN in quantity.rests_on)
             for name in estimators
             if not setup.sensor.lateral_is_left
-            and any(Basis.SIGN in quantity.rests_on for quantity in quantities_of(name))
-        )
+        }
         self._current = _Series(estimators)
         # Revolutions with and without known effects subtracted are averaged separately.
         self._series = {False: self._current}
@@ -308,11 +307,11 @@ class TireEstimates:
                     for index, revolution in enumerate(revolutions)
                 ]
             name = estimator.name
-            drift, status = series.drifts[name], series.statuses[name]
+            drift, status, signed = series.drifts[name], series.statuses[name], self._signed.get(name)
             for index, raw in enumerate(made):
                 final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
-                if name in self._signed:
-                    final = noted_where(final, Basis.SIGN, _SIGN_UNVERIFIED)
+                if signed:
+                    final = noted(final, signed, _SIGN_UNVERIFIED)
                 if drift.applies:
                     final = drift.widened(final)
                 final = status.steadied(final, losses[index])
