@@ -3,21 +3,25 @@
 A plan drives its wheels through the pipeline directly, with its own clock, blocks and averages. The other side is what
 a user would do: a hub's bytes of the same data sheet, written into a scenario, through decoder, time base and session.
 Tire size, load, speed, wear, range, rate, noise, steps and band are random. The ratio of two scatters of N wheels each
-scatters by 1 / sqrt(N) itself. Run: python tools/bench_plan.py [--plans N] [--wheels N] [--minutes M]
+scatters by 1 / sqrt(2 N) itself, so that of two by 1 / sqrt(N). Plans take a minute each: --results FILE keeps them,
+and a later run with the same code goes on. Run: python tools/bench_plan.py [--plans N] [--wheels N] [--minutes M]
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import time
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from gateway.config.vehicle import parse_vehicle
+from gateway.fleet.content_keys import estimators_version
 from gateway.pipeline.results import RevolutionResult
 from gateway.planning.accelerometer import Accelerometer
 from gateway.planning.planned_errors import AFTER, ESTIMATORS, plan_sensor
@@ -29,6 +33,8 @@ from gateway.simulator.simulation import simulate
 _WITHIN: Final = 0.2
 # Recorded beyond the last revolution: the first ones may be left out.
 _SPARE_REVOLUTIONS: Final = 6
+# Results do not depend on how many revolutions wait for each other, and the largest blocks take half the time.
+_LATENCY_S: Final = 60.0
 
 
 class RandomPlan(NamedTuple):
@@ -44,10 +50,14 @@ class Comparison(NamedTuple):
     """One quantity after some revolutions of one plan.
 
     Attributes:
+        quantity: its name.
+        revolutions: averaged.
         scatter_ratio: planned over recorded standard deviation.
         shift: planned less recorded mean, in standard errors of this difference.
     """
 
+    quantity: str
+    revolutions: int
     scatter_ratio: float
     shift: float
 
@@ -94,7 +104,9 @@ def random_plan(rng: np.random.Generator) -> RandomPlan:
 
 def recorded_estimates(scenario: Scenario, seed: int) -> dict[tuple[str, int], float]:
     """Return the estimates of one recording by quantity and number of revolutions; empty for too few of them."""
-    core = SessionCore(parse_vehicle(vehicle_toml(scenario), "the scenario"), estimators=ESTIMATORS)
+    core = SessionCore(
+        parse_vehicle(vehicle_toml(scenario), "the scenario"), estimators=ESTIMATORS, latency_s=_LATENCY_S
+    )
     results: list[RevolutionResult] = []
     for chunk in simulate(scenario, seed=seed).chunks("sim:bench", 1_760_000_000_000_000_000):
         results += core.take(chunk)
@@ -108,37 +120,40 @@ def recorded_estimates(scenario: Scenario, seed: int) -> dict[tuple[str, int], f
     return found | speeds
 
 
-def compared(plan: RandomPlan, wheels: int, seed: int) -> dict[tuple[str, int], Comparison]:
-    """Return what is planned against what is recorded, by quantity and number of revolutions."""
+def compared(plan: RandomPlan, wheels: int, seed: int) -> list[Comparison]:
+    """Return what is planned against what is recorded."""
     planned = plan_sensor(plan.tire, plan.sensor, plan.speed_mps, wheels=wheels, seed=seed)
     recordings = [recorded_estimates(plan.recorded, seed * wheels + wheel) for wheel in range(wheels)]
-    found: dict[tuple[str, int], Comparison] = {}
+    comparisons = []
     for error in planned.errors:
         key = (error.quantity, error.revolutions)
         values = np.array([row[key] for row in recordings if math.isfinite(row.get(key, math.nan))])
         if len(values) > 1 and (scatter := float(values.std(ddof=1))) > 0.0:
             shift = error.truth + error.stays - float(values.mean())
             std = math.hypot(error.stays_std, scatter / math.sqrt(len(values)))
-            found[key] = Comparison(error.scatter / scatter, shift / std)
-    return found
+            comparisons.append(Comparison(*key, error.scatter / scatter, shift / std))
+    return comparisons
 
 
 def main() -> None:
     """Compare random plans and print the table."""
     options = _options()
-    comparisons: dict[tuple[str, int], list[Comparison]] = defaultdict(list)
-    ends_s, plans = time.monotonic() + 60.0 * options.minutes, 0
+    ends_s = time.monotonic() + 60.0 * options.minutes
+    kept = _kept(options)
+    plans: list[list[Comparison]] = []
     for number in range(options.plans):
-        plan = random_plan(np.random.default_rng([options.seed, number]))
-        of_plan = compared(plan, options.wheels, number)
-        for key, comparison in of_plan.items():
-            comparisons[key].append(comparison)
-        plans += 1
-        print(f"plan {plans} of {options.plans}: {len(of_plan)} comparisons", flush=True)
-        if time.monotonic() > ends_s:
-            break
+        if number not in kept:
+            if time.monotonic() > ends_s:
+                break
+            plan = random_plan(np.random.default_rng([options.seed, number]))
+            _keep(options, number, compared(plan, options.wheels, number), kept)
+        plans.append(kept[number])
+        print(f"plan {number + 1} of {options.plans}: {len(plans[-1])} comparisons", flush=True)
+    comparisons: dict[tuple[str, int], list[Comparison]] = defaultdict(list)
+    for comparison in (comparison for of_plan in plans for comparison in of_plan):
+        comparisons[comparison.quantity, comparison.revolutions].append(comparison)
     by_chance = 100.0 * math.erf(_WITHIN * math.sqrt(0.5 * options.wheels))
-    print(f"{plans} plans of {options.wheels} wheels: planned over recorded scatter, median; within 20 %")
+    print(f"{len(plans)} plans of {options.wheels} wheels: planned over recorded scatter, median; within 20 %")
     print(f"({by_chance:.0f} % where both are the same); means that differ by more than three standard errors")
     print("| quantity |" + "".join(f" after {count} |" for count in AFTER))
     print("|---|" + "---|" * len(AFTER))
@@ -146,6 +161,33 @@ def main() -> None:
         print(f"| {name} |" + "".join(f" {_cell(comparisons[name, count])} |" for count in AFTER))
     late = [item for (_, count), items in comparisons.items() if count > 1 for item in items]
     print(f"after 10 and 100 revolutions, all quantities: {_cell(late)} of {len(late)}")
+
+
+def _kept(options: argparse.Namespace) -> dict[int, list[Comparison]]:
+    """Return the plans that a former run with the same code has compared, by number."""
+    if options.results is None or not options.results.exists():
+        return {}
+    rows = map(json.loads, options.results.read_text("utf-8").splitlines())
+    return {
+        row["number"]: [Comparison(*values) for values in row["comparisons"]]
+        for row in rows
+        if row["of"] == _identity(options)
+    }
+
+
+def _keep(
+    options: argparse.Namespace, number: int, of_plan: list[Comparison], kept: dict[int, list[Comparison]]
+) -> None:
+    """Keep the comparisons of a plan, in the file as well."""
+    kept[number] = of_plan
+    if options.results is not None:
+        row = {"of": _identity(options), "number": number, "comparisons": of_plan}
+        with options.results.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(row) + "\n")
+
+
+def _identity(options: argparse.Namespace) -> list[Any]:
+    return [options.seed, options.wheels, estimators_version()]
 
 
 def _cell(comparisons: Sequence[Comparison]) -> str:
@@ -161,6 +203,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--plans", type=int, default=30)
     parser.add_argument("--wheels", type=int, default=160, help="drives of a plan, and recordings beside them")
     parser.add_argument("--minutes", type=float, default=math.inf, help="no plan is begun after them")
+    parser.add_argument("--results", type=Path, help="JSON lines of the plans that are done")
     parser.add_argument("--seed", type=int, default=0)
     return parser.parse_args()
 

@@ -44,6 +44,8 @@ AFTER: Final = (1, 10, 100)
 ESTIMATORS: Final = ("kinematic", "weak-form", "wear", "load")
 # The pipeline needs the contacts before and after a revolution, and its first ones may be left out.
 _SPARE_REVOLUTIONS: Final = 6
+# Of a drive, given to the pipeline at once.
+_PART_S: Final = 4.0
 # An analog part is sampled so that its band lies within 0.4 of the rate.
 _SAMPLES_PER_BAND: Final = 2.5
 # Share of the rate up to which the simulator's low-pass is exact.
@@ -261,9 +263,10 @@ def _drive(wheel: WheelSimulator, setup: WheelSetup, seconds: float) -> list[Rev
     reading = Environment(wheel.plan.pressure_pa.at(0.0), wheel.plan.temperature_degc.at(0.0), None)
     counts = wheel.advance(seconds).counts
     results: list[RevolutionResult] = []
-    second = max(1, round(rate_hz) // BLOCK_SAMPLES) * BLOCK_SAMPLES
-    for first in range(0, len(counts) // BLOCK_SAMPLES * BLOCK_SAMPLES, second):
-        part = counts[first : first + second]
+    # Results do not depend on it: parts of a second would be worked on in smaller blocks of revolutions.
+    part_samples = max(1, round(_PART_S * rate_hz) // BLOCK_SAMPLES) * BLOCK_SAMPLES
+    for first in range(0, len(counts) // BLOCK_SAMPLES * BLOCK_SAMPLES, part_samples):
+        part = counts[first : first + part_samples]
         part = part[: len(part) // BLOCK_SAMPLES * BLOCK_SAMPLES]
         ticks = [round((first + start) * 1e6 / rate_hz) for start in range(0, len(part), BLOCK_SAMPLES)]
         pipeline.environment(ticks[0], reading)
