@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tools.reliability import cuts, kills, named, noise, sensors, soak
+from tools.reliability import cuts, kills, live_soak, named, noise, sensors, soak
 
 
 def noise_report(frames: int) -> Iterator[str]:
@@ -67,6 +67,11 @@ def soak_report(minutes: int) -> Iterator[str]:
         yield from soak.report(soak.run_soak("demo", minutes * 60.0, Path(folder)))
 
 
+def live_report(minutes: int) -> Iterator[str]:
+    with tempfile.TemporaryDirectory() as folder:
+        yield from live_soak.report(live_soak.run_live_soak(minutes, Path(folder)))
+
+
 def named_report(_: int) -> Iterator[str]:
     yield from named.report()
 
@@ -83,6 +88,7 @@ SECTIONS: dict[str, tuple[Callable[[int], Iterator[str]], int, int]] = {
     "named": (named_report, 0, 0),
     "sensors": (sensor_report, 0, 0),
     "soak": (soak_report, 3, 600),
+    "live": (live_report, 3, 120),
 }
 
 

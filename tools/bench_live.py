@@ -25,6 +25,7 @@ import termios
 import threading
 import time
 import tty
+from collections.abc import MutableSequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,7 @@ Timed = list[tuple[float, bytes]]
 """Pieces with the time of the monotonic clock at which they were written or read."""
 
 
-def feed(master: int, source_uri: str, stop: threading.Event, written: Timed) -> None:
+def feed(master: int, source_uri: str, stop: threading.Event, written: MutableSequence[tuple[float, bytes]]) -> None:
     """Write the simulated hub's bytes to the pseudo-terminal in real time, frame by frame as a hub would."""
     clock = SystemClock()
     for item in open_source(source_uri, clock).items(stop):

@@ -1,0 +1,31 @@
+"""A short soak of the program: nothing lost, nothing that grows, and a clock that is set."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools.reliability.live_soak import run_live_soak
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux" or shutil.which("cc") is None, reason="needs /proc and a C compiler"),
+]
+
+
+def test_a_session_with_all_outputs_loses_nothing_while_its_clock_is_set(tmp_path: Path) -> None:
+    soak = run_live_soak(0.5, tmp_path, readings=3, split_s=8.0)
+    assert soak.status == 0, soak.summary
+    assert soak.is_equal, (soak.sent_bytes, soak.recorded_bytes)
+    assert soak.files >= 3
+    assert soak.said_steps == soak.clock_steps == 3
+    assert soak.lines > 100
+    assert soak.messages in (0, soak.lines)  # without a broker none
+    assert soak.pages > 0
+    assert soak.refused_pages == 0
+    first, *_, last = soak.readings
+    assert last.threads <= first.threads
+    assert last.descriptors <= first.descriptors + 2  # a browser that comes while another goes
