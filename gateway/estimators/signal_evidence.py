@@ -231,16 +231,22 @@ class Evidence(NamedTuple):
             return Estimate.invalid(estimate.name, *reasons)
         if estimate.status is Status.INVALID:
             return estimate
-        if reasons:
-            return estimate._replace(status=Status.PROVISIONAL, reasons=(*reasons, *estimate.reasons))
-        if self.disagreement is not None and quantity_of(estimate.name).is_radius_times_angle:
-            return estimate._replace(reasons=(*estimate.reasons, self.disagreement))
-        if not self.offset_is_known and Basis.OFFSET in quantity_of(estimate.name).rests_on:
-            unknown = Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m)
-            estimate = estimate._replace(reasons=(*estimate.reasons, unknown))
-        if self.hub_motion is not None and Basis.HUB in quantity_of(estimate.name).rests_on:
-            return estimate._replace(reasons=(*estimate.reasons, self.hub_motion))
-        return estimate
+        status = Status.PROVISIONAL if reasons else estimate.status
+        notes = self._notes_on(estimate.name)
+        if not (reasons or notes):
+            return estimate
+        return estimate._replace(status=status, reasons=(*reasons, *estimate.reasons, *notes))
+
+    def _notes_on(self, name: str) -> list[Reason]:
+        """Return what is to be known of a quantity beside contradictions."""
+        quantity, notes = quantity_of(name), []
+        if self.disagreement is not None and quantity.is_radius_times_angle:
+            notes.append(self.disagreement)
+        if not self.offset_is_known and Basis.OFFSET in quantity.rests_on:
+            notes.append(Reason(Code.OFFSET_UNKNOWN, std_m=self.sensor_offset_std_m))
+        if self.hub_motion is not None and Basis.HUB in quantity.rests_on:
+            notes.append(self.hub_motion)
+        return notes
 
 
 class _Value(NamedTuple):

@@ -299,6 +299,20 @@ def test_error_by_the_shape_is_bounded() -> None:
     ]
 
 
+def test_notes_stand_beside_a_contradiction() -> None:
+    """What is against an estimate does not hide what else is to be known of it."""
+    contradiction = Contradiction(Subject.STEADY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 1.05})
+    moving, note = Reason(Code.HUB_MOVES, amplitude_mps2=2.0), Reason(Code.NO_CONTACT_EDGES)
+    evidence = assess(None, CONDITIONS, 1000.0, ac_coupled=False)._replace(
+        contradictions=(contradiction,), offset_is_known=False, hub_motion=moving
+    )
+    found = evidence.qualified(Estimate("Ts", 2.5, 0.05, Status.VALID, (note,)))
+    assert found.status is Status.PROVISIONAL
+    assert [reason.code for reason in found.reasons] == [
+        Code.MAY_CHANGE_BY, note.code, Code.OFFSET_UNKNOWN, moving.code,
+    ]  # fmt: skip
+
+
 def test_change_without_bound_has_no_size() -> None:
     """A gain of a tenth would need a tenfold radius."""
     contradiction = Contradiction(Subject.GRAVITY, Reason(Code.NO_SINGLE_CAUSE), {Basis.RADIUS: 10.0})
