@@ -58,7 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rolled = options.rolled if options.source == "fe" else None
     usual = DEFAULT if rolled is None else tuple(name for name in DEFAULT if name not in ROLLED_WITHOUT)
     chosen = tuple(options.estimator or usual)
-    orders = [Order(options.seed, tire, cases, chosen, options.cache, options.pairs, rolled) for tire in tires]
+    orders = [
+        Order(options.seed, tire, cases, chosen, options.cache, options.pairs, rolled, options.source == "steady")
+        for tire in tires
+    ]
     if options.kept:
         judged = [one for path in options.kept for one in from_json(json.loads(path.read_text(encoding="utf-8")))]
     else:
@@ -100,7 +103,12 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--first", type=int, default=0, help="number of the first tire")
     parser.add_argument("--tire", type=int, action="append", help="this tire only; repeat for several")
     parser.add_argument("--seed", type=int, default=1, help="of everything")
-    parser.add_argument("--source", choices=("exact", "fe"), default="exact", help="ring, or independent tire")
+    parser.add_argument(
+        "--source",
+        choices=("exact", "steady", "fe"),
+        default="exact",
+        help="ring, or independent tire: rolling steadily, kept",
+    )
     parser.add_argument("--rolled", type=Path, help="with --source fe: folder that tools/independent_tire wrote")
     parser.add_argument("--agreement", action="store_true", help="with --rolled: compare these tires with the ring")
     parser.add_argument("--quick", action="store_true", help="8 tires")

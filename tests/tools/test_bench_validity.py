@@ -68,3 +68,12 @@ def test_cases_have_their_own_names() -> None:
     names = [case.name for case in CASES]
     assert len(set(names)) == len(names)
     assert sum(case.well for case in CASES) == 4
+
+
+def test_referee_has_tires_of_other_sizes_and_is_right_where_all_is_true() -> None:
+    """Finite elements with friction, through the same chain."""
+    found = judge_tire(Order(1, 9, ("known",), QUICK, refereed=True))
+    valid = [one for one in found if one.valid]
+    assert {one.kind for one in found} == {"motorcycle"}
+    assert len(valid) > 0.8 * len(found)
+    assert not any(one.falsely_valid for one in valid)

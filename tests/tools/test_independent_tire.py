@@ -17,7 +17,12 @@ from independent_tire.__main__ import write
 from independent_tire.elements import COORDINATES, Mesh, belt_matrices
 from independent_tire.rolling import Belt, History, RoadForce, roll
 from independent_tire.sensor import ANGLES, signals
+from independent_tire.sideways import Sides, bend_sideways
+from independent_tire.steady import SteadyBelt, roll_steadily
 from independent_tire.tires import TIRES
+
+from gateway.physics.lateral_belt import LateralBelt, solve_lateral_belt
+from gateway.physics.rolling_ring import RingParameters, solve_rolling_ring
 
 RADIUS_M = 0.32
 MESH = Mesh(24, RADIUS_M)
@@ -103,3 +108,46 @@ def test_friction_grows_with_slip_over_its_scale(slip_scale: float) -> None:
     found = road.at(BELT.period_s, still, still)
     # The belt slides at nearly twice its speed over a road that moves the other way.
     assert abs(found.drag_n) / found.push_n == pytest.approx(0.5 * math.tanh(1.96 / slip_scale), rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def steady() -> SteadyBelt:
+    belt = replace(TIRES[1], elements=240, friction=0.8, slip_scale=0.04, traction=-0.1)
+    return roll_steadily(belt, 4000.0)
+
+
+def test_steady_belt_agrees_with_the_ring(steady: SteadyBelt) -> None:
+    """Energies of cubic elements against forces on a chain of nodes."""
+    belt = replace(steady.belt, friction=0.0, traction=0.0)
+    free = roll_steadily(belt, 4000.0, steady)
+    ring = RingParameters(
+        radius_m=belt.radius_m,
+        tension_width_m=belt.tension_width_m,
+        bending_stiffness_nm2=belt.bending_nm2,
+        radial_stiffness_npm2=belt.radial_npm2,
+        tangential_stiffness_npm2=belt.tangential_npm2,
+        mass_kgpm=belt.mass_kgpm,
+        extension_stiffness_n=belt.extension_n,
+        tread_stiffness_npm2=belt.tread_npm2,
+        foundation_damping_nspm2=belt.sidewall_damping_nspm2,
+    )
+    omega = belt.omega_radps
+    solved = solve_rolling_ring(ring, 4000.0, belt.pressure_pa, omega, nodes=1440, sensor_offset_m=0.004)
+    assert free.edges_rad == pytest.approx((solved.leading_edge_rad, solved.trailing_edge_rad), abs=3e-4)
+    assert belt.radius_m - free.height_m == pytest.approx(solved.deflection_m, rel=1e-4)
+    for ours, theirs in zip(free.signals(0.004), solved.sensor, strict=True):
+        mine, other = np.fft.rfft(ours)[:60] / len(ours), np.fft.rfft(theirs)[:60] / len(theirs)
+        assert np.abs(mine - other).max() < 2e-3 * np.abs(other).max()
+    sides = Sides(1.6e6, 1e3, 2.5e5, 8e6, 1.0, coupling_m=1.2e-3, conicity_rad=0.003)
+    for slip_rad in (0.0, 0.02):
+        bent = bend_sideways(free, sides, slip_rad)
+        beam = solve_lateral_belt(solved, LateralBelt(conicity_rad=0.003), slip_angle_rad=slip_rad)
+        assert bent.y_m == pytest.approx(beam.y_m[::6], abs=2e-3 * np.abs(beam.y_m).max())
+        assert bent.side_force_n == pytest.approx(beam.side_force_n, rel=5e-3)
+
+
+def test_steady_belt_carries_its_load_and_is_pulled_as_asked(steady: SteadyBelt) -> None:
+    assert steady.push_n == pytest.approx(4000.0, rel=1e-6)
+    # Braked: the road pushes the belt along its motion, and runs faster than it.
+    assert steady.drag_n == pytest.approx(400.0, rel=1e-5)
+    assert steady.road_share > 1.0

@@ -69,24 +69,30 @@ class GaussPoints:
         weight_m: (P,) length of belt that a point stands for.
         theta_rad: (P,) resting angles.
         at: (p,) points of an element, 0 to 1.
-        values: (4, p) shape functions there: place, slope, next place, next slope.
+        values: (4, p) shape functions there, of `shapes_at`.
+        slopes: (4, p) their derivatives by length.
         element_weight_m: (p,) lengths of an element's points.
     """
 
     def __init__(self, mesh: Mesh, at: Array, weight_m: Array) -> None:
         """Lay out the points `at` (0 to 1) of every element."""
-        length = mesh.length_m
-        x = at
-        values = np.stack([1 - 3 * x**2 + 2 * x**3, length * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3,
-                           length * (x**3 - x**2)])  # fmt: skip
+        length, x = mesh.length_m, at
+        values = self.shapes_at(at, length)
         slopes = np.stack([(6 * x**2 - 6 * x) / length, 1 - 4 * x + 3 * x**2, (6 * x - 6 * x**2) / length,
                            3 * x**2 - 2 * x])  # fmt: skip
-        self.at, self.values, self.element_weight_m = at, values, weight_m
+        self.at, self.values, self.slopes, self.element_weight_m = at, values, slopes, weight_m
         self.shape = _interpolation(mesh.count, values)
         self.slope = _interpolation(mesh.count, slopes)
         self.weight_m = np.tile(weight_m, mesh.count)
         places = np.arange(mesh.count)[:, None] + x[None, :]
         self.theta_rad: Array = (2.0 * math.pi * places / mesh.count - math.pi).reshape(-1)
+
+    @staticmethod
+    def shapes_at(at: Array, length_m: float) -> Array:
+        """Return (4, p) shape functions of an element at points 0 to 1: place, slope, next place, next slope."""
+        x, length = at, length_m
+        return np.stack([1 - 3 * x**2 + 2 * x**3, length * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3,
+                         length * (x**3 - x**2)])  # fmt: skip
 
     def form(self, left: csr_matrix, block: Array, right: csr_matrix) -> csr_matrix:
         """Return the integral of left^T block right over the belt; `block` is (2, 2) or (P, 2, 2)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,11 +15,14 @@ from gateway.estimators.tire_data import LoadCalibration
 from gateway.estimators.tire_fit import TirePoint, fit_load_calibration
 from gateway.physics.rolling_ring import RingNotConvergedError
 from validity.cases import Case, drawn, named
+from validity.finite_elements import record_refereed, refereed_world
 from validity.independent import record_rolled, rolled_tires, rolled_world
 from validity.judging import Judged, judge
 from validity.runs import Run, Store, record, results_of
 from validity.statements import LOAD_STD, Statement, draw_statement, moved_to
 from validity.tires import World, draw_world
+
+Recorder = Callable[[World, Sequence[int]], Run]
 
 # Loads and pressures of the calibration, over the tire's own.
 _CALIBRATED: Final = ((0.7, 1.0), (1.0, 1.0), (1.3, 1.0), (1.0, 1.15))
@@ -40,7 +44,8 @@ class Order:
         pairs: random pairs of misstatements to run beside them, and as many beside normal errors.
         estimators: to judge.
         store: folder of kept solutions, None for none.
-        rolled: folder of kept independent tires; None for the exact ring.
+        rolled: folder of kept independent tires; None for tires that are solved.
+        refereed: whether finite elements solve them, in place of the exact ring.
     """
 
     seed: int
@@ -50,6 +55,7 @@ class Order:
     store: Path | None = None
     pairs: int = 0
     rolled: Path | None = None
+    refereed: bool = False
 
 
 def size_of(case: Case, tire: int) -> float:
@@ -63,12 +69,7 @@ def judge_tire(order: Order) -> list[Judged]:
     A case in which the tire has no equilibrium is left out.
     """
     Store.folder = order.store
-    if order.rolled is None:
-        plain, record_world = draw_world(order.seed, order.tire), record
-    else:
-        tires = rolled_tires(order.rolled)
-        rolled = tires[order.tire % len(tires)]
-        plain, record_world = rolled_world(rolled, order.seed, order.tire), partial(record_rolled, rolled)
+    plain, record_world = _tire_of(order)
     said = draw_statement(plain, np.random.default_rng([order.seed, order.tire, 1]))
     if order.tire % _WITHOUT_REFERENCE == _WITHOUT_REFERENCE - 1:
         said = replace(said, reference=None)
@@ -85,7 +86,7 @@ def judge_tire(order: Order) -> list[Judged]:
             if "load" in order.estimators and order.rolled is None:
                 tire = _as_calibrated(plain, world)
                 if tire not in calibrations:
-                    calibrations[tire] = calibration_of(tire, said, order)
+                    calibrations[tire] = calibration_of(tire, said, order, record_world)
                 statement = replace(statement, calibration=calibrations[tire])
             if world not in runs:
                 runs = {plain: runs[plain]} if plain in runs else {}
@@ -95,6 +96,17 @@ def judge_tire(order: Order) -> list[Judged]:
         results = results_of(runs[world], statement, order.estimators)
         judged += judge(runs[world], statement, results, case, size, order.tire, order.estimators)
     return judged
+
+
+def _tire_of(order: Order) -> tuple[World, Recorder]:
+    """Return the plain tire, and what records a run of it."""
+    if order.refereed:
+        return refereed_world(order.seed, order.tire), record_refereed
+    if order.rolled is None:
+        return draw_world(order.seed, order.tire), record
+    tires = rolled_tires(order.rolled)
+    rolled = tires[order.tire % len(tires)]
+    return rolled_world(rolled, order.seed, order.tire), partial(record_rolled, rolled)
 
 
 def _as_calibrated(plain: World, world: World) -> World:
@@ -108,7 +120,7 @@ def _as_calibrated(plain: World, world: World) -> World:
     )
 
 
-def calibration_of(tire: World, said: Statement, order: Order) -> LoadCalibration | None:
+def calibration_of(tire: World, said: Statement, order: Order, record_world: Recorder) -> LoadCalibration | None:
     """Return the load calibration of a tire as `treadlink calibrate` makes it; None where it sees no contact."""
     points: list[TirePoint] = []
     for index, (load, pressure) in enumerate(_CALIBRATED):
@@ -118,7 +130,7 @@ def calibration_of(tire: World, said: Statement, order: Order) -> LoadCalibratio
             pressure_pa=tire.pressure_pa * pressure,
             revolutions=_CALIBRATION_REVOLUTIONS,
         )
-        run = record(world, (order.seed, order.tire, 100 + index))
+        run = record_world(world, (order.seed, order.tire, 100 + index))
         true = moved_to(replace(said, offset_mm=1e3 * tire.offset_m), tire, world)
         results = results_of(run, true, ("kinematic",))[_SKIPPED:]
         halves = [0.5 * (r.revolution.trailing_edge_rad - r.revolution.leading_edge_rad) for r in results]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -133,7 +134,7 @@ def rolled_world(tire: RolledTire, seed: int, index: int) -> World:
     )
 
 
-def record_rolled(tire: RolledTire, world: World, seed: tuple[int, ...]) -> Run:
+def record_rolled(tire: RolledTire, world: World, seed: Sequence[int]) -> Run:
     """Return a run of a kept tire; its lateral axis is silent."""
 
     def waveforms(plan: WheelPlan, _: World) -> RolledTable:

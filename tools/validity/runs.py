@@ -161,7 +161,7 @@ def _slopes(tire: TireModel, load_n: float, pressure_pa: float, omega_radps: flo
 
 def record(world: World, seed: Sequence[int]) -> Run:
     """Return a run of the exact ring; the same seed gives the same noise in every world."""
-    return record_wheel(world, world.plan(), _waveforms, seed)
+    return record_wheel(world, world.plan(), ring_waveforms, seed)
 
 
 def record_wheel(
@@ -194,8 +194,8 @@ def record_wheel(
     return Run(world, tuple(frames), truth, truth.bottom_times_s(0.0, world.seconds), lateral)
 
 
-def _waveforms(plan: WheelPlan, world: World) -> TireTable:
-    """Return the exact ring's waveforms at the speeds of the run."""
+def ring_waveforms(plan: WheelPlan, world: World) -> TireTable:
+    """Return the waveforms of the plan's tire at the speeds of the run."""
     speeds = plan.motion.at(np.array([0.0, world.seconds])).speed_mps / plan.radius_m
     extents = (
         Range(plan.load_n.low, plan.load_n.high),

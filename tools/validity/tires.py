@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -33,7 +34,7 @@ ZERO_G_STD_MPS2: Final = 1.0
 
 @dataclass(frozen=True, slots=True)
 class TireClass:
-    """Ranges of one kind of vehicle: belt radius, pressure and speed."""
+    """Ranges of one kind of vehicle: belt radius, pressure, speed, load over p0 R^2; breadth is of the belt's Cw."""
 
     name: str
     share: float
@@ -41,6 +42,8 @@ class TireClass:
     pressure_pa: tuple[float, float]
     speed_kmh: tuple[float, float]
     thickness_mm: tuple[float, float]
+    load_number: tuple[float, float] = (0.13, 0.34)
+    breadth: float = 1.0
 
 
 CLASSES: Final = (
@@ -211,10 +214,10 @@ def with_resistance(world: World, coefficient: float) -> World:
     return replace(world, damping_nspm2=(float(found[0]), float(found[1])))
 
 
-def draw_world(seed: int, index: int) -> World:
+def draw_world(seed: int, index: int, classes: Sequence[TireClass] = CLASSES) -> World:
     """Return the tire of a number, always the same one: plain, as the estimators' models assume it."""
     for attempt in range(20):
-        world = _drawn(np.random.default_rng([seed, index, attempt]))
+        world = _drawn(np.random.default_rng([seed, index, attempt]), classes)
         try:
             bs, cw, rs, ts = world.numbers
             ring = RingParameters.from_numbers(bs, cw, rs, ts, radius_m=world.radius_m, pressure_pa=world.pressure_pa)
@@ -225,8 +228,8 @@ def draw_world(seed: int, index: int) -> World:
     raise RuntimeError(f"no tire of seed {seed}, number {index} stands under its load")
 
 
-def _drawn(rng: np.random.Generator) -> World:
-    kind = CLASSES[int(rng.choice(len(CLASSES), p=[c.share for c in CLASSES]))]
+def _drawn(rng: np.random.Generator, classes: Sequence[TireClass]) -> World:
+    kind = classes[int(rng.choice(len(classes), p=[c.share for c in classes]))]
     radius = float(rng.uniform(*kind.radius_m))
     pressure = float(rng.uniform(*kind.pressure_pa))
     size = pressure / TABLE_3_PRESSURE_PA * (radius / TABLE_3_RADIUS_M) ** 2
@@ -249,11 +252,11 @@ def _drawn(rng: np.random.Generator) -> World:
     return World(
         kind=kind.name,
         radius_m=radius,
-        numbers=(bs, cw, rs, ts),
+        numbers=(bs, cw * kind.breadth, rs, ts),
         reference_pa=pressure,
         pressure_pa=pressure,
         # A calibration loads it by a third more, and the simulator takes 50 kN.
-        load_n=min(float(np.exp(rng.uniform(*np.log([0.13, 0.34])))) * pressure * radius**2, 38_000.0),
+        load_n=min(float(np.exp(rng.uniform(*np.log(kind.load_number)))) * pressure * radius**2, 38_000.0),
         speed_kmh=speed,
         rate_hz=rate,
         noise_mg_rthz=float(np.exp(rng.uniform(*np.log([1.0, 15.0])))),
