@@ -42,14 +42,11 @@ _LENGTH_STDS: Final = 2.0
 class CavityEstimator:
     """Frequency of the cavity, and from it the temperature of air, or the gas at the measured temperature."""
 
+    name = "cavity"
+
     def __init__(self) -> None:
         """Start empty."""
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "cavity"
 
     def reset(self) -> None:
         """Forget everything."""

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.estimators.revolution_block import RevolutionBlock
+from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.reasons import Code, Reason
 
 NAMES: Final = ("distance_m",)
@@ -25,17 +25,16 @@ _WHOLE_STD_TURNS: Final = 0.15
 _WHOLE_WITHIN_TURNS: Final = 0.3
 
 
-class DistanceEstimator:
-    """Distance rolled since the first contact centre, up to the end of each revolution."""
+class DistanceEstimator(BlockEstimator):
+    """Distance rolled since the first contact centre, up to the end of each revolution.
 
-    def __init__(self) -> None:
-        """Start at 0."""
-        self.reset()
+    Gives distance_m, 2 pi R for each turn, at the end of this revolution.
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "distance"
+    The standard error has two parts: that of the belt radius, which scales the whole distance, and that of gaps
+    in the signal. Slip between tire and road is not part of it.
+    """
+
+    name = "distance"
 
     def reset(self) -> None:
         """Start at 0 again, as after a change of tire."""
@@ -44,30 +43,11 @@ class DistanceEstimator:
         self._unknown = 0
         self._end_s = self._frequency_hz = math.nan
 
-    def update(
-        self,
-        revolution: Revolution,
-        average: AngleAverage,  # noqa: ARG002 - part of the interface
-        conditions: TireConditions,
-    ) -> tuple[Estimate, ...]:
-        """Return distance_m, 2 pi R for each turn, at the end of this revolution.
-
-        The standard error has two parts: that of the belt radius, which scales the whole distance, and that of gaps
-        in the signal. Slip between tire and road is not part of it. Never raises on values.
-        """
-        return (self._estimate(revolution, conditions),)
-
-    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Return the estimates of every revolution."""
-        return [
-            (self._estimate(revolution, conditions),)
-            for revolution, conditions in zip(block.revolutions, block.conditions, strict=True)
-        ]
-
-    def _estimate(self, revolution: Revolution, conditions: TireConditions) -> Estimate:
+    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+        revolution, conditions = block.revolutions[index], block.conditions[index]
         radius = conditions.radius_m
         if not (radius > 0.0 and revolution.omega_radps > 0.0):
-            return Estimate.invalid(NAMES[0], Reason(Code.SPEED_OR_RADIUS_UNKNOWN))
+            return (Estimate.invalid(NAMES[0], Reason(Code.SPEED_OR_RADIUS_UNKNOWN)),)
         circumference = 2.0 * math.pi * radius
         frequency = revolution.omega_radps / (2.0 * math.pi)
         if not math.isnan(self._end_s):
@@ -89,7 +69,8 @@ class DistanceEstimator:
             )
         if self._unknown:
             doubts.append(Reason(Code.DISTANCE_INTERRUPTED, count=float(self._unknown)))
-        return Estimate(NAMES[0], self._distance_m, std, Status.PROVISIONAL if doubts else Status.VALID, tuple(doubts))
+        status = Status.PROVISIONAL if doubts else Status.VALID
+        return (Estimate(NAMES[0], self._distance_m, std, status, tuple(doubts)),)
 
     def _bridge(self, gap_s: float, frequency_hz: float, circumference_m: float) -> None:
         """Add the turns between two revolutions."""

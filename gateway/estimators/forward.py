@@ -41,14 +41,11 @@ _INSEPARABLE: Final = 0.7
 class ForwardEstimator:
     """Bs, Cw, Rs, Ts, their ratios to Cw, the contact half angle and the amplitudes of the edge waves."""
 
+    name = "forward"
+
     def __init__(self) -> None:
         """Start cold."""
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "forward"
 
     def reset(self) -> None:
         """Forget the last fit."""

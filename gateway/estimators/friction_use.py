@@ -17,8 +17,8 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.determination import DETERMINED
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
@@ -37,29 +37,19 @@ _EDGE_STD: Final = 0.05
 _POINTS: Final = 400
 
 
-class FrictionUseEstimator:
-    """Friction used and sliding share, from the forces of earlier estimators."""
+class FrictionUseEstimator(BlockEstimator):
+    """Friction used and sliding share, from the forces of earlier estimators.
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "friction"
+    Gives friction_used and sliding_share; needs the estimators `longitudinal-force` and `side-force`.
+    """
 
-    def reset(self) -> None:
-        """Forget nothing: every revolution stands alone."""
+    name = "friction"
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return friction_used and sliding_share; needs the estimators `longitudinal-force` and `side-force`."""
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
-
-    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Return the estimates of every revolution."""
-        return [
-            _estimates(conditions, block.averages.edges_rad[index]) for index, conditions in enumerate(block.conditions)
-        ]
+    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+        return _used(block.conditions[index], block.averages.edges_rad[index])
 
 
-def _estimates(conditions: TireConditions, edges_rad: tuple[float, float]) -> tuple[Estimate, ...]:
+def _used(conditions: TireConditions, edges_rad: tuple[float, float]) -> tuple[Estimate, ...]:
     along = conditions.given.get("longitudinal-force")
     if along is None:
         needs = Reason(Code.NEEDS_ESTIMATOR, estimator="longitudinal-force")

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.estimators.revolution_block import RevolutionBlock
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.reasons import Code, Reason
 
 NAMES: Final = (
@@ -35,35 +35,22 @@ _OF_LOSS: Final = frozenset({Code.SAMPLES_LOST, Code.CONTACT_INTERPOLATED})
 _MAX_MISSING_SHARE: Final = 0.01
 
 
-class KinematicEstimator:
-    """Speed, rotation, both contact edges and contact length of each single revolution."""
+class KinematicEstimator(BlockEstimator):
+    """Speed, rotation, both contact edges and contact length of each single revolution.
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "kinematic"
+    Gives speed_mps, angular_speed_radps, rotation_rpm, both edges, contact_length_m and contact_fraction.
 
-    def reset(self) -> None:
-        """Do nothing: the estimator has no memory."""
+    Contact length is the material length R (trailing - leading). Its fraction of the circumference needs neither
+    radius nor rate.
 
-    def update(
-        self,
-        revolution: Revolution,
-        average: AngleAverage,  # noqa: ARG002 - part of the interface
-        conditions: TireConditions,
-    ) -> tuple[Estimate, ...]:
-        """Return speed_mps, angular_speed_radps, rotation_rpm, both edges, contact_length_m and contact_fraction.
+    The standard errors of speed and contact length have two parts. The error of the belt radius, which is constant,
+    scales both alike: relative differences between revolutions are more accurate than the stated error. The other
+    part is the timing of the two contacts for the speed, and the contact edges for the length. Angular
+    speed and revolutions per minute have the errors of the timing and of the sampling rate, which is constant.
+    Each edge has the error of the contact's centre too, which does not change the length.
+    """
 
-        Contact length is the material length R (trailing - leading). Its fraction of the circumference needs neither
-        radius nor rate. Never raises on values.
-
-        The standard errors of speed and contact length have two parts. The error of the belt radius, which is constant,
-        scales both alike: relative differences between revolutions are more accurate than the stated error. The other
-        part is the timing of the two contacts for the speed, and the contact edges for the length. Angular
-        speed and revolutions per minute have the errors of the timing and of the sampling rate, which is constant.
-        Each edge has the error of the contact's centre too, which does not change the length.
-        """
-        return _estimates(revolution, conditions)
+    name = "kinematic"
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution."""

@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gateway.constants import AXIS_NAMES
-from gateway.estimators.estimator import Revolution, TireConditions, not_used
-from gateway.estimators.revolution_block import RevolutionArrays, RevolutionBlock
+from gateway.estimators.estimator import Estimate, Revolution, TireConditions, not_used
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid, elapsed_angles
 from gateway.signal.lateral_deformation import (
@@ -147,13 +147,14 @@ class LateralAverage:
     """Running average of lateral records, with calibration of the roll tilt."""
 
     def __init__(self, horizon_revolutions: float, roll: RollCalibration) -> None:
-        """Start empty; `roll` is updated by every revolution and may be shared."""
+        """Start empty; `roll` is updated by every revolution."""
         self._floor = 1.0 / horizon_revolutions
         self.roll = roll
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything but the calibration, which is reset separately."""
+        """Forget everything, the calibration too."""
+        self.roll.reset()
         # Lateral, radial, circumferential coefficients, and the tilt that each revolution was corrected with.
         self._mean: FloatArray = np.zeros(3 * _SIZE + 1)
         self._spread: FloatArray = np.zeros((_SIZE, _SIZE))
@@ -306,6 +307,13 @@ def why_unusable(block: RevolutionBlock, index: int) -> Reason | None:
     return None
 
 
+def lateral_rows(block: RevolutionBlock) -> tuple[list[bool], list[Reason | None], list[int]]:
+    """Return which revolutions have a lateral axis, why they must not be averaged, and indices of those that may."""
+    lateral = [has_lateral(revolution) for revolution in block.revolutions]
+    unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
+    return lateral, unusable, [index for index, has in enumerate(lateral) if has and unusable[index] is None]
+
+
 def contact_edges(edges_rad: tuple[float, float], conditions: TireConditions) -> tuple[float, float] | Reason:
     """Return the contact edges that slopes are taken between, or why there are none."""
     leading, trailing = edges_rad
@@ -424,3 +432,41 @@ def _zero(angles: FloatArray, slope: FloatArray, before: int) -> float:
     """Return the angle at which the slope crosses zero between a grid point and the next."""
     share = slope[before] / (slope[before] - slope[before + 1])
     return float(angles[before] + share * (angles[before + 1] - angles[before]))
+
+
+class LateralEstimator(BlockEstimator):
+    """Estimator of the lateral axis and its running average; no estimates without the axis."""
+
+    def __init__(self, horizon_revolutions: float) -> None:
+        self._average = LateralAverage(horizon_revolutions, RollCalibration())
+        super().__init__()
+
+    def reset(self) -> None:
+        """Forget the average and the roll tilt."""
+        self._average.reset()
+
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Take revolutions and return the estimates after each."""
+        lateral, unusable, taken = lateral_rows(block)
+        steps = self._average.update(block, taken) if taken else None
+        results: list[tuple[Estimate, ...]] = []
+        for index, has in enumerate(lateral):
+            conditions = block.conditions[index]
+            edges = unusable[index] or contact_edges(block.averages.edges_rad[index], conditions)
+            if not has:
+                results.append(())
+            elif isinstance(edges, Reason):
+                results.append(tuple(Estimate.invalid(name, edges) for name in self._names(conditions)))
+            elif steps is not None:
+                results.append(self._averaged(conditions, edges, steps, taken.index(index)))
+        return results
+
+    def _names(self, conditions: TireConditions) -> Sequence[str]:
+        """Return the names of the estimates under these conditions."""
+        raise NotImplementedError
+
+    def _averaged(
+        self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
+    ) -> tuple[Estimate, ...]:
+        """Return the estimates of a revolution: the row of its coefficients and of the average after it."""
+        raise NotImplementedError

@@ -15,9 +15,9 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
-from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.estimators.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration, TireData
 from gateway.estimators.wear import bending_since_reference
 from gateway.reasons import Code, Reason
@@ -43,34 +43,21 @@ _UNKNOWN_WEAR_STD: Final = 0.9
 _LEAST_THICKNESS_SHARE: Final = 0.3
 
 
-class LoadEstimator:
-    """Load from contact angle and from belt width, the better of the two, and the pressure number."""
+class LoadEstimator(BlockEstimator):
+    """Load from contact angle and from belt width, the better of the two, and the pressure number.
 
-    def __init__(self) -> None:
-        """Start cold."""
-        self.reset()
+    Gives load_n, load_by_angle_n, load_by_width_n and pressure_number Q / (2 p0 theta R^2) (Eq. 33).
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "load"
+    The pressure number uses the stated load where there is one.
+    """
+
+    name = "load"
 
     def reset(self) -> None:
         """Forget the warm start of the estimator that gives Cw."""
         self._numbers: Estimator | None = None
         nothing = TireData()
         self._tires = nothing, nothing
-
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return load_n, load_by_angle_n, load_by_width_n and pressure_number Q / (2 p0 theta R^2) (Eq. 33).
-
-        The pressure number uses the stated load where there is one. Never raises on values.
-        """
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
-
-    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Return the estimates of every revolution."""
-        return [self._estimates(block, index) for index in range(len(block))]
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         revolution, conditions = block.revolutions[index], block.conditions[index]

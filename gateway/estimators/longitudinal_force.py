@@ -26,7 +26,7 @@ from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Sta
 from gateway.estimators.lateral_shape import CIRCUMFERENTIAL, LATERAL
 from gateway.estimators.order_errors import relative_std, wave_std
 from gateway.estimators.pace import LONGEST, is_due
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.estimators.sensor_claims import Tilt
 from gateway.physics.asymmetric_belt import curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
@@ -147,37 +147,24 @@ class _Track:
         return std
 
 
-class LongitudinalForceEstimator:
-    """Force of the road along the direction of travel, torque at the axle, and losses; the load sets the scale."""
+class LongitudinalForceEstimator(BlockEstimator):
+    """Force of the road along the direction of travel, torque at the axle, and losses; the load sets the scale.
 
-    def __init__(self) -> None:
-        """Start cold."""
-        self.reset()
+    Gives longitudinal_force_n, axle_torque_nm, longitudinal_ratio, rolling_resistance and damping_loss.
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "longitudinal-force"
+    The force is that of the road on the tire, positive forward; the torque is positive when it drives. Both are
+    means over the latest revolutions. longitudinal_ratio is force over load, and needs no load. rolling_resistance
+    is torque / R minus force, over the load; damping_loss is the part of it that the belt's own deformation loses,
+    without the tread.
+    """
+
+    name = "longitudinal-force"
 
     def reset(self) -> None:
         """Forget the running means and their solutions."""
         self._now = _Track(HORIZON_REVOLUTIONS, _LONGEST)
         self._tire = _Track(TIRE_HORIZON_REVOLUTIONS, LONGEST)
         self._omega_radps = 0.0
-
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return longitudinal_force_n, axle_torque_nm, longitudinal_ratio, rolling_resistance and damping_loss.
-
-        The force is that of the road on the tire, positive forward; the torque is positive when it drives. Both are
-        means over the latest revolutions. longitudinal_ratio is force over load, and needs no load. rolling_resistance
-        is torque / R minus force, over the load; damping_loss is the part of it that the belt's own deformation loses,
-        without the tread. Never raises on values.
-        """
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
-
-    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Return the estimates of every revolution."""
-        return [self._estimates(block, index) for index in range(len(block))]
 
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         revolution, conditions = block.revolutions[index], block.conditions[index]

@@ -20,14 +20,11 @@ LOCKED_WITHIN_STEPS: Final = 0.6
 class NonsynchronousEstimator:
     """Root mean square of the signal not locked to the wheel, frequency and rms of its strongest line."""
 
+    name = "asynchronous"
+
     def __init__(self) -> None:
         """Start empty."""
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "asynchronous"
 
     def reset(self) -> None:
         """Forget everything."""

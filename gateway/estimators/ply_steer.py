@@ -19,7 +19,7 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.belt_laminate import BeltLaminate, coupling_law
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.disagreement import disagreement_std
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.lateral_shape import (
     CIRCUMFERENTIAL,
     DEFINITIONS,
@@ -29,12 +29,11 @@ from gateway.estimators.lateral_shape import (
     Roll,
     contact_edges,
     edge_errors,
-    has_lateral,
+    lateral_rows,
     slopes,
-    why_unusable,
 )
 from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.estimators.sensor_claims import SensorClaims
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import slope_row
@@ -131,8 +130,26 @@ def separate_plysteer_conicity(
     return Separated(0.5 * (ahead - back), 0.5 * (ahead + back), std)
 
 
-class PlySteerEstimator:
-    """Ply steer angle of the running average; no estimates when the sensor has no lateral axis."""
+class PlySteerEstimator(BlockEstimator):
+    """Ply steer angle of the running average; no estimates when the sensor has no lateral axis.
+
+    Estimates: the estimates of NAMES, contact line, conicity, roll and the slope ahead of the contact.
+
+    All ply steer angles include the mean slip angle of the averaged revolutions; those of NAMES and the slope ahead
+    also include conicity, and a reason says so. Peak, adhesion line and slope ahead take their sign from the
+    contact line; they are invalid where its sign is not significant. conicity_slope_rad is half the change of the
+    slope from the first to the second half of the contact, less what ply steer contributes to it in a rolling
+    contact. The standard errors cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but
+    not the definition of the slope, in which the angles differ.
+
+    Where the plies are stated (`conditions.tire.laminate`), LAMINATE_NAMES follow, with errors from the stated
+    tolerances. The angle is provisional where the measured peak differs from it by more than three errors.
+
+    The slopes are linear in the average, which they follow in every revolution. Their places in the contact and
+    their standard errors are renewed at the pace of `gateway.estimators.pace`.
+    """
+
+    name = "ply-steer"
 
     def __init__(
         self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = HORIZON_REVOLUTIONS
@@ -149,40 +166,14 @@ class PlySteerEstimator:
         self._followed: _Followed | None = None
         self._renewed: _Renewed | None = None
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "ply-steer"
-
     def reset(self) -> None:
         """Forget the average and the roll calibration."""
         self._average.reset()
-        self._average.roll.reset()
         self._followed = self._renewed = None
-
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return the estimates of NAMES, contact line, conicity, roll and the slope ahead of the contact.
-
-        All ply steer angles include the mean slip angle of the averaged revolutions; those of NAMES and the slope ahead
-        also include conicity, and a reason says so. Peak, adhesion line and slope ahead take their sign from the
-        contact line; they are invalid where its sign is not significant. conicity_slope_rad is half the change of the
-        slope from the first to the second half of the contact, less what ply steer contributes to it in a rolling
-        contact. The standard errors cover scatter, roll calibration, a mounting yaw of 1 deg and the contact edges, but
-        not the definition of the slope, in which the angles differ. Never raises on values.
-
-        Where the plies are stated (`conditions.tire.laminate`), LAMINATE_NAMES follow, with errors from the stated
-        tolerances. The angle is provisional where the measured peak differs from it by more than three errors.
-
-        The slopes are linear in the average, which they follow in every revolution. Their places in the contact and
-        their standard errors are renewed at the pace of `gateway.estimators.pace`.
-        """
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Take revolutions and return the estimates after each."""
-        lateral = [has_lateral(revolution) for revolution in block.revolutions]
-        unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
-        taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
+        lateral, unusable, taken = lateral_rows(block)
         count = self._average.count
         if taken:
             expected = block.conditions[taken[0]].claims.zero_g_std_mps2

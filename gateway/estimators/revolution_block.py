@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol, Self, runtime_checkable
+from typing import NamedTuple, Self
 
 import numpy as np
 from scipy.fft import rfft  # several transforms at once, in half the time of numpy's
@@ -140,10 +140,29 @@ def one_revolution(revolution: Revolution, average: AngleAverage, conditions: Ti
     return RevolutionBlock([revolution], RevolutionArrays([revolution]), OneAverage(average), [conditions])
 
 
-@runtime_checkable
-class BlockEstimator(Protocol):
-    """An estimator that works on blocks; its `update` is a block of one."""
+class BlockEstimator:
+    """An estimator that works on blocks; its `update` is a block of one.
+
+    Attributes:
+        name: in the registry.
+    """
+
+    name: str
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything, as after a change of tire; nothing where every revolution stands alone."""
+
+    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
+        """Return this revolution's estimates; on bad data they are invalid with a reason, nothing is raised."""
+        return self.update_block(one_revolution(revolution, average, conditions))[0]
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution, the same as those of single updates; nothing is raised."""
-        ...
+        return [self._estimates(block, index) for index in range(len(block))]
+
+    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+        """Return the estimates of one revolution of a block."""
+        raise NotImplementedError

@@ -63,14 +63,11 @@ _ON_BOUND: Final = 1e-6
 class RingModalEstimator:
     """Bs, Cw, Rs, Ts and their ratios to Cw from the running average's orders 2 to 60."""
 
+    name = "ring-modal"
+
     def __init__(self) -> None:
         """Start cold."""
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "ring-modal"
 
     def reset(self) -> None:
         """Forget the warm start."""

@@ -57,14 +57,11 @@ _ON_BOUND: Final = 1e-6
 class RingPaperEstimator:
     """Bs, Cw, Rs, Ts and their ratios to Cw from the running average's orders 1 to 60."""
 
+    name = "ring-paper"
+
     def __init__(self) -> None:
         """Start cold."""
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "ring-paper"
 
     def reset(self) -> None:
         """Forget the warm start."""

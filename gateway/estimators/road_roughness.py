@@ -91,14 +91,11 @@ class _Contact(NamedTuple):
 class RoadRoughnessEstimator:
     """Road class and roughness of the last hundred revolutions or so."""
 
+    name = "road"
+
     def __init__(self) -> None:
         """Start empty."""
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "road"
 
     def reset(self) -> None:
         """Forget the road."""

@@ -26,7 +26,7 @@ from gateway.estimators.disagreement import CONTRADICTION
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.estimators.lost_steady_value import LostSteadyValue, SteadyValueCheck
 from gateway.estimators.pace import is_due
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M, Tilt
 from gateway.reasons import Code, Reason
 from gateway.signal.axis_relations import AxisRelations, axis_relations
@@ -220,19 +220,23 @@ _START: Final = _Step(None, 0, np.zeros(_SUMS), None, None, 0.0, None, None)
 _TURNED: Final = np.array([[-1.0], [1.0]])
 
 
-class SelfCalibrationEstimator:
-    """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, improved by every revolution."""
+class SelfCalibrationEstimator(BlockEstimator):
+    """Gain, zero-g offset, gain over temperature, roll, pitch and mounting offset, improved by every revolution.
+
+    Estimates: the estimates of NAMES; a perfect sensor has gain 1.
+
+    A revolution with faults, such as a clipped one, is not used; the estimates so far are returned with the reason.
+    The error of the gain includes that of the belt radius. An AC-coupled sensor gives neither offsets nor roll,
+    which need the lost means, and its gain only from the contact, which is flat on a flat road.
+    """
+
+    name = "self-calibration"
 
     def __init__(self) -> None:
         """Start from the priors."""
         self._roll = RollCalibration(offset_std_mps2=_PRIOR_STDS[1])
         self._steady = SteadyValueCheck()
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "self-calibration"
 
     def reset(self) -> None:
         """Forget everything, as after a change of sensor."""
@@ -260,16 +264,6 @@ class SelfCalibrationEstimator:
         self._roll_by_mean = math.nan
         self._last = _START
         self._steps: list[_Step] = []
-
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return the estimates of NAMES; a perfect sensor has gain 1.
-
-        A revolution with faults, such as a clipped one, is not used; the estimates so far are returned with the reason.
-        The error of the gain includes that of the belt radius. An AC-coupled sensor gives neither offsets nor roll,
-        which need the lost means, and its gain only from the contact, which is flat on a flat road. Never raises on
-        values.
-        """
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Take revolutions and return the estimates of NAMES after each."""

@@ -7,25 +7,17 @@ moment, by factors and zeros that a calibration at known forces gives. The zeros
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from gateway.estimators.belt_displacement import displacement_rows
 from gateway.estimators.determination import DETERMINED, SETTLED_REVOLUTIONS
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.estimators.lateral_shape import (
-    ORDERS,
-    LateralAverage,
-    LateralSteps,
-    contact_edges,
-    has_lateral,
-    why_unusable,
-)
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.lateral_shape import ORDERS, LateralEstimator, LateralSteps
 from gateway.estimators.side_force_calibration import LinearLaw
 from gateway.reasons import Code, Reason
-from gateway.signal.sensor_mounting import RollCalibration
 from gateway.types import FloatArray
 
 NAMES: Final = ("belt_shift_m", "belt_yaw_rad", "side_force_n", "aligning_moment_nm")
@@ -40,76 +32,47 @@ _USEFUL_LEVER: Final = 0.1
 _USUAL_LOAD_N: Final = 3000.0
 
 
-class SideForceEstimator:
-    """Shift and yaw of the belt, side force and aligning moment; no estimates without a lateral axis."""
+class SideForceEstimator(LateralEstimator):
+    """Shift and yaw of the belt, side force and aligning moment; no estimates without a lateral axis.
+
+    Gives belt_shift_m, belt_yaw_rad, side_force_n and aligning_moment_nm.
+
+    Displacement and force are positive to the left, the force being that of the road on the tire; a positive moment
+    turns the tire to the left. All are means over the latest revolutions. Force and moment need a calibration.
+    There are no estimates without a lateral axis.
+    """
+
+    name = "side-force"
 
     def __init__(self) -> None:
-        """Start empty."""
-        self._average = LateralAverage(HORIZON_REVOLUTIONS, RollCalibration())
-        self.reset()
+        super().__init__(HORIZON_REVOLUTIONS)
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "side-force"
+    def _names(self, conditions: TireConditions) -> Sequence[str]:  # noqa: ARG002 - part of the interface
+        return NAMES
 
-    def reset(self) -> None:
-        """Forget the average and the roll tilt."""
-        self._average.reset()
-        self._average.roll.reset()
-
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return belt_shift_m, belt_yaw_rad, side_force_n and aligning_moment_nm.
-
-        Displacement and force are positive to the left, the force being that of the road on the tire; a positive moment
-        turns the tire to the left. All are means over the latest revolutions. Force and moment need a calibration.
-        There are no estimates without a lateral axis. Never raises on values.
-        """
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
-
-    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Take revolutions and return the estimates after each."""
-        lateral = [has_lateral(revolution) for revolution in block.revolutions]
-        unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
-        taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
-        steps = self._average.update(block, taken) if taken else None
-        results: list[tuple[Estimate, ...]] = []
-        for index, has in enumerate(lateral):
-            why = unusable[index]
-            if why is not None:
-                results.append(_all_invalid(why))
-            elif has and steps is not None:
-                results.append(_estimates(block, index, steps, taken.index(index)))
-            else:
-                results.append(())
-        return results
-
-
-def _estimates(block: RevolutionBlock, index: int, steps: LateralSteps, row: int) -> tuple[Estimate, ...]:
-    conditions = block.conditions[index]
-    edges = contact_edges(block.averages.edges_rad[index], conditions)
-    if isinstance(edges, Reason):
-        return _all_invalid(edges)
-    half, centre = 0.5 * (edges[1] - edges[0]), 0.5 * (edges[1] + edges[0])
-    record = steps.records[row]()
-    rows = displacement_rows(half) @ _turned(centre)
-    values = rows @ record.lateral_m
-    covariance = rows @ record.covariance @ rows.T
-    # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
-    by_roll = rows @ record.radial_m * steps.roll[row].std_rad
-    variance = np.diagonal(covariance) + np.square(by_roll) + np.square(values * conditions.gain_std)
-    lever = np.array([1.0, 1.0 / conditions.radius_m])
-    shift, yaw = (values * lever).tolist()
-    shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
-    count = steps.effective_counts[row]
-    doubts: tuple[Reason, ...] = ()
-    if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
-        doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
-    return (
-        _plain(NAMES[0], shift, shift_std, doubts),
-        _plain(NAMES[1], yaw, yaw_std, doubts),
-        *_forces(conditions, half, (shift, yaw), (shift_std, yaw_std), doubts),
-    )
+    def _averaged(
+        self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
+    ) -> tuple[Estimate, ...]:
+        half, centre = 0.5 * (edges_rad[1] - edges_rad[0]), 0.5 * (edges_rad[1] + edges_rad[0])
+        record = steps.records[row]()
+        rows = displacement_rows(half) @ _turned(centre)
+        values = rows @ record.lateral_m
+        covariance = rows @ record.covariance @ rows.T
+        # The tilt that is left reads the radial axis into the lateral one, and the gain scales it.
+        by_roll = rows @ record.radial_m * steps.roll[row].std_rad
+        variance = np.diagonal(covariance) + np.square(by_roll) + np.square(values * conditions.gain_std)
+        lever = np.array([1.0, 1.0 / conditions.radius_m])
+        shift, yaw = (values * lever).tolist()
+        shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
+        count = steps.effective_counts[row]
+        doubts: tuple[Reason, ...] = ()
+        if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
+            doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
+        return (
+            _plain(NAMES[0], shift, shift_std, doubts),
+            _plain(NAMES[1], yaw, yaw_std, doubts),
+            *_forces(conditions, half, (shift, yaw), (shift_std, yaw_std), doubts),
+        )
 
 
 def _forces(
@@ -156,7 +119,3 @@ def _force(
     if math.isfinite(std) and std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
         doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
     return _plain(name, value, std, doubts)
-
-
-def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:
-    return tuple(Estimate.invalid(name, reason) for name in NAMES)

@@ -10,24 +10,16 @@ contains any constant slip.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
-from gateway.estimators.lateral_shape import (
-    ORDERS,
-    LateralAverage,
-    LateralSteps,
-    contact_edges,
-    has_lateral,
-    why_unusable,
-)
-from gateway.estimators.revolution_block import RevolutionBlock, one_revolution
+from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.lateral_shape import ORDERS, LateralEstimator, LateralSteps
 from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import chord_row, lateral_waveform
-from gateway.signal.sensor_mounting import RollCalibration
 from gateway.signal.synchronous_average import RunningMoments
 from gateway.types import FloatArray
 
@@ -68,71 +60,45 @@ def lateral_asymmetry(waveform: FloatArray) -> float:
     return (high + low) / (high - low) if high > low else math.nan
 
 
-class SlipAngleEstimator:
-    """Slip of each revolution, relative to a slope at zero slip that is calibrated or learnt; needs a lateral axis."""
+class SlipAngleEstimator(LateralEstimator):
+    """Slip of each revolution, relative to a slope at zero slip that is calibrated or learnt; needs a lateral axis.
+
+    Gives slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then the slip angles.
+
+    Positive slip pulls the tire to the left. Without `conditions.tire.slip_calibration` the zero is learnt: slip
+    that is constant becomes part of it, so slip_apparent_rad and slip_direction stay provisional, and there are no
+    slip angles. With it, slip_angle_rad is that of the revolution and slip_angle_mean_rad that of the mean of the
+    latest ones. Outside the calibrated half angles, pressures and slip angles they are provisional.
+
+    slip_direction is 1, -1, or 0 when slip is within three standard errors of zero; a reason says so.
+    left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a tire without
+    ply steer and conicity. There are no estimates without a lateral axis.
+    """
+
+    name = "slip-angle"
 
     def __init__(self) -> None:
-        """Start empty."""
-        self._reference = LateralAverage(REFERENCE_HORIZON, RollCalibration())
-        self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "slip-angle"
+        super().__init__(REFERENCE_HORIZON)
 
     def reset(self) -> None:
         """Forget the zero, the calibration and both sides."""
-        self._reference.reset()
-        self._reference.roll.reset()
+        super().reset()
         self._last_slope = math.nan
         self._steps = RunningMoments(1)
         self._sides = {1.0: RunningMoments(1), -1.0: RunningMoments(1)}
 
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return slip_apparent_rad, slip_direction, lateral_asymmetry, left_right_asymmetry, then the slip angles.
+    def _names(self, conditions: TireConditions) -> Sequence[str]:
+        return NAMES if conditions.tire.slip_calibration is None else (*NAMES, SLIP_NAME, MEAN_NAME)
 
-        Positive slip pulls the tire to the left. Without `conditions.tire.slip_calibration` the zero is learnt: slip
-        that is constant becomes part of it, so slip_apparent_rad and slip_direction stay provisional, and there are no
-        slip angles. With it, slip_angle_rad is that of the revolution and slip_angle_mean_rad that of the mean of the
-        latest ones. Outside the calibrated half angles, pressures and slip angles they are provisional.
-
-        slip_direction is 1, -1, or 0 when slip is within three standard errors of zero; a reason says so.
-        left_right_asymmetry is the sum of the mean lateral_asymmetry at left and at right slip, 0 for a tire without
-        ply steer and conicity. There are no estimates without a lateral axis. Never raises on values.
-        """
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
-
-    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Take revolutions and return the estimates after each."""
-        lateral = [has_lateral(revolution) for revolution in block.revolutions]
-        unusable = [why_unusable(block, index) if has else None for index, has in enumerate(lateral)]
-        taken = [index for index, has in enumerate(lateral) if has and unusable[index] is None]
-        steps = self._reference.update(block, taken) if taken else None
-        results: list[tuple[Estimate, ...]] = []
-        for index, has in enumerate(lateral):
-            why = unusable[index]
-            if why is not None:
-                results.append(_invalid(why, block.conditions[index]))
-            elif has and steps is not None:
-                results.append(self._estimates(block, index, steps, taken.index(index)))
-            else:
-                results.append(())
-        return results
-
-    def _estimates(
-        self, block: RevolutionBlock, index: int, steps: LateralSteps, revolution_row: int
+    def _averaged(
+        self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
     ) -> tuple[Estimate, ...]:
-        conditions = block.conditions[index]
-        edges = contact_edges(block.averages.edges_rad[index], conditions)
-        if isinstance(edges, Reason):
-            return _invalid(edges, conditions)
         # The roll tilt is the same in both, so its error cancels in their difference.
-        row = chord_row(edges[0], 0.5 * (edges[0] + edges[1]), ORDERS, conditions.radius_m)
-        own_m = steps.own_m[revolution_row]
-        slope = float(row @ own_m)
-        mean = float(row @ steps.mean_m[revolution_row])
-        count = steps.effective_counts[revolution_row]
+        chord = chord_row(edges_rad[0], 0.5 * (edges_rad[0] + edges_rad[1]), ORDERS, conditions.radius_m)
+        own_m = steps.own_m[row]
+        slope = float(chord @ own_m)
+        mean = float(chord @ steps.mean_m[row])
+        count = steps.effective_counts[row]
         scatter = self._scatter(slope)
         law = conditions.tire.slip_calibration
         if law is not None:
@@ -147,7 +113,7 @@ class SlipAngleEstimator:
         outside: tuple[Reason, ...] = ()
         angles: tuple[Estimate, ...] = ()
         if law is not None:
-            half = 0.5 * (edges[1] - edges[0])
+            half = 0.5 * (edges_rad[1] - edges_rad[0])
             outside = law.outside(half, conditions.pressure_pa, law.slip_at(slope, 0.0)[0])
             outside_mean = law.outside(half, conditions.pressure_pa, law.slip_at(mean, 0.0)[0])
             angles = (
@@ -209,8 +175,3 @@ def _slip(name: str, law: SlipCalibration, slope_rad: tuple[float, float], outsi
         return Estimate(name, value, std, Status.PROVISIONAL, (unknown,))
     status = Status.PROVISIONAL if outside else Status.VALID
     return Estimate(name, value, std, status, (Reason(Code.ZERO_SLIP_GIVEN), *outside))
-
-
-def _invalid(reason: Reason, conditions: TireConditions) -> tuple[Estimate, ...]:
-    names = NAMES if conditions.tire.slip_calibration is None else (*NAMES, SLIP_NAME, MEAN_NAME)
-    return tuple(Estimate.invalid(name, reason) for name in names)

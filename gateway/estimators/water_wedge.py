@@ -47,15 +47,12 @@ class _Contact(NamedTuple):
 class WaterWedgeEstimator:
     """Shifts of both contact edges against the contacts before, and their difference."""
 
+    name = "water-wedge"
+
     def __init__(self) -> None:
         """Start empty."""
         self._weights = _prediction_weights()
         self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "water-wedge"
 
     def reset(self) -> None:
         """Forget the contacts."""

@@ -22,10 +22,10 @@ from gateway.estimators.determination import (
     series_estimates,
     unusable,
 )
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
+from gateway.estimators.estimator import Estimate, TireConditions
 from gateway.estimators.order_errors import QUARTER_TURN, by_band, relative_std, wave_std
 from gateway.estimators.pace import LONGEST, SHARE_OF_STD, differ, is_due
-from gateway.estimators.revolution_block import ConditionArrays, RevolutionBlock, one_revolution
+from gateway.estimators.revolution_block import BlockEstimator, ConditionArrays, RevolutionBlock
 from gateway.estimators.sidewall_damping import SidewallDamping, sidewall_damping
 from gateway.estimators.weak_form_rows import ROWS, motion_begin
 from gateway.estimators.weak_form_solve import FREEDOM, WeakFormSolution, solve_balance, solve_similar_balances
@@ -172,35 +172,25 @@ def relative_orders(spectra: ComplexArray, edges_rad: FloatArray) -> FloatArray:
     return result
 
 
-class WeakFormEstimator:
+class WeakFormEstimator(BlockEstimator):
     """Bs, Cw, Rs, Ts and their ratios to Cw from the running average.
 
     The solution is renewed at the pace of `gateway.estimators.pace`; between renewals the numbers follow the average by
     the solution's own response to its orders.
+
+    Gives Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
+
+    Without load or pressure the four are invalid, but not the ratios, for all four are proportional to
+    Q / (p0 R^2). Provisional until the average has settled, on a revolution with faults, and where the data do not
+    determine a number, model error included.
     """
 
-    def __init__(self) -> None:
-        """Start cold."""
-        self.reset()
-
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "weak-form"
+    name = "weak-form"
 
     def reset(self) -> None:
         """Forget the warm start."""
         self._warm: WeakFormSolution | None = None
         self._renewed: _Renewed | None = None
-
-    def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
-        """Return Bs, Cw, Rs, Ts, then Bs/Cw, Rs/Cw, Ts/Cw.
-
-        Without load or pressure the four are invalid, but not the ratios, for all four are proportional to
-        Q / (p0 R^2). Provisional until the average has settled, on a revolution with faults, and where the data do not
-        determine a number, model error included. Never raises on values.
-        """
-        return self.update_block(one_revolution(revolution, average, conditions))[0]
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution."""

@@ -15,9 +15,9 @@ import numpy as np
 
 from gateway.estimators.determination import DETERMINED
 from gateway.estimators.disagreement import CONTRADICTION
-from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import estimator_names
-from gateway.estimators.revolution_block import RevolutionBlock
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K, Softening, TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
@@ -36,17 +36,17 @@ _UNKNOWN_PRESSURE_SHARE: Final = 0.1
 _LEAST_VALUES: Final = 4
 
 
-class WearEstimator:
-    """Wear in mm, the ring paper's wear number (Eq. 30), and the drift of the wear since the first value."""
+class WearEstimator(BlockEstimator):
+    """Wear in mm, the ring paper's wear number (Eq. 30), and the drift of the wear since the first value.
 
-    def __init__(self) -> None:
-        """Start without a drift."""
-        self.reset()
+    Gives wear_mm, wear_number and wear_drift_mm.
 
-    @property
-    def name(self) -> str:
-        """Name in the registry."""
-        return "wear"
+    The standard error covers that of the number, of the reference, of the thickness, of the rubber's softening
+    with temperature, and of a temperature or pressure that is not known. The drift's covers scatter and softening.
+    Without a load Bs/Cw is used in place of Bs, because wear does not change the belt's width.
+    """
+
+    name = "wear"
 
     def reset(self) -> None:
         """Forget the drift."""
@@ -57,26 +57,8 @@ class WearEstimator:
         self._tire: TireData | None = None
         self._latest_drift: Estimate | None = None
 
-    def update(
-        self,
-        revolution: Revolution,
-        average: AngleAverage,  # noqa: ARG002 - part of the interface
-        conditions: TireConditions,
-    ) -> tuple[Estimate, ...]:
-        """Return wear_mm, wear_number and wear_drift_mm.
-
-        The standard error covers that of the number, of the reference, of the thickness, of the rubber's softening
-        with temperature, and of a temperature or pressure that is not known. The drift's covers scatter and softening.
-        Without a load Bs/Cw is used in place of Bs, because wear does not change the belt's width. Never raises on
-        values.
-        """
-        return self._estimates(revolution, conditions)
-
-    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
-        """Return the estimates of every revolution."""
-        return [self._estimates(*both) for both in zip(block.revolutions, block.conditions, strict=True)]
-
-    def _estimates(self, revolution: Revolution, conditions: TireConditions) -> tuple[Estimate, ...]:
+    def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
+        revolution, conditions = block.revolutions[index], block.conditions[index]
         wear = _wear(conditions)
         if wear.status is Status.INVALID:
             return (wear, *(Estimate.invalid(name, *wear.reasons) for name in NAMES[1:]))

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 
@@ -167,10 +167,6 @@ class _Series:
         self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
         self.link_loss = LinkLoss()
         self.statuses = {estimator.name: SteadyStatus(estimator.name) for estimator in self.estimators}
-        # Asked once: the test of a protocol takes as long as an estimator's update.
-        self.of_blocks = frozenset(
-            estimator.name for estimator in self.estimators if isinstance(estimator, BlockEstimator)
-        )
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
@@ -299,8 +295,8 @@ class TireEstimates:
         for estimator in series.estimators:
             if estimator is series.calibration:
                 made = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
-            elif estimator.name in series.of_blocks:
-                made = cast("BlockEstimator", estimator).update_block(block)
+            elif isinstance(estimator, BlockEstimator):
+                made = estimator.update_block(block)
             else:
                 made = [
                     estimator.update(revolution, averages.at(index), conditions[index])
