@@ -16,6 +16,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from gateway import __version__
+from gateway.cli.path_option import path_option
 from gateway.errors import OutputError, TreadlinkError
 from gateway.nearest_name import did_you_mean
 
@@ -140,13 +141,7 @@ def _flush_output() -> None:
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="treadlink")
 @click.option("-v", "--verbose", "verbosity", count=True, help="Log more to standard error; -vv for debugging.")
-@click.option(
-    "--log",
-    "log_file",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write the log to this file, not to standard error.",
-)
+@path_option("--log", "log_file", help="Write the log to this file, not to standard error.")
 def treadlink(verbosity: int, log_file: Path | None) -> None:
     """Gateway for intelligent tires: decode, record, replay and estimate inner-liner accelerometer data."""
     from gateway.cli.logs import configure_logging

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import force_option
+from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
@@ -35,23 +36,11 @@ def calibrate() -> None:
 
 @calibrate.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
-@click.option(
-    "--config",
-    "config_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Vehicle configuration (TOML) for recordings without one.",
-)
+@path_option("--config", "config_path", help="Vehicle configuration (TOML) for recordings without one.")
 @click.option(
     "--wheel", "positions", multiple=True, metavar="POSITION", help="Use only this wheel; repeat for several."
 )
-@click.option(
-    "--out",
-    "out_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write the tables to this file; - is standard output.",
-)
+@path_option("--out", "out_path", help="Write the tables to this file; - is standard output.")
 @force_option
 def load(
     recordings: tuple[Path, ...],
@@ -104,19 +93,9 @@ def _of_runs(command: Callable[..., None]) -> Callable[..., None]:
     """Add argument and options of a calibration from runs."""
     for option in (
         force_option,
-        click.option(
-            "--out",
-            "out_path",
-            type=click.Path(path_type=Path),
-            metavar="FILE",
-            help="Write the table to this file; - is standard output.",
-        ),
-        click.option(
-            "--config",
-            "config_path",
-            type=click.Path(path_type=Path),
-            metavar="FILE",
-            help="Vehicle configuration (TOML) to use instead of those in the recordings.",
+        path_option("--out", "out_path", help="Write the table to this file; - is standard output."),
+        path_option(
+            "--config", "config_path", help="Vehicle configuration (TOML) to use instead of those in the recordings."
         ),
         click.argument("runs_path", type=click.Path(path_type=Path), metavar="RUNS"),
     ):

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gateway.cli.options import FiniteRange, config_option, force_option, given_command, keys_option
+from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import OutputError, TreadlinkError
 from gateway.security.key_file import default_key_file
@@ -66,43 +67,29 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     show_default=True,
     help="Baseline model: geometrically exact ring, corrected series solution, or the ring paper's as printed.",
 )
-@click.option(
+@path_option(
     "--reverse",
     multiple=True,
-    type=click.Path(path_type=Path),
     metavar="RECORDING",
     help="A recording made rolling backwards, or with the tire reversed on its rim; repeat for several.",
 )
-@click.option(
-    "--json", "json_path", type=click.Path(path_type=Path), metavar="FILE", help="Write all results to this JSON file."
-)
-@click.option(
-    "--html",
-    "html_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write a report with figures to this HTML file; needs treadlink[plot].",
-)
+@path_option("--json", "json_path", help="Write all results to this JSON file.")
+@path_option("--html", "html_path", help="Write a report with figures to this HTML file; needs treadlink[plot].")
 @click.option("--empirical", is_flag=True, help="Also fit the unexplained residual empirically and report the gain.")
-@click.option(
+@path_option(
     "--save-effects",
     "effects_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Write the identified effects and laws to this file, for --effects of live, record, replay and estimate.",
 )
-@click.option(
+@path_option(
     "--law-plugin",
     "plugin_path",
-    type=click.Path(path_type=Path),
     metavar="DIR",
     help="Write a law that was found, as a plug-in that adds it to the catalogue, to this new directory.",
 )
-@click.option(
+@path_option(
     "--effects",
     "known_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Do not search: report the error with the effects of this file, exactly as found in other recordings.",
 )
 @click.option(

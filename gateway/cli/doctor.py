@@ -16,6 +16,7 @@ import click
 from gateway.cli import doctor_checks as checks
 from gateway.cli import exit_status
 from gateway.cli.doctor_checks import Check, Level
+from gateway.cli.path_option import path_option
 from gateway.clock import SystemClock
 from gateway.views.text import escaped
 
@@ -24,20 +25,9 @@ _COLOURS: Final = {Level.OK: "green", Level.WARNING: "yellow", Level.FAULT: "red
 
 @click.command()
 @click.argument("sources", nargs=-1, metavar="[SOURCE]...")
-@click.option(
-    "--config",
-    "config_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Vehicle configuration (TOML) to check.",
-)
-@click.option(
-    "--recordings",
-    type=click.Path(path_type=Path),
-    default=Path("recordings"),
-    show_default=True,
-    metavar="DIR",
-    help="Folder for recordings.",
+@path_option("--config", "config_path", help="Vehicle configuration (TOML) to check.")
+@path_option(
+    "--recordings", default=Path("recordings"), show_default=True, metavar="DIR", help="Folder for recordings."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the checks as JSON.")
 def doctor(sources: tuple[str, ...], config_path: Path | None, recordings: Path, as_json: bool) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import config_option, force_option
+from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
 from gateway.views.output_file import check_outputs, write_whole
 
@@ -24,31 +25,19 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 @click.command()
 @click.argument("names", nargs=-1, metavar="[NAME]...")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("figures"),
-    show_default=True,
-    metavar="DIR",
-    help="Output folder.",
-)
+@path_option("--out", default=Path("figures"), show_default=True, metavar="DIR", help="Output folder.")
 @click.option(
     "--format", "suffix", type=click.Choice(["svg", "png"]), default="svg", show_default=True, help="File format."
 )
-@click.option(
+@path_option(
     "--from",
     "sources",
-    type=click.Path(path_type=Path),
     multiple=True,
     metavar="PATH",
     help="Draw from this recording or dataset instead of simulated tires; repeat for several.",
 )
-@click.option(
-    "--grid",
-    "grid_path",
-    type=click.Path(path_type=Path),
-    metavar="TABLE",
-    help="Draw from the recordings of this CSV table, under its conditions.",
+@path_option(
+    "--grid", "grid_path", metavar="TABLE", help="Draw from the recordings of this CSV table, under its conditions."
 )
 @config_option
 @force_option

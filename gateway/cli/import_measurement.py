@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gateway.cli.options import force_option
+from gateway.cli.path_option import path_option
 
 if TYPE_CHECKING:
     from gateway.importing.importer import ImportReport
@@ -15,19 +16,19 @@ if TYPE_CHECKING:
 
 @click.command("import")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", type=click.Path(path_type=Path))
-@click.option(
+@path_option(
     "--map",
     "map_path",
-    type=click.Path(path_type=Path),
     metavar="MAP.toml",
     help="Import map: the meaning of the columns; see docs/how-to/import-measurements.md.",
 )
-@click.option(
+@path_option(
     "--out",
-    type=click.Path(path_type=Path),
     metavar="PATH",
-    help="New .mcap file, or a folder for it; with --guess, the new map, - for standard output.  "
-    "[default: the name of FILE with .mcap or .map.toml, in the current folder]",
+    help=(
+        "New .mcap file, or a folder for it; with --guess, the new map, - for standard output.  "
+        "[default: the name of FILE with .mcap or .map.toml, in the current folder]"
+    ),
 )
 @click.option("--guess", is_flag=True, help="Write a first import map for FILE, with what is not known as comments.")
 @force_option

@@ -8,6 +8,7 @@ from typing import Final
 
 import click
 
+from gateway.cli.path_option import path_option
 from gateway.security.cmac import SecurityError
 from gateway.security.freshness import Ledger
 from gateway.security.key_file import (
@@ -21,13 +22,7 @@ from gateway.security.key_file import (
 from gateway.security.private_file import read_private
 
 _MAX_INPUT_BYTES: Final = 16 << 20
-_FILE = click.option(
-    "--file",
-    "path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Key file.  [default: the user's key file, for all vehicles]",
-)
+_FILE = path_option("--file", "path", help="Key file.  [default: the user's key file, for all vehicles]")
 _REPLACE = click.option("--replace", is_flag=True, help="Replace existing keys, which are lost.")
 
 

@@ -20,6 +20,7 @@ from gateway.cli.options import (
     split_option,
     web_option,
 )
+from gateway.cli.path_option import path_option
 from gateway.cli.run_options import run_options
 from gateway.cli.stop_signals import StopRequest, stop_request
 
@@ -33,12 +34,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("sources", nargs=-1, required=True, metavar="SOURCE...")
 @config_option
-@click.option(
-    "--record",
-    type=click.Path(path_type=Path),
-    metavar="PATH",
-    help="Also record to this new .mcap file, or to a new file in this folder.",
-)
+@path_option("--record", metavar="PATH", help="Also record to this new .mcap file, or to a new file in this folder.")
 @split_option
 @keep_option
 @plain_option

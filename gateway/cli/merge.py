@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import config_option
+from gateway.cli.path_option import path_option
 
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
-@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="New recording.")
+@path_option("--out", required=True, help="New recording.")
 @config_option
 def merge(recordings: tuple[Path, ...], out: Path, config_path: Path | None) -> None:
     """Merge RECORDING... of one drive, such as one for each hub or the parts of --split, into a new one.

@@ -11,6 +11,7 @@ from typing import Any, Final, TypedDict
 
 import click
 
+from gateway.cli.path_option import path_option
 from gateway.constants import LONGEST_LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names
 
@@ -52,12 +53,8 @@ def split_limit(text: str | None) -> tuple[str, int] | None:
     return kind, limit
 
 
-config_option = click.option(
-    "--config",
-    "config_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Vehicle configuration (TOML).  [default: the one in the recording or scenario]",
+config_option = path_option(
+    "--config", "config_path", help="Vehicle configuration (TOML).  [default: the one in the recording or scenario]"
 )
 duration_option = click.option(
     "--duration",
@@ -67,12 +64,10 @@ duration_option = click.option(
     help="Stop after this many seconds of data. They are the seconds of a recording or a simulation, however fast it "
     "is played, and of the arrival of data from a hub; a silent hub is waited for no longer.",
 )
-effects_option = click.option(
+effects_option = path_option(
     "--effects",
     "effects_paths",
     multiple=True,
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="Subtract the effects found by `treadlink diagnose --save-effects`; repeat for several wheels.",
 )
 estimator_option = click.option(
@@ -83,12 +78,8 @@ estimator_option = click.option(
     help=f"Estimator to run; repeat for several.  [default: {', '.join(DEFAULT_ESTIMATORS)}]",
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite existing output files.")
-keys_option = click.option(
-    "--keys",
-    "key_file",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Sensor signing keys.  [default: the key file of `treadlink keys`]",
+keys_option = path_option(
+    "--keys", "key_file", help="Sensor signing keys.  [default: the key file of `treadlink keys`]"
 )
 latency_option = click.option(
     "--latency",

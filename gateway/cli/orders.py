@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import FiniteRange, config_option, effects_option, force_option, keys_option
+from gateway.cli.path_option import path_option
 from gateway.errors import TreadlinkError
 from gateway.views.wording import text
 
@@ -34,26 +35,14 @@ _SPEED_STEP_KMH = 5.0
     metavar="KMH",
     help="Width of the ranges of speed.",
 )
-@click.option(
-    "--figure",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Draw a figure: .html, .svg or .png; needs treadlink[plot].",
-)
-@click.option(
+@path_option("--figure", help="Draw a figure: .html, .svg or .png; needs treadlink[plot].")
+@path_option(
     "--csv",
     "csv_path",
-    type=click.Path(path_type=Path, allow_dash=True),
-    metavar="FILE",
+    allow_dash=True,
     help="Write the amplitudes to a CSV table, one row per order and range of speed.",
 )
-@click.option(
-    "--json",
-    "json_path",
-    type=click.Path(path_type=Path, allow_dash=True),
-    metavar="FILE",
-    help="Write everything to a JSON file.",
-)
+@path_option("--json", "json_path", allow_dash=True, help="Write everything to a JSON file.")
 @config_option
 @effects_option
 @keys_option

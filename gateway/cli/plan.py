@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from gateway.cli.options import FiniteRange, force_option
+from gateway.cli.path_option import path_option
 
 _SPEEDS_KMH = (60.0, 100.0, 150.0)
 
@@ -20,13 +21,7 @@ _SPEEDS_KMH = (60.0, 100.0, 150.0)
     metavar="NAME",
     help="Part of the list, or the first letters of its name; repeat for several.  [default: all]",
 )
-@click.option(
-    "--sensors",
-    "sensors_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="TOML file of accelerometers instead of the shipped list.",
-)
+@path_option("--sensors", "sensors_path", help="TOML file of accelerometers instead of the shipped list.")
 @click.option(
     "--speed",
     "speeds_kmh",
@@ -68,19 +63,9 @@ _SPEEDS_KMH = (60.0, 100.0, 150.0)
     help="Simulated drives; 40 know a scatter within 11 %, 160 within 6 %.",
 )
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the random numbers.")
-@click.option(
-    "--json",
-    "json_path",
-    type=click.Path(path_type=Path, allow_dash=True),
-    metavar="FILE",
-    help="Write everything to a JSON file.",
-)
-@click.option(
-    "--figure",
-    "figure_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Draw the errors over speed and the usable speeds: .svg or .png. Without --want.",
+@path_option("--json", "json_path", allow_dash=True, help="Write everything to a JSON file.")
+@path_option(
+    "--figure", "figure_path", help="Draw the errors over speed and the usable speeds: .svg or .png. Without --want."
 )
 @force_option
 def plan(

@@ -14,6 +14,7 @@ from gateway.cli.options import (
     session_options,
     split_option,
 )
+from gateway.cli.path_option import path_option
 from gateway.cli.run_options import run_options
 from gateway.cli.stop_signals import StopRequest, stop_request
 
@@ -27,9 +28,8 @@ _POLL_S: Final = 0.1
 
 @click.command()
 @click.argument("sources", nargs=-1, required=True, metavar="SOURCE...")
-@click.option(
+@path_option(
     "--out",
-    type=click.Path(path_type=Path),
     default=Path("recordings"),
     show_default=True,
     metavar="PATH",

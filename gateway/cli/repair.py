@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gateway.cli.path_option import path_option
 from gateway.errors import RecordingError
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("recording", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="New file.  [default: NAME.repaired.mcap]")
+@path_option("--out", help="New file.  [default: NAME.repaired.mcap]")
 @click.option("--force", is_flag=True, help="Write a copy even if the recording is undamaged.")
 def repair(recording: Path, out: Path | None, force: bool) -> None:
     """Repair a RECORDING that was interrupted, cut off or damaged, and write the result to a new file.
@@ -44,7 +45,7 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="New file.  [default: NAME.compact.mcap]")
+@path_option("--out", help="New file.  [default: NAME.compact.mcap]")
 @click.option("--in-place", is_flag=True, help="Replace each recording once its copy is verified.")
 def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> None:
     """Compress finished RECORDING... to new files, each read back and compared with the original.

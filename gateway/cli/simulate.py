@@ -8,6 +8,7 @@ from urllib.parse import quote
 import click
 
 from gateway.cli.options import FiniteRange
+from gateway.cli.path_option import path_option
 from gateway.clock import SystemClock
 from gateway.errors import SourceError
 
@@ -27,12 +28,7 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 
 @click.command()
 @click.argument("scenario", metavar="SCENARIO")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write to this new file: a recording (.mcap) or the bytes of the link (.bin).",
-)
+@path_option("--out", help="Write to this new file: a recording (.mcap) or the bytes of the link (.bin).")
 @click.option("--pty", is_flag=True, help="Act as a hub on a serial port (pseudo-terminal) until Ctrl-C.")
 @click.option("--ble", is_flag=True, help="Act as Bluetooth LE hubs on a private D-Bus (Linux) until Ctrl-C.")
 @click.option(
@@ -58,19 +54,8 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 @click.option(
     "--speed", default="1", show_default=True, metavar="FACTOR", help="Times real time, or `max`; ignored for files."
 )
-@click.option(
-    "--keys",
-    "key_file",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Sign frames with the keys in this file.",
-)
-@click.option(
-    "--vehicle",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write the vehicle configuration to this new file.",
-)
+@path_option("--keys", "key_file", help="Sign frames with the keys in this file.")
+@path_option("--vehicle", help="Write the vehicle configuration to this new file.")
 @click.option(
     "--list", is_flag=True, is_eager=True, expose_value=False, callback=_print_list, help="List scenarios and faults."
 )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gateway.cli.options import force_option
+from gateway.cli.path_option import path_option
 from gateway.cli.run_options import where_option
 from gateway.views.output_file import check_outputs, is_stdout, write_whole
 
@@ -19,30 +20,14 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("dataset", type=click.Path(path_type=Path), metavar="DATASET")
-@click.option(
+@path_option(
     "--odometer",
     "odometer_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
     help="CSV file with the columns vehicle, utc and km: the distance driven, which wear per 1,000 km needs.",
 )
-@click.option(
-    "--html",
-    "html_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write a report with figures to this HTML file.",
-)
-@click.option(
-    "--json", "json_path", type=click.Path(path_type=Path), metavar="FILE", help="Write all results to this JSON file."
-)
-@click.option(
-    "--csv",
-    "csv_path",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Write a table of all numbers to this CSV file.",
-)
+@path_option("--html", "html_path", help="Write a report with figures to this HTML file.")
+@path_option("--json", "json_path", help="Write all results to this JSON file.")
+@path_option("--csv", "csv_path", help="Write a table of all numbers to this CSV file.")
 @where_option
 @force_option
 def trends(
