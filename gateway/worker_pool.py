@@ -203,7 +203,6 @@ class Workers:
         work: Work[_Order, _Result],
         orders: Sequence[_Order],
         on_done: Callable[[int], None],
-        begin: Callable[[], object] | None = None,
         sizes: Sequence[int] = (),
     ) -> Generator[tuple[int, _Result]]:
         """Yield the place and the result of each order as it is done; this process works too.
@@ -214,7 +213,6 @@ class Workers:
             work: a function of a module, since other processes import it; any function without them.
             orders: with their results they are sent between processes; a single one is done here.
             on_done: called with how much of all orders was done since the last call.
-            begin: called first in each other process.
             sizes: of each order; processes take the largest first, so that none is left alone with it at the end.
                 Without them, in order.
 
@@ -246,8 +244,6 @@ class Workers:
         try:
             # One order is done here; of two, another process has the first, as it must not be idle.
             for worker in self.each[: remaining - 1]:
-                if begin is not None:
-                    worker.submit(begin)
                 feed(worker)
             while remaining:
                 index = None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
+from gateway.cli.path_option import path_option
 
 if TYPE_CHECKING:
     from gateway.views.progress import Bar
@@ -18,9 +19,7 @@ if TYPE_CHECKING:
 @click.argument("first", type=click.Path(path_type=Path), metavar="FIRST")
 @click.argument("second", type=click.Path(path_type=Path), metavar="SECOND")
 @config_option
-@click.option(
-    "--csv", "csv_path", type=click.Path(path_type=Path), metavar="FILE", help="Write the differences to this file."
-)
+@path_option("--csv", "csv_path", help="Write the differences to this file.")
 @force_option
 @keys_option
 @estimator_option
@@ -47,8 +46,7 @@ def compare(
       treadlink compare before.mcap after.mcap
       treadlink compare tire-a.mcap tire-b.mcap --csv differences.csv
     """
-    from gateway.cli.estimate_order import EstimateOrder
-    from gateway.cli.recording_estimates import estimate_recording
+    from gateway.cli.recording_estimates import EstimateOrder, estimate_recording
     from gateway.cli.summary_output import SummaryOutput
     from gateway.errors import RecordingError, TreadlinkError
     from gateway.estimators.mean_comparison import compared_means
@@ -63,7 +61,7 @@ def compare(
     drives, damaged = [], []
     for path in (first, second):
         order = EstimateOrder(
-            path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {}, is_drawn=True
+            path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, is_drawn=True
         )
         size = path.stat().st_size if path.is_file() else 0
         with progress_bar(f"estimating {path.name}") as bar:

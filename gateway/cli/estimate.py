@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import click
 
 from gateway.cli.options import FiniteRange, config_option, effects_option, estimator_option, force_option, keys_option
-
-
-def _output_option(name: str, help_text: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    return click.option(f"--{name}", f"{name}_path", type=click.Path(path_type=Path), metavar="FILE", help=help_text)
+from gateway.cli.path_option import path_option
 
 
 @click.command()
 @click.argument("recordings", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="RECORDING...")
 @config_option
-@_output_option("csv", "Write a CSV table to this file, one row per revolution.")
-@_output_option("json", "Write JSON lines to this file, one object per revolution.")
-@_output_option("parquet", "Write a Parquet table to this file; needs treadlink[parquet].")
-@_output_option("html", "Write a page with wheels, means and quantities over time to this file; needs treadlink[plot].")
+@path_option("--csv", "csv_path", help="Write a CSV table to this file, one row per revolution.")
+@path_option("--json", "json_path", help="Write JSON lines to this file, one object per revolution.")
+@path_option("--parquet", "parquet_path", help="Write a Parquet table to this file; needs treadlink[parquet].")
+@path_option(
+    "--html",
+    "html_path",
+    help="Write a page with wheels, means and quantities over time to this file; needs treadlink[plot].",
+)
 @force_option
 @keys_option
 @estimator_option
@@ -30,12 +30,6 @@ def _output_option(name: str, help_text: str) -> Callable[[Callable[..., None]],
     type=FiniteRange(0.0, 1.0, min_open=True, max_open=True),
     metavar="PROBABILITY",
     help="Also write expanded uncertainties of this coverage probability, such as 0.95, and their coverage factor.",
-)
-@click.option(
-    "--jobs",
-    type=click.IntRange(1, 64),
-    help="Maximum number of processes, each for a recording of its own.  [default: one per processor, fewer for short "
-    "recordings]",
 )
 def estimate(
     recordings: tuple[Path, ...],
@@ -49,20 +43,19 @@ def estimate(
     estimators: tuple[str, ...],
     effects_paths: tuple[Path, ...],
     coverage: float | None,
-    jobs: int | None,
 ) -> None:
     """Estimate RECORDING... in one pass, with the same results as `treadlink live`.
 
     A summary of each recording is printed. Tables get one row per revolution and wheel: times, speed, contact edges and
     estimates with their standard errors and status. The page of --html shows each recording at a glance. Recordings are
-    estimated independently of each other and several at the same time, each with the vehicle configuration it contains,
-    unless --config gives another. Their summaries and rows come in the order given, whatever --jobs is.
+    estimated independently of each other, in the order given, each with the vehicle configuration it contains, unless
+    --config gives another. For many recordings, `treadlink campaign` uses all processors.
 
     A FILE appears when it is complete, or not at all. A FILE of - is standard output; the summary is then printed to
     standard error. The exit status is 1 if a recording has no frames, or a wheel that sent samples has no revolution.
     """
-    from gateway.cli.estimate_order import EstimateOrder
     from gateway.cli.estimate_run import run_estimate
+    from gateway.cli.recording_estimates import EstimateOrder
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.estimators.weighted_mean import coverage_factor
     from gateway.security.key_file import default_key_file
@@ -81,7 +74,9 @@ def estimate(
         check_page(html_path, force=force)
     factor = None if coverage is None else coverage_factor(coverage)
     orders = [
-        EstimateOrder(path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, {}, factor)
+        EstimateOrder(
+            path, config_path, effects_paths, key_file, estimators or DEFAULT_ESTIMATORS, is_drawn=html_path is not None
+        )
         for path in recordings
     ]
-    run_estimate(orders, outputs, page=html_path, force=force, jobs=jobs)
+    run_estimate(orders, outputs, page=html_path, force=force, coverage_factor=factor)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from firmware_protocol.counters import LinkCounters
-from gateway.cli.estimate_order import EstimateOrder, RecordingEstimated
 from gateway.config.vehicle import ASSUMED_RADIUS_MM
-from gateway.reasons import Code
+from gateway.reasons import Code, Reason
 from gateway.recording.recorded_file import RawDump, open_recorded_file
 from gateway.recording.reference_topic import ReferenceReader
 from gateway.session.recording_pass import RecordingPass, open_recording
@@ -17,38 +16,61 @@ from gateway.session.reference_check import ReferenceCheck
 from gateway.views.drive_page.drive import Drive
 from gateway.views.reference_lines import reference_lines
 from gateway.views.session_summary import ResultSummary, effects_line, removed_line, summary_lines
-from gateway.views.tables.result_table import RowMaker
-from gateway.views.tables.row_spool import open_spool
+from gateway.views.tables.result_table import ResultTable
 from gateway.views.text import clean
 from gateway.views.wording import notice_text
 
 
-def estimate_to_spools(order: EstimateOrder, on_position: Callable[[int], None]) -> RecordingEstimated:
-    """Estimate one recording; its rows go to the files of the order.
+@dataclass(frozen=True, slots=True)
+class EstimateOrder:
+    """Order to estimate one recording.
 
-    Args:
-        order: recording, settings and files.
-        on_position: called with the bytes of the file read so far.
-
-    Raises:
-        TreadlinkError: the recording, its configuration or the keys cannot be read, or a file cannot be written.
+    Attributes:
+        path: the recording.
+        config_path: vehicle configuration, None to use the recorded one.
+        effects_paths: files of known effects.
+        key_file: keys of signed frames, None for the user's.
+        estimators: names from the registry.
+        is_drawn: whether the answer has what a page shows.
     """
-    with contextlib.ExitStack() as stack:
-        rows = [
-            stack.enter_context(open_spool(path, kind, order.coverage_factor)) for kind, path in order.spools.items()
-        ]
-        return estimate_recording(order, on_position, rows)
+
+    path: Path
+    config_path: Path | None
+    effects_paths: tuple[Path, ...]
+    key_file: Path | None
+    estimators: tuple[str, ...]
+    is_drawn: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingEstimated:
+    """End of the work on one recording; its rows are written.
+
+    Attributes:
+        lines: summary.
+        missing: number of links and wheels without a result.
+        damage: unreadable parts, None without any.
+        drive: what a page shows of it, None where none is made.
+    """
+
+    lines: tuple[str, ...]
+    missing: int
+    damage: Reason | None
+    drive: Drive | None = None
 
 
 def estimate_recording(
-    order: EstimateOrder, on_position: Callable[[int], None], tables: Sequence[RowMaker]
+    order: EstimateOrder, on_position: Callable[[int], None], tables: Sequence[ResultTable]
 ) -> RecordingEstimated:
-    """Estimate one recording; see `estimate_to_spools`.
+    """Estimate one recording.
 
     Args:
         order: recording and settings.
         on_position: called with the bytes of the file read so far.
         tables: take the rows.
+
+    Raises:
+        TreadlinkError: the recording, its configuration or the keys cannot be read, or a table cannot be written.
     """
     reader = _opened(order.path)
     recording = open_recording(
@@ -69,25 +91,25 @@ def estimate_recording(
         summary.add(result)
         if drive is not None:
             drive.add(result)
-        for rows in tables:
-            rows.write(result, name)
+        for table in tables:
+            table.write(result, name)
     on_position(reader.info.size_bytes)
     assumed = "" if vehicle is not None else f"  (no configuration: belt radius {ASSUMED_RADIUS_MM:g} mm assumed)"
     lines = [f"{order.path}{assumed}"]
     wheels = summary.wheels(estimation.wheels)
     notices = estimation.notices([wheel.position for wheel in wheels])
     lines += [f"  {clean(notice_text(notice))}" for notice in notices]
-    for table in recording.effects:
-        effect_names = [effect.name for effect in table.effects]
+    for known in recording.effects:
+        effect_names = [effect.name for effect in known.effects]
         for wheel_summary in wheels:
-            if wheel_summary.position == table.position:
+            if wheel_summary.position == known.position:
                 lines.append(clean(f"  {effects_line(wheel_summary, effect_names)}"))
-                lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, table),) if line]
+                lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, known),) if line]
     comparisons = check.comparisons() if check is not None else ()
     alarms = estimation.alarms()
     for alarm in alarms:
-        for rows in tables:
-            rows.write_alarm(alarm, name)
+        for table in tables:
+            table.write_alarm(alarm, name)
     lines += [
         clean(f"  {line}".rstrip()) for line in (*summary_lines(wheels, alarms=alarms), *reference_lines(comparisons))
     ]
@@ -96,8 +118,8 @@ def estimate_recording(
     for notice in missing:
         lines.append(f"  {clean(notice_text(notice))}")
         if notice.reason.code is Code.NO_REVOLUTION:
-            for rows in tables:
-                rows.write_missing(notice.subject, notice.reason, name)
+            for table in tables:
+                table.write_missing(notice.subject, notice.reason, name)
     if drive is not None:
         drive.finish(estimation.wheels, alarms, (*notices, *missing))
     return RecordingEstimated(tuple(lines), len(missing), reader.damage, drive)

@@ -1,4 +1,4 @@
-"""`treadlink estimate --jobs`: the same tables, summaries and errors as one recording after another."""
+"""`treadlink estimate` of several recordings, of a dump, and with expanded uncertainties."""
 
 from __future__ import annotations
 
@@ -20,36 +20,32 @@ TABLES = ("csv", "json", "parquet", "html")
 def recordings(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recordings")
     motion = "[motion]\nspeed_kmh = 60.0"
-    # The second is shorter, so that another process finishes it first.
     return [
         write_recording(folder / f"{number}.mcap", motion, duration_s=duration_s, start_ns=START_NS + number * 10**10)
         for number, duration_s in enumerate((3.0, 0.5, 1.5))
     ]
 
 
-def estimate(recordings, folder, jobs):
+def estimate(recordings, folder):
     outputs = [word for kind in TABLES for word in (f"--{kind}", str(folder / f"out.{kind}"))]
-    return CliRunner().invoke(treadlink, ["estimate", *map(str, recordings), *outputs, "--jobs", str(jobs)])
+    return CliRunner().invoke(treadlink, ["estimate", *map(str, recordings), *outputs])
 
 
-def test_jobs_do_not_change_the_output(recordings, tmp_path):
-    printed = {}
-    for jobs in (1, 2):
-        (tmp_path / str(jobs)).mkdir()
-        result = estimate(recordings, tmp_path / str(jobs), jobs)
-        printed[jobs] = result.exit_code, result.output.replace(str(tmp_path / str(jobs)), "")
-    assert printed[1] == printed[2]
-    for kind in TABLES:
-        assert (tmp_path / "1" / f"out.{kind}").read_bytes() == (tmp_path / "2" / f"out.{kind}").read_bytes()
-    assert len(list((tmp_path / "2").iterdir())) == len(TABLES)
+def test_recordings_follow_each_other_in_the_order_given(recordings, tmp_path):
+    result = estimate(reversed(recordings), tmp_path)
+    printed = [line for line in result.output.splitlines() if line.startswith(str(recordings[0].parent))]
+    assert [line.split()[0] for line in printed] == [str(path) for path in reversed(recordings)]
+    rows = csv.DictReader((tmp_path / "out.csv").read_text(encoding="utf-8").splitlines())
+    assert list(dict.fromkeys(row["recording"] for row in rows)) == ["2.mcap", "1.mcap", "0.mcap"]
+    assert len(list(tmp_path.iterdir())) == len(TABLES)
 
 
-def test_jobs_report_the_first_error_in_order(recordings, tmp_path):
+def test_first_error_leaves_no_table(recordings, tmp_path):
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(b"no recording")
     folder = tmp_path / "out"
     folder.mkdir()
-    result = estimate([recordings[0], broken, recordings[1]], folder, 2)
+    result = estimate([recordings[0], broken, recordings[1]], folder)
     assert isinstance(result.exception, RecordingError)
     assert "broken.mcap" in str(result.exception)
     assert str(recordings[0]) in result.output

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Protocol, Self
+from typing import Final, Self
 
 import numpy as np
 
@@ -45,66 +44,20 @@ class TableFormat(StrEnum):
     PARQUET = "parquet"
 
 
-Row = tuple[dict[str, Cell], dict[str, dict[str, Cell]]] | bytes
-"""A row before it is written: as `row_of` returns it for columns, or a JSON line."""
-
-
-class RowMaker(Protocol):
-    """Makes the rows of a format, hands each to its `put` and keeps none.
-
-    All methods raise OutputError when the file cannot be written any more.
-    """
-
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        """Add one row; `recording` distinguishes rows of several recordings in one table."""
-        ...
-
-    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
-        """Note that a wheel completed no revolution; only JSON lines have a place for it."""
-        ...
-
-    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
-        """Note an alarm of the whole recording; only JSON lines have a place for it."""
-        ...
-
-    def put(self, row: Row) -> None:
-        """Take a row that this, or another maker of the same format, has made."""
-        ...
-
-
-class TableWriter(RowMaker, Protocol):
-    """Writes rows to a file.
-
-    As a context manager it closes, and after an error discards: the table appears complete or not at all.
-    """
-
-    def close(self) -> None:
-        """Finish the file; may be called twice."""
-        ...
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
-
-
 def open_table(
     path: Path,
     table_format: TableFormat,
     *,
     force: bool = False,
-    estimates: Sequence[str] = (),
     coverage_factor: float | None = None,
-) -> TableWriter:
+) -> ResultTable:
     """Open a result file.
 
     Args:
         path: the file; it is not overwritten unless `force`. `-` is standard output.
-        table_format: CSV with a header line, JSON lines (one object a line), or Parquet.
+        table_format: CSV with a header line, JSON lines (one object a line), or Parquet. Estimates of the first
+            COLUMNS_FIXED_AFTER_ROWS rows get columns; later ones go into OTHER. JSON lines need none of this.
         force: overwrite an existing file.
-        estimates: names that get their columns first and even when no row has them. Names that the first
-            COLUMNS_FIXED_AFTER_ROWS rows bring get columns too; later ones go into OTHER. JSON lines need none of this.
         coverage_factor: of expanded uncertainties, which are written beside the standard errors; None for none.
 
     Raises:
@@ -116,7 +69,7 @@ def open_table(
     if table_format is TableFormat.JSON:
         return _JsonLines(output, coverage_factor)
     sink = CsvSink(output.file) if table_format is TableFormat.CSV else ParquetSink(output.file)
-    return _Columns(output, sink, estimates, coverage_factor)
+    return _Columns(output, coverage_factor, sink)
 
 
 def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
@@ -185,75 +138,36 @@ def iso_utc(host_ns: int) -> str:
     return f"{np.datetime_as_string(np.datetime64(host_ns, 'ns'), unit='us')}Z"
 
 
-class _Rows(ABC):
-    """Rows of any format, with expanded uncertainties where there is a coverage factor."""
+class ResultTable(ABC):
+    """File of rows, of which none is kept; with expanded uncertainties where there is a coverage factor.
 
-    coverage_factor: float | None = None
+    As a context manager it closes, and after an error discards: the table appears complete or not at all. All methods
+    raise OutputError when the file cannot be written any more.
+    """
 
-    @abstractmethod
-    def put(self, row: Row) -> None:
-        """Take a row; each kind of target has its own."""
-
-    def _row(self, result: RevolutionResult, recording: str) -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
-        fixed, named = row_of(result, recording)
-        factor = self.coverage_factor
-        if factor is not None:
-            fixed[COVERAGE.name] = factor
-            for parts in named.values():
-                std = parts["_std"]
-                parts[EXPANDED.name] = factor * std if isinstance(std, float) else None
-        return fixed, named
-
-
-class JsonRows(_Rows):
-    """Rows of JSON lines: keys as the columns of the other formats, and reasons as lists; unknown is null."""
-
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        """Make the row of a result."""
-        fixed, named = self._row(result, recording)
-        row: dict[str, object] = {key: fixed[key] for key in RESULT_HEAD}
-        for name, parts in named.items():
-            row |= {name + part: cell for part, cell in parts.items()}
-        row |= {key: cell for key, cell in fixed.items() if key not in RESULT_HEAD}
-        row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
-        row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
-        for estimate in result.estimates:
-            row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
-        self.put(_json_line(row))
-
-    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
-        """Make the row of a wheel without a revolution."""
-        row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
-        row |= {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]}
-        self.put(_json_line(row))
-
-    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
-        """Make the row of an alarm."""
-        row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
-        row |= {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)}
-        self.put(_json_line(row))
-
-
-class ColumnRows(_Rows):
-    """Rows of the formats with columns, one per revolution."""
-
-    def write(self, result: RevolutionResult, recording: str = "") -> None:
-        """Make the row of a result."""
-        self.put(self._row(result, recording))
-
-    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
-        """Do nothing: every row is a revolution."""
-
-    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
-        """Do nothing: every row is a revolution."""
-
-
-class _Table(ABC):
-    def __init__(self, output: OutputFile) -> None:
+    def __init__(self, output: OutputFile, coverage_factor: float | None) -> None:
         self._output = output
+        self._coverage_factor = coverage_factor
 
     @abstractmethod
-    def close(self) -> None: ...
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        """Add one row; `recording` distinguishes rows of several recordings in one table."""
+
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        """Note that a wheel completed no revolution; only JSON lines have a place for it."""
+        del position, reason, recording
+
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
+        """Note an alarm of the whole recording; only JSON lines have a place for it."""
+        del alarm, recording
+
+    @abstractmethod
+    def close(self) -> None:
+        """Finish the file; may be called twice."""
+
+    def discard(self) -> None:
+        """Leave no file."""
+        self._output.discard()
 
     def __enter__(self) -> Self:
         return self
@@ -266,46 +180,60 @@ class _Table(ABC):
         else:
             self.discard()
 
-    def discard(self) -> None:
-        self._output.discard()
+    def _row(self, result: RevolutionResult, recording: str) -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:
+        fixed, named = row_of(result, recording)
+        factor = self._coverage_factor
+        if factor is not None:
+            fixed[COVERAGE.name] = factor
+            for parts in named.values():
+                std = parts["_std"]
+                parts[EXPANDED.name] = factor * std if isinstance(std, float) else None
+        return fixed, named
 
 
-class _JsonLines(JsonRows, _Table):
-    """One JSON object a line."""
+class _JsonLines(ResultTable):
+    """One JSON object a line: keys as the columns of the other formats, and reasons as lists; unknown is null."""
 
-    def __init__(self, output: OutputFile, coverage_factor: float | None) -> None:
-        super().__init__(output)
-        self.coverage_factor = coverage_factor
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        fixed, named = self._row(result, recording)
+        row: dict[str, object] = {key: fixed[key] for key in RESULT_HEAD}
+        for name, parts in named.items():
+            row |= {name + part: cell for part, cell in parts.items()}
+        row |= {key: cell for key, cell in fixed.items() if key not in RESULT_HEAD}
+        row["fault_reasons"] = [as_json(fault) for fault in result.revolution.faults]
+        row["alarm_reasons"] = [{"name": str(alarm.name), **as_json(alarm.reason)} for alarm in result.alarms]
+        for estimate in result.estimates:
+            row[f"{distinct_name(estimate.name, _TAKEN)}_reasons"] = [as_json(reason) for reason in estimate.reasons]
+        self._put(row)
 
-    def put(self, row: Row) -> None:
-        assert isinstance(row, bytes)
-        with self._output.explained():
-            self._output.file.write(row)
+    def write_missing(self, position: str, reason: Reason, recording: str = "") -> None:
+        row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
+        self._put(row | {"recording": recording, "position": position, "missing_reasons": [as_json(reason)]})
+
+    def write_alarm(self, alarm: AlarmRecord, recording: str = "") -> None:
+        row: dict[str, object] = dict.fromkeys((*RESULT_HEAD, *RESULT_TAIL))
+        self._put(row | {"recording": recording, "position": alarm.position, "alarm_record": alarm_fields(alarm)})
 
     def close(self) -> None:
         self._output.commit()
 
+    def _put(self, row: dict[str, object]) -> None:
+        with self._output.explained():
+            self._output.file.write(json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n")
 
-def _json_line(row: dict[str, object]) -> bytes:
-    return json.dumps(row, ensure_ascii=False, allow_nan=False).encode() + b"\n"
 
-
-class _Columns(ColumnRows, _Table):
+class _Columns(ResultTable):
     """Buffers the first rows to learn the names of the estimates, then streams under fixed columns."""
 
-    def __init__(
-        self, output: OutputFile, sink: RowSink, estimates: Sequence[str], coverage_factor: float | None
-    ) -> None:
-        super().__init__(output)
-        self.coverage_factor = coverage_factor
+    def __init__(self, output: OutputFile, coverage_factor: float | None, sink: RowSink) -> None:
+        super().__init__(output, coverage_factor)
         self._sink = sink
-        self._names = dict.fromkeys(estimates)
+        self._names: dict[str, None] = {}
         self._held: list[tuple[dict[str, Cell], dict[str, dict[str, Cell]]]] | None = []
         self._closed = False
 
-    def put(self, row: Row) -> None:
-        assert isinstance(row, tuple)
-        fixed, named = row
+    def write(self, result: RevolutionResult, recording: str = "") -> None:
+        fixed, named = self._row(result, recording)
         with self._output.explained():
             if self._held is None:
                 self._put(fixed, named)
@@ -337,7 +265,7 @@ class _Columns(ColumnRows, _Table):
         held, self._held = self._held, None
         if held is None:
             return
-        is_expanded = self.coverage_factor is not None
+        is_expanded = self._coverage_factor is not None
         of_each = (*ESTIMATE_PARTS.values(), EXPANDED) if is_expanded else ESTIMATE_PARTS.values()
         self._no_parts: dict[str, Cell] = dict.fromkeys(part.name for part in of_each)
         self._tail = (*RESULT_TAIL, COVERAGE.name) if is_expanded else tuple(RESULT_TAIL)
