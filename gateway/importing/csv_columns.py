@@ -43,6 +43,15 @@ class TolerantSample(NamedTuple):
     first: str
 
 
+def column_names(cells: Sequence[str]) -> tuple[str, ...]:
+    """Return names for the cells of a header, each once: one that is empty or occurs again has its number."""
+    names: list[str] = []
+    for number, cell in enumerate(map(str.strip, cells), 1):
+        name = cell if cell not in names else f"{cell} (column {number})"
+        names.append(name or f"column {number}")
+    return tuple(names)
+
+
 class CsvColumns:
     """Reader of delimited text. Without a header the columns are named 1, 2, 3, ...
 
@@ -75,8 +84,8 @@ class CsvColumns:
         if line is None or not line.strip():
             fault = "is empty" if path.stat().st_size == 0 else f"has nothing in line {layout.skip_rows + 1}"
             raise ImportDataError(f"{path} {fault}", "Check the file, and skip_rows in [file] of the map.")
-        cells = [cell.strip() for cell in self._cells(line)]
-        self._names = tuple(cells) if layout.header else tuple(str(k + 1) for k in range(len(cells)))
+        cells = self._cells(line)
+        self._names = column_names(cells) if layout.header else tuple(str(k + 1) for k in range(len(cells)))
 
     @property
     def facts(self) -> FileFacts:
@@ -90,6 +99,8 @@ class CsvColumns:
         size_bytes = max(self._path.stat().st_size, 1)
         row, line_number = 0, self._lines_before_data + 1
         self.unreadable = 0
+        if self._times is not None:
+            self._times.rewind()
         with self._open() as file:
             source = self._lines(file)
             for _ in itertools.islice(source, self._lines_before_data):
@@ -255,11 +266,12 @@ class CsvColumns:
                 except ValueError:
                     fault = f"'{cells[column].strip()}' is not a number"
                     return ImportDataError(
-                        f"{self._path}: line {number}, column '{name}': {fault}", self._remedy(cells[column].strip())
+                        f"{self._path}: line {number}, column '{name}': {fault}",
+                        self._remedy(cells[column].strip(), number),
                     )
         return ImportDataError(f"{self._path}: the lines from {numbers[0]} on cannot be read", "Check their quotes.")
 
-    def _remedy(self, cell: str) -> str:
+    def _remedy(self, cell: str, number: int) -> str:
         if _OTHER_MINUS.search(cell):
             return "Write the minus sign as '-' (ASCII 45): another program's sign or dash is no number."
         if _THOUSANDS.fullmatch(cell):
@@ -275,6 +287,8 @@ class CsvColumns:
             )
         if _PLACEHOLDER.fullmatch(cell):
             return f"If it stands for a missing value, leave the cell empty: {_AS_GAP}"
+        if not cell[:1].isdigit() and number > self._lines_before_data + 1:
+            return f"If the line is no row of the data, remove it. Else correct the cell, or leave it empty: {_AS_GAP}"
         if not cell[:1].isdigit():
             return "If this is a line of units, state [file] skip_rows_after_header in the map; else correct the cell."
         return f"Correct the cell, or leave it empty: {_AS_GAP}"

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.errors import ImportDataError
+from gateway.importing.csv_columns import column_names
 from gateway.importing.import_map import DELIMITERS, FileLayout
 
 _READ_BYTES: Final = 1 << 17
@@ -18,7 +19,10 @@ _LINES: Final = 400
 # Another sign for minus is no number to the reader, but the cell is none of a header.
 _NUMBER: Final = re.compile(r"[+\-\u2212\u2013]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
 _FIGURE: Final = re.compile(r"\d[.,]\d")
-_DATE: Final = re.compile(r"(\d{1,4})[-/.](\d{1,2})[-/.](\d{1,4})[T ]\s*\d{1,2}:\d\d:\d\d.*")
+_DATE: Final = re.compile(
+    r"(?:(\d{1,4})[-/. ](\d{1,2}|[a-z]{3})[-/. ](\d{1,4})[T ])?\s*\d{1,2}:\d\d:\d\d(?:[^\d:].*)?", re.IGNORECASE
+)
+_HALF_OF_DAY: Final = re.compile(r"[ap]\.?m", re.IGNORECASE)
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _MAX_HEADER_LINES: Final = 200
 
@@ -30,8 +34,8 @@ class TextLayout:
     Attributes:
         layout: as in the import map.
         units: text of the line of units, by column; empty without such a line.
-        dates: columns of dates with times.
-        date_order: of year, month and day in them: `ymd`, `dmy`, `mdy`; `?` where days and months look alike.
+        dates: columns of dates with times, or times of day.
+        date_order: of year, month and day in them: `ymd`, `dmy`, `mdy`; with `?` where days and months look alike.
         texts: columns of other texts, each with its first.
     """
 
@@ -62,14 +66,15 @@ def recognise_layout(path: Path) -> TextLayout:
     start = next((k for k in range(min(len(rows), _MAX_HEADER_LINES)) if _are_data(rows[k : k + 5])), None)
     if start is None:
         raise ImportDataError(
-            f"{path}: no line of the first {len(rows)} consists of numbers", "Check that it is a text file of columns."
+            f"{path}: no line of the first {len(rows)} consists of numbers{_example(rows)}",
+            "Check that it is a text file of columns.",
         )
     width = len(rows[start])
     above = [k for k in range(start) if len(rows[k]) == width and any(rows[k])]
     # A line of units is directly below that of the names.
     has_units = len(above) >= 2 and above[-1] == start - 1 and above[-2] == start - 2
     header = above[-2] if has_units else above[-1] if above and above[-1] == start - 1 else None
-    names = rows[header] if header is not None else [str(k + 1) for k in range(width)]
+    names = column_names(rows[header]) if header is not None else [str(k + 1) for k in range(width)]
     data_rows = [row for row in rows[start:] if len(row) == width]
     comma = delimiter != "comma" and any(_DECIMAL_COMMA.fullmatch(cell) for row in data_rows for cell in row)
     layout = FileLayout(
@@ -92,14 +97,25 @@ def recognise_layout(path: Path) -> TextLayout:
     return TextLayout(layout, units, frozenset(dates), order, texts)
 
 
+def _example(rows: Sequence[list[str]]) -> str:
+    """Return the first cell of a line in the middle that is no number, empty without one."""
+    number = len(rows) // 2
+    cell = next((cell for cell in rows[number] if cell and not _NUMBER.fullmatch(cell)), "") if rows else ""
+    return f"; in line {number + 1}, '{cell[:40]}' is none" if cell else ""
+
+
 def _date_order(cells: Sequence[str]) -> str:
-    """Return the order of year, month and day in dates; `?` where both orders of day and month are possible."""
-    dates = [match for cell in cells if (match := _DATE.fullmatch(cell)) is not None]
+    """Return the order of year, month and day in dates, with `?` where both orders of day and month are possible."""
+    matches = [match for cell in cells if (match := _DATE.fullmatch(cell)) is not None]
+    dates = [match for match in matches if match[1] and match[2].isdigit()]
     if all(len(match[1]) == 4 for match in dates):
         return "ymd"
     if any(int(match[1]) > 12 for match in dates):
         return "dmy"
-    return "mdy" if any(int(match[2]) > 12 for match in dates) else "?"
+    if any(int(match[2]) > 12 for match in dates):
+        return "mdy"
+    # Where hours have halves, the month comes first.
+    return "mdy?" if any(_HALF_OF_DAY.search(match[0]) for match in dates) else "dmy?"
 
 
 def _is_text(cells: Sequence[str]) -> bool:

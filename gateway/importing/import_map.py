@@ -152,7 +152,7 @@ class Sampling(Section):
     time_unit: Annotated[str, _one_of(TIME_UNITS_S)] = Field(
         default="s",
         description="unit of the time column; d for the day numbers of Excel and MATLAB, iso for dates with times "
-        "(ISO 8601)",
+        "(ISO 8601) or times of day",
     )
     time_zone: Annotated[str | None, BeforeValidator(_time_zone)] = Field(
         default=None,

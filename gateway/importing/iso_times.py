@@ -1,7 +1,8 @@
-"""Dates with times (ISO 8601) as seconds from the first of them."""
+"""Dates with times (ISO 8601) as seconds from the first of them, and times of day as seconds from midnight."""
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Sequence
 from datetime import datetime, timedelta, tzinfo
@@ -16,12 +17,17 @@ from gateway.importing.import_map import zone_of
 from gateway.types import FloatArray
 
 _TIME: Final = re.compile(
-    r"\s*(\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4})[T ]\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d{1,9})?)\d*\s*([ap]\.?m\.?)?\s*"
+    r"\s*(?:(\d{1,4}[-/. ](?:\d{1,2}|[a-z]{3})[-/. ]\d{1,4})[T ])?\s*(\d{1,2}:\d\d:\d\d(?:[.,]\d{1,9})?)\d*\s*"
+    r"([ap]\.?m\.?)?\s*"
     r"(Z|[+-]\d\d(?::?\d\d)?)?\s*",
     re.IGNORECASE,
 )
 # Place of year, month and day in a date.
 _PLACES: Final = {"ymd": (0, 1, 2), "dmy": (2, 1, 0), "mdy": (2, 0, 1)}
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+# Stands for the date of times of day; they pass midnight where they step back by more than half a day.
+_NO_DATE: Final = "1970-01-01"
+_DAY_S: Final = 86400.0
 _MISSING: Final = ("", "nan", "nat", "null", "none")
 _EXAMPLE: Final = "2024-05-01T12:00:00.0001+02:00"
 _ZONE_REMEDY: Final = (
@@ -35,7 +41,7 @@ class IsoTimes:
 
     Attributes:
         column: name of the column.
-        start_ns: the first time, ns since 1970 (UTC); None before there is one.
+        start_ns: the first time, ns since 1970 (UTC); None before there is one, and for times of day.
     """
 
     def __init__(self, path: Path, column: str, zone: str | None, order: str = "ymd") -> None:
@@ -53,9 +59,15 @@ class IsoTimes:
         self.column = column
         self._zone_name = zone or ""
         self._zone: tzinfo | None = None if zone is None else zone_of(zone)
+        self._has_dates: bool | None = None
+        self.rewind()
+
+    def rewind(self) -> None:
+        """Begin again with the first row of the file."""
+        self._midnight_s, self._last_s = 0.0, math.nan
 
     def seconds(self, cells: Sequence[str], where: Callable[[int], str]) -> FloatArray:
-        """Return (n,) seconds from the first time of the file, NaN for empty cells.
+        """Return (n,) seconds from the first time of the file, or from the first midnight; NaN for empty cells.
 
         Args:
             cells: text of each row.
@@ -69,7 +81,10 @@ class IsoTimes:
         timed_rows: list[int] = []
         for row, cell in enumerate(cells):
             match = _TIME.fullmatch(cell.strip().strip('"'))
-            time = None if match is None else _iso(match[1], match[2], match[3], self._order)
+            if match is not None and self._has_dates is None:
+                self._has_dates = match[1] is not None
+            fits = match is not None and (match[1] is not None) == self._has_dates
+            time = self._iso(match) if match is not None and fits else None
             if match is not None and time is not None:
                 times.append(time)
                 offsets.append(match[4])
@@ -81,9 +96,27 @@ class IsoTimes:
         except ValueError as error:
             row = next(row for row, time in zip(timed_rows, times, strict=True) if not _is_date(time))
             raise self._unreadable(cells[row], where(row)) from error
-        return self.from_local(local, offsets, timed_rows, len(cells), where)
+        if self._has_dates is False:
+            return self._of_day(local, timed_rows, len(cells))
+        return self._from_local(local, offsets, timed_rows, len(cells), where)
 
-    def from_local(
+    def _iso(self, match: re.Match[str]) -> str | None:
+        if match[1] is None:
+            return _iso(_NO_DATE, match[2], match[3], "ymd")
+        return _iso(match[1], match[2], match[3], self._order)
+
+    def _of_day(self, local: NDArray[np.datetime64], timed_rows: Sequence[int], rows: int) -> FloatArray:
+        """Return (rows,) seconds from midnight, which go on where the times pass it."""
+        seconds = np.full(rows, np.nan)
+        if len(local):
+            of_day_s = local.astype(np.int64) * 1e-9
+            before_s = np.concatenate(([self._last_s], of_day_s[:-1]))
+            passed = np.cumsum(of_day_s - before_s < -0.5 * _DAY_S) * _DAY_S
+            seconds[np.asarray(timed_rows)] = of_day_s + self._midnight_s + passed
+            self._midnight_s, self._last_s = self._midnight_s + float(passed[-1]), float(of_day_s[-1])
+        return seconds
+
+    def _from_local(
         self,
         local: NDArray[np.datetime64],
         offsets: Sequence[str | None],
@@ -152,7 +185,11 @@ class IsoTimes:
 
 def _iso(date: str, clock: str, half: str | None, order: str) -> str | None:
     """Return date and time of day as ISO text, None where the date has another order or the hour no such half."""
-    parts = re.split(r"[-/.]", date)
+    parts = re.split(r"[-/. ]", date)
+    if parts[1].isalpha():
+        # The name of a month leaves no doubt about the order.
+        order = "ymd" if len(parts[0]) == 4 else "dmy"
+        parts[1] = str(_MONTHS.index(parts[1].lower()) + 1) if parts[1].lower() in _MONTHS else "13"
     year, month, day = (parts[index] for index in _PLACES[order])
     hour, rest = clock.split(":", 1)
     number = int(hour)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import math
 import re
@@ -11,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -76,6 +77,10 @@ _MOST_UNREADABLE: Final = 0.1
 _FEW_REPEATS: Final = 0.01
 # Times that repeat more often are coarser than an import takes, which is 1.2 sample intervals.
 _MOST_REPEATS: Final = 0.2
+# Columns of a wheel among which a magnitude is searched.
+_MOST_COMPARED: Final = 9
+# Share of a magnitude by which columns that are rounded apart may miss it.
+_ROUNDED: Final = 1e-3
 _VOLTAGES: Final = frozenset({"", "V", "mV"})
 _TEMPERATURE_UNITS: Final = frozenset({"degC", "C"})
 _LISTED_REASONS: Final = 40
@@ -165,7 +170,8 @@ class _Guess:
         no_time: why a column of times cannot be used, None without one.
         rate_hz: sampling rate, None where it is unknown.
         since_1970_s: time of the first row since 1970, None where the times have another zero.
-        date_order: of year, month and day in dates, `?` where it is not certain.
+        is_dated: whether times of dates are no times of day alone.
+        date_order: of year, month and day in dates, with `?` where it is not certain.
         candidates: columns that may be accelerations.
         missed: columns whose name or unit says an acceleration, and that cannot be read.
         references: reference columns.
@@ -180,6 +186,7 @@ class _Guess:
     no_time: str | None = None
     rate_hz: float | None = None
     since_1970_s: float | None = None
+    is_dated: bool = True
     date_order: str = "ymd"
     candidates: list[_Seen] = field(default_factory=list)
     missed: list[str] = field(default_factory=list)
@@ -201,17 +208,21 @@ def guess_map(path: Path, progress: Callable[[float], None] = lambda _: None) ->
     """
     text = _text_layout(path)
     layout = text.layout if text is not None else FileLayout()
-    # The columns are known only after the file is open; a map needs one.
+    # The columns are known only after the file is open; a map needs one. The zone of dates does not change their steps.
+    sampling = Sampling(rate_hz=1e4)
+    if text is not None and text.dates:
+        order: Any = text.date_order.rstrip("?")
+        sampling = Sampling(time_column=min(text.dates), time_unit=ISO, time_zone="UTC", date_order=order)
     probe = ImportMap(
         file=layout,
-        sampling=Sampling(rate_hz=1e4),
+        sampling=sampling,
         axis=Axes(radial=AxisColumn(column="?", unit="g")),
         sensor=Sensor(coupling="DC"),
     )
     with contextlib.closing(open_columns(path, probe, ReaderProcesses())) as reader:
         facts = reader.facts
         seen, skipped, remedies = _columns(reader, path, facts, text, progress)
-        guess = _sorted(seen, facts, text)
+        guess = _sorted(seen, reader.facts, text)
     guess.others = skipped + guess.others
     guess.missed = [name for name, _ in skipped if _names_axis(name, unit_of(name, facts.units.get(name, "")))]
     if not guess.candidates:
@@ -245,10 +256,11 @@ def _columns(
     seen: list[_Seen] = []
     remedies: list[str] = []
     skipped = [(name, f"{reason}. {remedy}".strip()) for name, (reason, remedy) in facts.unusable.items()]
-    names = [name for name in facts.names if name not in facts.dates]
+    names = list(facts.names)
     if text is not None:
         skipped += [(name, f"text, such as '{text.texts[name][:40]}'") for name in names if name in text.texts]
-        names = [name for name in names if name not in text.texts and name not in text.dates]
+        skipped += [(name, "further dates") for name in sorted(text.dates - set(facts.dates))]
+        names = [name for name in names if name not in text.texts and name not in text.dates - set(facts.dates)]
     skipped += [(name, "not looked at") for name in names[_MOST_COLUMNS:]]
     for k, name in enumerate(names[:_MOST_COLUMNS]):
         progress(k / len(names))
@@ -308,12 +320,18 @@ def _names_axis(name: str, unit: str) -> bool:
 
 def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) -> _Guess:
     guess = _Guess()
-    dates = list(facts.dates) or (sorted(text.dates) if text is not None else [])
-    if dates:
-        guess.time, guess.time_unit = dates[0], ISO
-        guess.date_order = text.date_order if text is not None else "ymd"
     finite = [(column, column.values[np.isfinite(column.values)]) for column in seen]
-    if guess.time is None:
+    if facts.dates:
+        guess.date_order = text.date_order if text is not None else "ymd"
+        name = next(iter(facts.dates))
+        dated = [(column, values) for column, values in finite if column.name == name]
+        for column, _ in dated:
+            column.unit = "s"
+        _find_time(dated, guess)
+        guess.time_doubt = guess.time_doubt or guess.no_time or ""
+        guess.time, guess.time_unit, guess.no_time, guess.since_1970_s = name, ISO, None, None
+        guess.is_dated = text is None or facts.dates[name] is not None
+    else:
         _find_time(finite, guess)
     for column, values in finite:
         if column.name == guess.time:
@@ -324,6 +342,7 @@ def _sorted(seen: Sequence[_Seen], facts: FileFacts, text: TextLayout | None) ->
     if guess.time_unit != ISO and guess.time is None and facts.time_column is not None:
         guess.time = facts.time_column
     _leave_unnamed(guess)
+    _leave_magnitudes(guess)
     return guess
 
 
@@ -334,6 +353,24 @@ def _leave_unnamed(guess: _Guess) -> None:
             unnamed = [column for column in columns if not column.says_acceleration]
             guess.others += [(column.name, "not named as an acceleration, as others are") for column in unnamed]
             guess.candidates = [column for column in guess.candidates if column not in unnamed]
+
+
+def _leave_magnitudes(guess: _Guess) -> None:
+    """Leave the column of a wheel out that is the magnitude of three others, row by row."""
+    for columns in _by_wheel(guess.candidates).values():
+        if 3 < len(columns) <= _MOST_COMPARED:
+            column = min(columns, key=lambda column: _from_magnitude(column, columns))
+            if _from_magnitude(column, columns) < _ROUNDED:
+                guess.others.append((column.name, f"{A_MAGNITUDE} by its values"))
+                guess.candidates.remove(column)
+
+
+def _from_magnitude(column: _Seen, columns: Sequence[_Seen]) -> float:
+    """Return the share by which a column misses the length of the vector of three others, of those that fit best."""
+    squares = [other.values**2 for other in columns if other is not column]
+    lengths = [np.sqrt(np.sum(three, axis=0)) for three in itertools.combinations(squares, 3)]
+    misses = [np.nanmedian(np.abs(column.values - length)) / np.nanmedian(length) for length in lengths]
+    return float(min(misses))
 
 
 def _find_time(finite: Sequence[tuple[_Seen, FloatArray]], guess: _Guess) -> None:
@@ -538,11 +575,12 @@ def _axes(columns: Sequence[_Seen], rate_hz: float | None) -> list[_Axis]:
                 if size > 0.0 and fits(size, expected):
                     unit, why = name, f"by magnitude: V²/R of its revolutions is {expected:.0f} m/s²"
         doubt = column.fault
-        if lag is not None and rate_hz is not None and unit:
+        if lag is not None and rate_hz is not None and not doubt:
             expected = (2.0 * math.pi * rate_hz / lag) ** 2 * ASSUMED_RADIUS_MM * 1e-3
-            size = max(abs(steady), abs(depth)) * ACCELERATION_UNITS_MPS2[unit]
-            if not doubt and not (size > 0.0 and fits(size, expected)):
-                doubt = f"V²/R of its revolutions is {expected:.0f} m/s², its mean and contact are {size:.0f}"
+            size = max(abs(steady), abs(depth)) * ACCELERATION_UNITS_MPS2.get(unit, 1.0)
+            if not unit or not (size > 0.0 and fits(size, expected)):
+                shown = f"its mean and contact are {size:.0f}" if unit else f"no unit makes {size:.4g} fit"
+                doubt = f"V²/R of its revolutions is {expected:.0f} m/s², {shown}"
         axes.append(_Axis(column, unit, why, steady, depth, float(np.nanstd(values)), doubt))
     named = _ROLES["radial"]
     return sorted(
@@ -584,23 +622,22 @@ def _written(path: Path, layout: FileLayout, guess: _Guess, facts: FileFacts) ->
         "# Meaning of the keys: docs/how-to/import-measurements.md",
         "",
     ]
-    faults = [column.fault for column in guess.candidates if column.fault]
-    lines += _file_lines(layout, faults)
+    sorted_in = [*guess.candidates, *(reference.seen for reference in guess.references)]
+    lines += _file_lines(layout, [*filter(None, (column.fault for column in sorted_in))])
     rate_hz = guess.rate_hz
     lines += ["[sampling]"]
     if guess.time is not None:
         mark = "? " if guess.time_doubt else ""
-        doubt = f", {_comment(guess.time_doubt)}" if guess.time_doubt else ""
-        seen = f"   # {mark}{rate_hz:.6g} Hz in its first rows{doubt}" if rate_hz else ""
+        rate = f"{rate_hz:.6g} Hz in its first rows" if rate_hz else ""
+        said = ", ".join(filter(None, (rate, _comment(guess.time_doubt))))
+        seen = f"   # {mark}{said}" if said else ""
         lines += [f"time_column = {_quoted(guess.time)}{seen}", f"time_unit = {_quoted(guess.time_unit)}"]
-        if guess.time_unit == ISO:
+        if guess.time_unit == ISO and guess.is_dated:
             lines.append('# time_zone = "Europe/Berlin"   # ? needed if the times state no offset')
         if guess.date_order != "ymd":
-            is_unambiguous = guess.date_order != "?"
-            lines.append(
-                f'date_order = "{guess.date_order if is_unambiguous else "dmy"}"'
-                + ("" if is_unambiguous else "   # ? or mdy")
-            )
+            order = guess.date_order.rstrip("?")
+            other = "mdy" if order == "dmy" else "dmy"
+            lines.append(f'date_order = "{order}"' + (f"   # ? or {other}" if order != guess.date_order else ""))
     elif guess.no_time is not None:
         rate = f"; {rate_hz:.6g} Hz by its other steps" if rate_hz else ""
         lines.append(f"# rate_hz = {rate_hz or 10000.0:.6g}   # ? {_comment(guess.no_time)}{rate}")
@@ -609,8 +646,9 @@ def _written(path: Path, layout: FileLayout, guess: _Guess, facts: FileFacts) ->
     if guess.since_1970_s is not None and facts.start_ns is None:
         start = datetime.fromtimestamp(guess.since_1970_s, UTC).isoformat(timespec="milliseconds")
         lines.append(f"start_utc = {start.replace('+00:00', 'Z')}   # ? if its times count from 1970 in UTC")
-    elif facts.start_ns is None and guess.time_unit != ISO:
-        lines.append("# start_utc = 2024-05-01T12:00:00Z   # ? not in the file; else its modification time")
+    elif facts.start_ns is None and (guess.time_unit != ISO or not guess.is_dated):
+        why = "not in the file" if guess.is_dated else "the times have no date"
+        lines.append(f"# start_utc = 2024-05-01T12:00:00Z   # ? {why}; else its modification time")
     lines.append("")
     wheels = _by_wheel(guess.candidates)
     several = len(wheels) > 1

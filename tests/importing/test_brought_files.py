@@ -155,9 +155,34 @@ def test_dates_of_other_countries_and_halves_of_the_day(tmp_path: Path, order: s
     assert Decoded(report.recording).items[0].host_ns == int(begin.replace(tzinfo=UTC).timestamp() * 1e6) * 1000
 
 
-def test_day_and_month_that_look_alike_have_a_mark(tmp_path: Path) -> None:
-    texts = [f"1/2/2024 1:00:0{time_s:.6f} PM" for time_s in WHEEL.times_s]
-    assert 'date_order = "dmy"   # ? or mdy' in guess_map(dated(tmp_path / "run.csv", texts))
+@pytest.mark.parametrize(("half", "order", "other"), [("", "dmy", "mdy"), (" PM", "mdy", "dmy")])
+def test_day_and_month_that_look_alike_have_a_mark(tmp_path: Path, half: str, order: str, other: str) -> None:
+    texts = [f"1/2/2024 1:00:0{time_s:.6f}{half}" for time_s in WHEEL.times_s]
+    assert f'date_order = "{order}"   # ? or {other}' in guess_map(dated(tmp_path / "run.csv", texts))
+
+
+@pytest.mark.parametrize(
+    ("form", "begin"),
+    [
+        ("%d-%b-%Y %H:%M:%S.%f", datetime(2024, 5, 1, 8, 30)), ("%H:%M:%S.%f", datetime(2024, 5, 1, 8, 30)),
+        ("%H:%M:%S.%f", datetime(2024, 5, 1, 23, 59, 59, 500_000)),
+    ],
+)  # fmt: skip
+def test_names_of_months_and_times_of_day_are_times(tmp_path: Path, form: str, begin: datetime) -> None:
+    texts = [(begin + timedelta(seconds=time_s)).strftime(form) for time_s in WHEEL.times_s]
+    path = dated(tmp_path / "run.csv", texts)
+    text = guess_map(path)
+    assert f'time_column = "when"   # {RATE_HZ:g} Hz in its first rows' in text
+    assert ("the times have no date" in text) == form.startswith("%H")
+    report = import_file(path, parse_map(text.replace("# time_zone", "time_zone"), "map"), tmp_path / "out.mcap")
+    assert report.rate_hz == pytest.approx(RATE_HZ, rel=1e-5)
+    assert (report.samples, report.start_is_file_date) == (ROWS, form.startswith("%H"))
+
+
+def test_dates_of_a_slow_device_have_a_note_that_it_is_too_slow(tmp_path: Path) -> None:
+    begin = datetime(2024, 5, 1, 8, 30)
+    texts = [(begin + timedelta(seconds=0.01 * k)).isoformat(timespec="microseconds") for k in range(ROWS)]
+    assert "100 Hz in its first rows, too low" in guess_map(dated(tmp_path / "run.csv", texts))
 
 
 @pytest.mark.parametrize("cell", ["13/1/2024 13:00:00 PM", "2024/13/13 1:00:00", "1/2/24 1:00:00"])

@@ -69,6 +69,24 @@ def test_columns_of_a_matrix_come_before_a_larger_vector(tmp_path: Path) -> None
     assert "extra: not named as an acceleration" in text
 
 
+def test_columns_of_one_name_are_told_apart_by_their_number(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "run.csv", named(""))
+    path.write_text(path.read_text().replace(",".join(AXES), "acc,acc,acc", 1))
+    text = guess_map(path)
+    assert chosen(text) == {"radial": "acc (column 4)", "circumferential": "acc", "lateral": "acc (column 3)"}
+    assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").samples == len(WHEEL.times_s)
+
+
+@pytest.mark.parametrize("largest", [0, 2])
+def test_column_that_is_the_length_of_three_others_is_no_axis(tmp_path: Path, largest: int) -> None:
+    axes = np.roll(np.column_stack(list(AXES.values())), largest, axis=1).round(4)
+    length = np.linalg.norm(axes, axis=1).round(4)
+    columns = {f"Ch{k}": values for k, values in enumerate((length, *axes.T), 1)}
+    text = guess_map(write_csv(tmp_path / "run.csv", {"t": WHEEL.times_s, **columns}))
+    assert "Ch1: a magnitude by its values" in text
+    assert len(chosen(text)) == 3
+
+
 @pytest.mark.parametrize("cell", ["#N/A", "−0.5", "acc z (g)", "\0\0\0"])
 @pytest.mark.parametrize("row", [3, 3000])
 def test_one_unreadable_cell_keeps_its_column_with_a_mark(tmp_path: Path, cell: str, row: int) -> None:

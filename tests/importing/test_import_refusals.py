@@ -44,7 +44,11 @@ def test_missing_columns_are_reported_with_suggestions(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message", "remedy"),
     [
-        ("x,y,z\n" + ROW * 3 + "1.0,abc,3.0\n" + ROW, r"line 5, column 'y': 'abc' is not a number", "units"),
+        (
+            "x,y,z\n" + ROW * 3 + "1.0,abc,3.0\n" + ROW,
+            r"line 5, column 'y': 'abc' is not a number",
+            "no row of",
+        ),
         ("x,y,z\n" + ROW + "\n\n1.0,2.0,--\n" + ROW, r"line 5, column 'z': '--' is not", "leave the cell empty"),
         ("x,y,z\n" + ROW + "1.0,2.0,3.0.1\n" + ROW, r"line 3, column 'z': '3.0.1' is not", "leave it empty"),
         ("x,y,z\n" + ROW * 2 + "1.0,2.0", r"line 4 has 2 cells, but column 'z' is number 3", "cut off"),
