@@ -26,10 +26,11 @@ from gateway.api.column_table import (
 from gateway.api.estimate_comparison import Comparison
 from gateway.estimators.covariance import CAUSES, covariance, relative_errors, scatter_correlation
 from gateway.estimators.estimator import Status
-from gateway.estimators.mean_comparison import compared_means
+from gateway.estimators.mean_comparison import Radius, compared_means
 from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, coverage_factor, mean_estimate
 from gateway.nearest_name import did_you_mean
 from gateway.pipeline.results import AlarmRecord, RevolutionResult
+from gateway.quantity import Basis
 from gateway.quantity_catalogue import quantity_of
 from gateway.table_columns import unsuffixed
 from gateway.types import BoolArray, FloatArray
@@ -65,6 +66,7 @@ class Estimates(ColumnTable):
     unit: TextArray = field(metadata=column("of value and std; empty without one"))
     status: TextArray = field(metadata=column("valid, provisional or invalid"))
     reasons: TextArray = field(metadata=column("why it is not valid, or notes on a valid one"))
+    radius_m: FloatArray = field(metadata=column("belt radius that it rests on"))
     shared_std: FloatArray = field(
         metadata=column(f"(n, {len(CAUSES)}) relative standard errors of {', '.join(CAUSES)}")
     )
@@ -134,9 +136,10 @@ class Estimates(ColumnTable):
             other: estimates of the other recording.
 
         Returns:
-            a row for each wheel and quantity with valid values in both; errors of the two count as independent.
+            a row for each wheel and quantity with valid values in both; of their errors, that of the same belt radius
+            counts as common to both.
         """
-        differences = compared_means(self._means(), other._means())
+        differences = compared_means(self._means(), other._means(), self._radii(), other._radii())
         return Comparison.of(differences, recording=self.recording, other_recording=other.recording)
 
     def _means(self) -> dict[tuple[str, str], MeanEstimate]:
@@ -147,6 +150,15 @@ class Estimates(ColumnTable):
                     with suppress(KeyError):  # no valid value
                         means[wheel, name] = self.mean(name, wheel=wheel)
         return means
+
+    def _radii(self) -> dict[str, Radius]:
+        """Return the belt radius of each wheel, as it was at the end."""
+        radii = {}
+        for wheel in dict.fromkeys(self.wheel.tolist()):
+            last = int(np.flatnonzero(self.wheel == wheel)[-1])
+            radius_m = float(self.radius_m[last])
+            radii[wheel] = Radius(radius_m, radius_m * float(self.shared_std[last, CAUSES.index(Basis.RADIUS)]))
+        return radii
 
     def expanded(self, probability: float = 0.95) -> tuple[FloatArray, float]:
         """Return the expanded uncertainty of each row, (n,), and its coverage factor (JCGM 100, 6.2).
@@ -266,7 +278,16 @@ class EstimateRows:
         self._codes: dict[str, int] = {}
         self._texts = {name: array("q") for name in ("wheel", "name", "status", "reasons")}
         self._revolution, self._host_ns = array("q"), array("q")
-        names = ("device_start_s", "device_end_s", "value", "std", "constant_std", "scatter_std", "shared_std")
+        names = (
+            "device_start_s",
+            "device_end_s",
+            "value",
+            "std",
+            "constant_std",
+            "scatter_std",
+            "radius_m",
+            "shared_std",
+        )
         self._numbers = {name: array("d") for name in names}
 
     def add(self, result: RevolutionResult) -> None:
@@ -277,6 +298,7 @@ class EstimateRows:
         self._host_ns.extend([result.host_ns if self._has_host_time else 0] * count)
         self._numbers["device_start_s"].extend([revolution.start_s] * count)
         self._numbers["device_end_s"].extend([revolution.start_s + revolution.period_s] * count)
+        self._numbers["radius_m"].extend([result.conditions.radius_m] * count)
         self._numbers["shared_std"].extend(relative_errors(result.conditions) * count)
         for estimate in result.estimates:
             self._texts["name"].append(self._code(estimate.name))

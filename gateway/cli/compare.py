@@ -37,9 +37,8 @@ def compare(
     """Compare the recordings FIRST and SECOND: conditions side by side, means and their differences.
 
     For each wheel that both have, and each quantity that is valid in both, the mean over the valid revolutions with its
-    standard error is shown, the difference (second less first) with its error, and how many errors it is. Errors of the
-    two recordings count as independent. Those of a statement that both share, such as the belt radius, cancel in truth:
-    a difference marked * is then significant all the more.
+    standard error is shown, the difference (second less first) with its error, and how many errors it is. An error
+    of the belt radius cancels where both rest on the same one; all other errors count as independent.
 
     \b
     Examples:
@@ -52,7 +51,7 @@ def compare(
     from gateway.estimators.mean_comparison import compared_means
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.security.key_file import default_key_file
-    from gateway.views.drive_comparison import comparison_csv, comparison_lines, means_of
+    from gateway.views.drive_comparison import comparison_csv, comparison_lines, means_of, radii_of
     from gateway.views.output_file import check_outputs, is_stdout, write_whole
     from gateway.views.progress import progress_bar
     from gateway.views.wording import text
@@ -77,7 +76,7 @@ def compare(
             f"no wheel has revolutions in both recordings: {wheels}",
             "Name the wheels alike in the configuration, --config, or look at the recordings with treadlink inspect.",
         )
-    differences = compared_means(means_of(before), means_of(after))
+    differences = compared_means(means_of(before), means_of(after), radii_of(before), radii_of(after))
     say = SummaryOutput(err=is_stdout(csv_path))
     for line in comparison_lines(before, after, differences):
         say(line)

@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from gateway.estimators.mean_comparison import FALSE_ALARM, MeanDifference
+from gateway.estimators.mean_comparison import FALSE_ALARM, MeanDifference, Radius
 from gateway.estimators.weighted_mean import MeanEstimate
 from gateway.quantity_catalogue import unit_of
 from gateway.reasons import Code, Reason
@@ -32,6 +32,12 @@ def means_of(drive: Drive) -> dict[tuple[str, str], MeanEstimate]:
         for name, mean in wheel.row.means().items()
         if name != DISTANCE
     }
+
+
+def radii_of(drive: Drive) -> dict[str, Radius]:
+    """Return the belt radius of each wheel, as it was at the end."""
+    conditions = {position: wheel.row.conditions for position, wheel in drive.wheels.items()}
+    return {position: Radius.of(last) for position, last in conditions.items() if last is not None}
 
 
 def comparison_lines(first: Drive, second: Drive, differences: Sequence[MeanDifference]) -> Iterator[str]:

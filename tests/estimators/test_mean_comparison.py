@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
-from gateway.estimators.mean_comparison import FALSE_ALARM, compared_means
+from gateway.estimators.mean_comparison import FALSE_ALARM, Radius, compared_means
 from gateway.estimators.weighted_mean import WeightedMean, mean_estimate
 
 
@@ -34,6 +34,25 @@ def test_errors_of_both_add_in_squares_and_only_shared_quantities_are_compared()
     assert difference.std == pytest.approx(0.005)
     assert difference.significance == pytest.approx(10.0)
     assert difference.is_significant
+
+
+def test_error_of_one_radius_is_not_counted_twice():
+    """Speeds of one wheel by one radius known to 1 % differ by what they scatter, and by 1 % of the difference."""
+    before, after = (
+        {("FL", "speed_mps"): mean([value] * 4, math.hypot(0.01 * value, 0.02), 0.02)} for value in (20, 22)
+    )
+    radius = {"FL": Radius(0.32, 0.0032)}
+    scatter = 0.02 / math.sqrt(4.0) * math.sqrt(2.0)
+    (same,) = compared_means(before, after, radius, radius)
+    assert same.std == pytest.approx(math.hypot(scatter, 0.01 * 2.0), rel=1e-6)
+    (other,) = compared_means(before, after, radius, {"FL": Radius(0.33, 0.0032)})
+    assert other.std == pytest.approx(math.hypot(scatter, 0.2, 0.22), rel=1e-6)
+    assert compared_means(before, after) == [other]
+    # A depth has nothing of it, and no more than all of a constant part is common.
+    deep = {("FL", "sensor_offset_m"): mean([0.002] * 4, 0.0003)}
+    assert compared_means(deep, deep, radius, radius) == compared_means(deep, deep)
+    exact = {("FL", "speed_mps"): mean([20.0] * 4, 0.02)}
+    assert compared_means(exact, exact, radius, radius)[0].std == pytest.approx(0.0, abs=1e-9)
 
 
 def test_difference_without_known_error_is_not_significant():

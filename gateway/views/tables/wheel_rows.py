@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Final
 
-from gateway.estimators.estimator import Estimate, Status
+from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.weighted_mean import MeanEstimate, WeightedMean, mean_estimate
 from gateway.pipeline.results import RevolutionResult, WheelSnapshot
 from gateway.quantity_catalogue import quantity_of
@@ -187,6 +187,11 @@ class WheelRow:
             for name, mean in named.items()
             if mean.count
         }
+
+    @property
+    def conditions(self) -> TireConditions | None:
+        """Of the last revolution, None without one."""
+        return None if self._last is None else self._last.conditions
 
     def _stated(self) -> dict[str, Cell]:
         """Return what the configuration states of the tire, and when the hub's clock was zero."""
