@@ -17,7 +17,7 @@ from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, LinkItem
 from gateway.reasons import Reason
 from gateway.recording.reader import RecordingInfo, RecordingReader
-from gateway.recording.writer import RecordingWriter
+from gateway.recording.writer import whole_recording
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, parse_scenario, vehicle_toml
 from gateway.simulator.scenario_model import Scenario
@@ -125,13 +125,7 @@ def _written(source: SimulatorSource, path: Path, uri: str, clock: Clock) -> Rec
         raise OutputError(
             f"'{path}' does not end in .mcap", "`treadlink simulate --out FILE.bin` writes the bytes of the link."
         )
-    writer = RecordingWriter(path, start_ns=clock.now_ns(), vehicle_toml=source.vehicle_toml, sources=[uri])
-    try:
+    with whole_recording(path, start_ns=clock.now_ns(), vehicle_toml=source.vehicle_toml, sources=[uri]) as writer:
         for item in source.items(threading.Event()):
             writer.write(item)
-        writer.close()
-    except BaseException:
-        writer.close()
-        path.unlink(missing_ok=True)
-        raise
     return RecordingReader(path)

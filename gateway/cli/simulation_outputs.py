@@ -14,12 +14,13 @@ from gateway.cli.stop_signals import stop_request
 from gateway.clock import Clock
 from gateway.errors import OutputError, SourceError
 from gateway.io.source import Chunk, LinkItem
-from gateway.recording.writer import RecordingWriter
+from gateway.recording.writer import whole_recording
 from gateway.simulator.link_faults import Fault
 from gateway.simulator.pty_link import PtyPort
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.simulation import Simulation
 from gateway.simulator.simulator_source import SimulatorSource
+from gateway.views.output_file import OutputFile
 from gateway.views.progress import progress_bar
 
 
@@ -43,26 +44,16 @@ def to_file(source: SimulatorSource, duration_s: float, out: Path, uri: str, clo
 
 
 @contextlib.contextmanager
-def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Callable[[LinkItem], None]]:
+def _output(out: Path, start_ns: int, toml: str | None, uri: str) -> Iterator[Callable[[LinkItem], object]]:
     """Create the file in the format given by its suffix; yield a function that writes an item."""
     if out.suffix == ".mcap":
-        writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=toml, sources=[uri])
-        try:
+        with whole_recording(out, start_ns=start_ns, vehicle_toml=toml, sources=[uri]) as writer:
             yield writer.write
-        finally:
-            writer.close()
     elif out.suffix == ".bin":
-        try:
-            file = out.open("xb")
-        except OSError as error:
-            raise OutputError(f"cannot create '{out}': {error.strerror}", "Give the name of a new file.") from error
-
-        def write(item: LinkItem) -> None:
-            if isinstance(item, Chunk):
-                file.write(item.data)
-
-        with file:
-            yield write
+        if out.exists():
+            raise OutputError(f"'{out}' already exists", "Give the name of a new file.")
+        with OutputFile(out) as output, output.explained():
+            yield lambda item: output.file.write(item.data) if isinstance(item, Chunk) else None
     else:
         raise OutputError(f"'{out.name}' has an unknown suffix", "Give a name that ends in .mcap or .bin.")
 

@@ -31,7 +31,7 @@ from gateway.importing.unit_check import unlikely_unit
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Code, Reason
 from gateway.recording.reference_topic import reference_topic
-from gateway.recording.writer import RecordingWriter
+from gateway.recording.writer import RecordingWriter, whole_recording
 from gateway.types import BoolArray, FloatArray, IntArray
 
 _logger = logging.getLogger(__name__)
@@ -374,20 +374,13 @@ def _recorded(
 ) -> Path:
     """Write the recording and return its path."""
     link = f"import:{path.name}"
-    writer = RecordingWriter(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,))
-    try:
+    with whole_recording(out, start_ns=start_ns, vehicle_toml=vehicle.to_toml(), sources=(link,)) as writer:
         writer.write(LinkEvent(link, start_ns, LinkEventKind.CONNECTED, f"imported from {path.name}{more}"))
         writes = [part.writes(writer, link, progress) for part in parts]
         for time_s, write in heapq.merge(*writes, key=lambda timed_write: timed_write[0]):
             write(start_ns + round(time_s * 1e9))
         end_ns = start_ns + round(max(part.end_s for part in parts) * 1e9)
         writer.write(LinkEvent(link, end_ns, LinkEventKind.ENDED))
-        writer.close()
-    except BaseException:
-        # A partial import is useless, and the measurement still exists.
-        writer.close()
-        writer.path.unlink(missing_ok=True)
-        raise
     return writer.path
 
 

@@ -21,7 +21,7 @@ from gateway import __version__
 from gateway.errors import RecordingError
 from gateway.recording.mcap_layout import CHANNEL_METADATA, PROFILE, ChannelInfo, declaration
 from gateway.recording.schemas import stored_schema
-from gateway.recording.writing_lock import lock_for_writing
+from gateway.writing_lock import lock_for_writing
 
 _logger = logging.getLogger(__name__)
 
@@ -305,6 +305,10 @@ def _open_part(path: Path, part: Path) -> FileIO:
         RecordingError: it is being written.
     """
     if os.path.lexists(path):
+        # A command that was killed after it gave the file its name has left the part beside it.
+        with suppress(OSError):
+            if path.samefile(part):
+                part.unlink()
         raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
     flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     file = FileIO(os.open(part, flags | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0), 0o666), "r+b")

@@ -17,7 +17,7 @@ from gateway.errors import RecordingError
 from gateway.io.source import BusFrames, Chunk, LinkItem
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import NO_DESCRIPTION, Note, RunDescription
-from gateway.recording.writer import RecordingWriter
+from gateway.recording.writer import whole_recording
 
 # Some minutes of one link: copies of a frame are no further apart, unless a clock is wrong.
 _REMEMBERED_FRAMES: Final = 200_000
@@ -132,23 +132,17 @@ def merge_recordings(
     _check_wheels(contents, paths)
     starts = [reader.info.start_ns for reader in readers if reader.info.start_ns]
     firsts = [span[0] for content in contents for span in content.spans_ns.values()]
-    writer = RecordingWriter(
+    shared = {link: _Once() for link in _links(contents) if sum(link in content.spans_ns for content in contents) > 1}
+    with whole_recording(
         target,
         start_ns=min([*starts, *firsts], default=0),
         vehicle_toml=vehicle_toml,
         sources=tuple(dict.fromkeys(source for reader in readers for source in reader.info.sources)),
         dbc_text=dbc_text,
         run=_joint_run(readers),
-    )
-    shared = {link: _Once() for link in _links(contents) if sum(link in content.spans_ns for content in contents) > 1}
-    try:
+    ) as writer:
         for item in _items(readers, contents, shared):
             writer.write(item)
-    except BaseException:
-        writer.close()
-        writer.path.unlink(missing_ok=True)
-        raise
-    writer.close()
     once = shared.values()
     return MergeReport(
         writer.path, writer.items, sum(link.repeated for link in once), sum(link.noise_bytes for link in once)

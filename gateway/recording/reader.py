@@ -45,7 +45,7 @@ from gateway.recording.mcap_records import (
 )
 from gateway.recording.regular_file import open_regular
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, parse_description, read_notes
-from gateway.recording.writing_lock import is_being_written
+from gateway.writing_lock import is_being_written
 
 # Those of `import`, which is a layer above, and the first bytes of its formats that have some.
 MEASUREMENT_SUFFIXES: Final = frozenset(

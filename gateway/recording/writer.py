@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
@@ -79,6 +80,7 @@ class RecordingWriter:
         sources: Sequence[str] = (),
         dbc_text: str | None = None,
         run: RunDescription | None = None,
+        in_part: bool = False,
     ) -> None:
         """Create the file.
 
@@ -89,13 +91,14 @@ class RecordingWriter:
             sources: URIs of the sources, for information.
             dbc_text: DBC file of the vehicle bus.
             run: description of the test run.
+            in_part: write to `NAME.part` until `publish`, as `whole_recording` does.
 
         Raises:
             RecordingError: the file exists, or cannot be created.
         """
         self.items = 0
         self._lock = threading.Lock()
-        self._output = McapOutput(_choose_path(Path(path), start_ns))
+        self._output = McapOutput(_choose_path(Path(path), start_ns), in_part=in_part)
         self._raw_channels: dict[str, int] = {}
         self._topic_channels: dict[str, tuple[int, TopicSchema]] = {}
         self._item_pace, self._clock_pace = _Pace(start_ns), _Pace(start_ns)
@@ -196,6 +199,20 @@ class RecordingWriter:
             self._output.close()
             _logger.info("closed %s: %d bytes", self.path, self._output.size_bytes)
 
+    def publish(self) -> None:
+        """Finish a file that was written in a part, and give it its name.
+
+        Raises:
+            RecordingError: the disk is full or gone, or another program created that name meanwhile.
+        """
+        self.close()
+        self._output.publish()
+
+    def discard(self) -> None:
+        """Close and delete the incomplete file."""
+        with self._lock:
+            self._output.abandon()
+
     def _register_raw(self, item: Chunk | BusFrames) -> int:
         link = item.link
         info = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
@@ -221,6 +238,40 @@ class RecordingWriter:
             self._output.flush()
             self._item_pace.flushed()
             self._clock_pace.flushed()
+
+
+@contextmanager
+def whole_recording(
+    path: Path | str,
+    *,
+    start_ns: int,
+    vehicle_toml: str | None = None,
+    sources: Sequence[str] = (),
+    dbc_text: str | None = None,
+    run: RunDescription | None = None,
+) -> Iterator[RecordingWriter]:
+    """Write a recording that appears under its name when it is complete, or not at all; arguments as RecordingWriter.
+
+    For what can be made again from its source. A session records under the final name from the beginning.
+
+    Raises:
+        RecordingError: the file exists or cannot be created, the disk is full or gone.
+    """
+    writer = RecordingWriter(
+        path,
+        start_ns=start_ns,
+        vehicle_toml=vehicle_toml,
+        sources=sources,
+        dbc_text=dbc_text,
+        run=run,
+        in_part=True,
+    )
+    try:
+        yield writer
+        writer.publish()
+    except BaseException:
+        writer.discard()
+        raise
 
 
 def utc_text(ns: int) -> str:

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from io import BufferedWriter, FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, Final, Self
 
 from gateway.errors import OutputError
+from gateway.writing_lock import is_being_written, lock_for_writing, process_runs
+
+_LONGEST_NAME: Final = 200
+_PART_NAME: Final = re.compile(r"\.(?P<name>.+)\.(?P<process>\d{1,9})\.part", re.DOTALL)
 
 
 def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None], *, force: bool = False) -> None:
@@ -130,9 +136,12 @@ class OutputFile:
                 self.file = path.open("wb")
                 return
             self._target = path.resolve()  # keeps a symbolic link
-            self._part = self._target.with_name(f".{self._target.name[:200]}.{os.getpid()}.part")
+            self._part = self._target.with_name(f".{self._target.name[:_LONGEST_NAME]}.{os.getpid()}.part")
+            _remove_abandoned_parts(self._target)
             self._part.unlink(missing_ok=True)
-            self.file = self._part.open("xb")
+            file = FileIO(self._part, "xb")
+            lock_for_writing(file)
+            self.file = BufferedWriter(file)
 
     def commit(self) -> None:
         """Write the data through to the disk and give the file its name. May be called twice.
@@ -197,6 +206,19 @@ class OutputFile:
             raise OutputError(
                 f"'{self.path}' cannot be written: {error.strerror}", "Free some space, or choose another folder."
             ) from error
+
+
+def _remove_abandoned_parts(target: Path) -> None:
+    """Remove what killed processes have left of a file: parts that are not locked and whose process is gone."""
+    for part in target.parent.iterdir():
+        match = _PART_NAME.fullmatch(part.name)
+        if match is None or match["name"] != target.name[:_LONGEST_NAME] or process_runs(int(match["process"])):
+            continue
+        with suppress(OSError):
+            with part.open("rb") as file:
+                is_written = is_being_written(file)
+            if not is_written:
+                part.unlink()
 
 
 def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:

@@ -66,6 +66,29 @@ def test_killed_process_leaves_no_half_file(tmp_path: Path, before: bytes | None
     assert (path.read_bytes() if path.exists() else None) == before
 
 
+def test_next_run_removes_what_a_killed_process_left(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    subprocess.run([sys.executable, "-c", KILLED, path], check=False)
+    others = [".other.csv.1.part", ".out.csv.part", ".out.csv.x.part", ".out.csv.1.2.part"]
+    for name in others:
+        (tmp_path / name).touch()
+    assert len(files_in(tmp_path)) == len(others) + 1
+    write_whole(path, b"whole")
+    assert files_in(tmp_path) == sorted([*others, "out.csv"])
+
+
+def test_next_run_keeps_the_part_of_a_running_process(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    writes = KILLED.replace("os.kill(os.getpid(), signal.SIGKILL)", "print(flush=True); input(); output.commit()")
+    with subprocess.Popen([sys.executable, "-c", writes, path], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        other.stdout.readline()
+        write_whole(path, b"ours", force=True)
+        other.communicate(b"\n")
+    assert path.read_bytes().startswith(b"half a ta")
+    assert files_in(tmp_path) == ["out.csv"]
+
+
 def test_file_made_meanwhile_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "out.csv"
     output = OutputFile(path)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from contextlib import suppress
 from io import FileIO
 from typing import BinaryIO
@@ -42,3 +44,16 @@ def is_being_written(file: BinaryIO) -> bool:
         with suppress(OSError):
             fcntl.flock(file, fcntl.LOCK_UN)
     return False
+
+
+def process_runs(number: int) -> bool:
+    """Return whether a process of this computer has this number; False where asking would disturb it (Windows)."""
+    if sys.platform == "win32":
+        return False
+    try:
+        os.kill(number, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
