@@ -30,6 +30,7 @@ from gateway.publishing.sink import (
     SinkError,
     SinkSetting,
     host_and_port,
+    missing_newline,
 )
 
 TOKEN: Final = "TREADLINK_INFLUX_TOKEN"
@@ -113,9 +114,11 @@ class InfluxFile(Sink):
         self._item: Item | None = None
 
     def open(self, stop: threading.Event) -> None:
-        """Check that the file can be written."""
+        """Check that the file can be written, and end half a line."""
         del stop
         self._append(b"")
+        if self._item is None:
+            self._append(missing_newline(self._path))
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Write the lines of an item; after a full disk, from the byte at which it was full."""

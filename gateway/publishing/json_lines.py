@@ -21,6 +21,7 @@ from gateway.publishing.sink import (
     SinkEndedError,
     SinkError,
     SinkSetting,
+    missing_newline,
 )
 
 _WAIT_S: Final = 0.1
@@ -73,13 +74,13 @@ class JsonLines(Sink):
                 flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0)
                 self._file = os.open(self._path, flags, 0o666)
             mode = os.fstat(self._file).st_mode
+            # Files and, on Windows, pipes cannot be waited for.
+            self._waits = not stat.S_ISREG(mode) and os.name == "posix"
+            if self._item is None:
+                self._rest = missing_newline(self._path) if self._path is not None and stat.S_ISREG(mode) else b""
         except OSError as error:
             no_reader = error.errno == errno.ENXIO
             raise SinkDownError("the pipe has no reader" if no_reader else error.strerror or str(error)) from error
-        # Files and, on Windows, pipes cannot be waited for.
-        self._waits = not stat.S_ISREG(mode) and os.name == "posix"
-        if self._item is None:
-            self._rest = b""
 
     def send(self, item: Item, stop: threading.Event) -> None:
         """Write the lines of an item."""

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import importlib
 import logging
+import os
 import threading
 import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 from urllib.parse import urlsplit
 
@@ -315,6 +318,16 @@ def cannot_listen(host: str, port: int, error: Exception) -> str:
     """Return what a server says of an address that it cannot take; the socket's error repeats the address."""
     cause = str(getattr(error, "strerror", None) or error).partition(" (while attempting")[0]
     return f"cannot listen on {host}:{port}: {cause}"
+
+
+def missing_newline(path: Path) -> bytes:
+    """Return the newline that half a line at the end of a file lacks, as a killed session leaves it; else nothing."""
+    with suppress(OSError):
+        if path.is_file() and path.stat().st_size:
+            with path.open("rb") as file:
+                file.seek(-1, os.SEEK_END)
+                return b"" if file.read(1) == b"\n" else b"\n"
+    return b""
 
 
 def host_and_port(address: SinkAddress, default_port: int) -> tuple[str, int]:

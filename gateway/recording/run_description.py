@@ -7,6 +7,7 @@ its bytes, and with them its identity, stay as they were.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatchcase
@@ -174,7 +175,7 @@ def read_notes(recording: Path) -> tuple[Note, ...]:
 
 
 def add_note(recording: Path, note: Note) -> None:
-    """Add a note to a recording.
+    """Add a note to a recording. Half a line, which a killed command has left at the end, is removed.
 
     Raises:
         RecordingError: the notes cannot be written.
@@ -182,12 +183,26 @@ def add_note(recording: Path, note: Note) -> None:
     path = notes_path(recording)
     line = json.dumps({"utc": note.utc, "comment": note.comment, "tags": list(note.tags)}, ensure_ascii=False)
     try:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
+        with path.open("a+b") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - _MAX_NOTES_BYTES))
+            last = file.read().rpartition(b"\n")[2]
+            if last and _is_json(last):  # an editor has left out the end of the line
+                file.write(b"\n")
+            elif last:
+                file.truncate(file.tell() - len(last))
+            file.write(line.encode() + b"\n")
     except OSError as error:
         raise RecordingError(
             f"the note cannot be written to '{path}': {error.strerror}", "Check the folder's permissions and space."
         ) from error
+
+
+def _is_json(line: bytes) -> bool:
+    try:
+        json.loads(line)
+    except (ValueError, RecursionError):
+        return False
+    return True
 
 
 def copy_notes(recording: Path, copy: Path) -> None:

@@ -65,6 +65,17 @@ def test_file_has_every_revolution_alarm_and_state(items, tmp_path) -> None:
     open_sink(f"influx:{path}?append=yes", SinkSetting())
 
 
+def test_half_a_line_of_a_killed_session_stands_alone(items, tmp_path) -> None:
+    path = tmp_path / "drive.lp"
+    path.write_text("treadlink_revolu")
+    worker = worker_of(f"influx:{path}?append=yes")
+    worker.start()
+    worker.offer(items[0])
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    assert path.read_text("utf-8").splitlines() == ["treadlink_revolu", *lines(items[0])]
+
+
 def test_server_gets_everything_with_bucket_org_and_token(items, server, monkeypatch) -> None:
     monkeypatch.setenv(TOKEN, "secret")
     worker = worker_of(f"influx://127.0.0.1:{server.server_port}/car%20a?org=rig")

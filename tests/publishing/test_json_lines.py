@@ -115,6 +115,19 @@ def test_existing_file_is_kept_unless_appended_to(items, tmp_path) -> None:
     assert checked(new)["index"] == 0
 
 
+def test_half_a_line_of_a_killed_session_stands_alone(items, tmp_path) -> None:
+    path = tmp_path / "out.jsonl"
+    path.write_text('{"old":1}\n{"ha')
+    worker = worker_of(f"jsonl:{path}?append=yes")
+    worker.start()
+    worker.offer(items[0])
+    worker.finish()
+    assert worker.join(TIMEOUT_S)
+    old, half, new = path.read_text("utf-8").splitlines()
+    assert (old, half) == ('{"old":1}', '{"ha')
+    assert checked(new)["index"] == 0
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
 def test_reader_of_a_pipe_may_stall_leave_and_return(items, tmp_path) -> None:
     path = tmp_path / "pipe"

@@ -38,6 +38,20 @@ _RUN = st.builds(
 WET = RunDescription("Braking 3", "Ada", "gusts", ("wet", "abs"), {"FL": TireIdentity("Acme", "3524")})
 
 
+@given(st.integers(0, 60))
+def test_a_note_after_half_a_note_is_read(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+    path = tmp_path_factory.mktemp("notes") / "drive.mcap"
+    add_note(path, first := Note("2026-01-01T00:00:00.000Z", "rain", ()))
+    add_note(path, Note("2026-01-01T00:01:00.000Z", "half of it is written"))
+    file = notes_path(path)
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) - 1 - cut])
+    add_note(path, last := Note("2026-01-01T00:02:00.000Z", "sun"))
+    notes = read_notes(path)
+    assert (notes[0], notes[-1]) == (first, last)
+    assert len(notes) == (3 if cut == 0 else 2)  # without its newline alone a note is whole
+
+
 @given(_RUN)
 def test_description_reads_back(run: RunDescription) -> None:
     assert parse_description(run.to_json()) == run
