@@ -97,10 +97,13 @@ class Estimates(ColumnTable):
                     )
                 chosen &= is_wanted
         if status is not None:
-            wanted_status = {
-                Status(name_of_status).value for name_of_status in ([status] if isinstance(status, str) else status)
-            }
-            chosen &= np.isin(self.status.astype(str), sorted(wanted_status))
+            statuses = [status] if isinstance(status, str) else list(status)
+            present = [item.value for item in Status]
+            for unknown in (item for item in statuses if item not in present):
+                raise ValueError(
+                    f"no status is '{unknown}'. {did_you_mean(unknown, present)}There is {', '.join(present)}"
+                )
+            chosen &= np.isin(self.status.astype(str), statuses)
         return self._selected(chosen)
 
     def mean(self, name: str, *, wheel: str | None = None) -> MeanEstimate:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from gateway.cli import exit_status
-from gateway.cli.options import FiniteRange, config_option, effects_option, keys_option
+from gateway.cli.options import FiniteRange, KnownName, config_option, effects_option, keys_option
 from gateway.cli.run_options import where_option
 from gateway.cli.stop_signals import StopRequest, StopSignal, stop_request
 from gateway.clock import Clock, SystemClock
@@ -45,7 +45,7 @@ _GB: Final = 1e9
     "--estimator",
     "estimators",
     multiple=True,
-    type=click.Choice(estimator_names()),
+    type=KnownName(estimator_names()),
     help=f"Estimator to run; repeat for several.  [default: {', '.join(CAMPAIGN_ESTIMATORS)}]",
 )
 @click.option(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from gateway.cli.options import FiniteRange, config_option, force_option, given_command, keys_option
+from gateway.cli.options import FiniteRange, KnownName, config_option, force_option, given_command, keys_option
 from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import OutputError, TreadlinkError
@@ -62,7 +62,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
 @click.option("--wheel", metavar="POSITION", help="Wheel to diagnose, if the recordings contain several.")
 @click.option(
     "--model",
-    type=click.Choice(MODELS),
+    type=KnownName(MODELS),
     default="exact",
     show_default=True,
     help="Baseline model: geometrically exact ring, corrected series solution, or the ring paper's as printed.",

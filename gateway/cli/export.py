@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gateway.cli.options import config_option, effects_option, estimator_option, force_option, keys_option
+from gateway.cli.options import KnownName, config_option, effects_option, estimator_option, force_option, keys_option
 from gateway.exporting.export_registry import CONTENTS, FORMATS
 
 _CONTENTS = "\n".join(f"    {name:<10} {content.description}" for name, content in CONTENTS.items())
@@ -39,11 +39,11 @@ _FORMATS = "\n".join(
     "--what",
     "contents",
     multiple=True,
-    type=click.Choice(list(CONTENTS)),
+    type=KnownName(list(CONTENTS)),
     help="Content; repeat for several in an mcap file.  [default: samples]",
 )
 @click.option(
-    "--format", "format_name", type=click.Choice(list(FORMATS)), help="Format.  [default: from the suffix of OUT]"
+    "--format", "format_name", type=KnownName(list(FORMATS)), help="Format.  [default: from the suffix of OUT]"
 )
 @click.option("--wheel", "wheels", multiple=True, metavar="POSITION", help="Wheel; repeat for several.  [default: all]")
 @config_option

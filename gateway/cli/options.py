@@ -14,6 +14,7 @@ import click
 from gateway.cli.path_option import path_option
 from gateway.constants import LONGEST_LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, estimator_names
+from gateway.nearest_name import did_you_mean
 
 _SPLIT_UNITS: Final = {
     "MB": ("size", 10**6),
@@ -33,6 +34,17 @@ class FiniteRange(click.FloatRange):
         if not math.isfinite(number):
             self.fail(f"{value} is not a finite number.", param, ctx)
         return super().convert(value, param, ctx)
+
+
+class KnownName(click.Choice[str]):
+    """One of several names; for another one the most similar is proposed."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return the name; fails with a usage error."""
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            raise click.BadParameter(f"{error.message} {did_you_mean(str(value), self.choices)}".rstrip()) from error
 
 
 def split_limit(text: str | None) -> tuple[str, int] | None:
@@ -74,7 +86,7 @@ estimator_option = click.option(
     "--estimator",
     "estimators",
     multiple=True,
-    type=click.Choice(estimator_names()),
+    type=KnownName(estimator_names()),
     help=f"Estimator to run; repeat for several.  [default: {', '.join(DEFAULT_ESTIMATORS)}]",
 )
 force_option = click.option("--force", is_flag=True, help="Overwrite existing output files.")

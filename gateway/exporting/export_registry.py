@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from gateway.errors import OutputError
+from gateway.nearest_name import did_you_mean
 from gateway.views.output_file import is_stdout
 
 
@@ -103,8 +104,15 @@ def check_format(path: Path, name: str, contents: Sequence[str]) -> None:
     """Fail before the work if a file cannot have a format.
 
     Raises:
-        OutputError: a binary format for a terminal, a format that no pipe takes, or too many contents for the format.
+        OutputError: a binary format for a terminal, a format that no pipe takes, or contents that there are not or
+            that do not fit the format.
     """
+    unknown = next((what for what in contents if what not in CONTENTS), None)
+    if unknown is not None:
+        raise OutputError(
+            f"no export has the content '{unknown}'",
+            f"{did_you_mean(unknown, CONTENTS)}There is {', '.join(CONTENTS)}.",
+        )
     chosen = FORMATS[name]
     direct = is_stdout(path) or (path.exists() and not path.is_file())
     if direct and not chosen.to_pipe:

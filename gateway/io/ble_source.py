@@ -15,7 +15,6 @@ from gateway.io.ble_link import BleLink, BleSettings, find
 from gateway.io.ble_radio import BLE_ERRORS, explain, radio
 from gateway.io.reconnect import Backoff, ReconnectingSource
 from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, rate_option, silence_option
-from gateway.nearest_name import did_you_mean
 from gateway.reasons import Code, Reason
 
 _MAX_SCAN_S: Final = 120.0
@@ -102,12 +101,8 @@ def open_ble(address: SourceAddress, clock: Clock) -> Source:
     Raises:
         SourceError: an option is not known or not allowed.
     """
+    address.check_options(OPTIONS)
     options = address.options
-    for name in options:
-        if name not in OPTIONS:
-            raise SourceError(
-                f"ble has no option '{name}'", f"{did_you_mean(name, OPTIONS)}Options are {', '.join(OPTIONS)}."
-            )
     if options.get("notify", "signal") not in ("signal", "socket"):
         raise SourceError(f"notify={options['notify']} is not allowed", "Give notify=signal or notify=socket.")
     settings = BleSettings(

@@ -27,7 +27,6 @@ from gateway.io.source import (
     SourceAddress,
     positive_option,
 )
-from gateway.nearest_name import did_you_mean
 from gateway.reasons import Code, Reason
 
 if TYPE_CHECKING:
@@ -190,12 +189,7 @@ class CanBusSource:
 
 
 def _open_file(address: SourceAddress, clock: Clock, dbc_text: str | None) -> CanFileSource:
-    for name in address.options:
-        if name not in _FILE_OPTIONS:
-            hint = did_you_mean(name, _FILE_OPTIONS)
-            raise SourceError(
-                f"a CAN log file has no option '{name}'", f"{hint}Options are {', '.join(sorted(_FILE_OPTIONS))}."
-            )
+    address.check_options(sorted(_FILE_OPTIONS))
     path = Path(address.target)
     if not path.is_file():
         raise SourceError(f"CAN log file '{path}' does not exist", "Check the path.")

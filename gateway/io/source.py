@@ -7,9 +7,10 @@ import logging
 import math
 import re
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Final, Protocol
 
 from gateway.clock import Clock
@@ -201,6 +202,23 @@ class SourceAddress:
     target: str
     options: Mapping[str, str]
 
+    def check_options(self, names: Collection[str], shown: str = "") -> None:
+        """Refuse options that the source does not have.
+
+        Args:
+            names: options that it has.
+            shown: these with their values, for the message; empty for the names alone.
+
+        Raises:
+            SourceError: there is one.
+        """
+        unknown = next((name for name in self.options if name not in names), None)
+        if unknown is not None:
+            raise SourceError(
+                f"{self.scheme} has no option '{unknown}'",
+                f"{did_you_mean(unknown, names)}Options are {shown or ', '.join(names)}.",
+            )
+
 
 DEFAULT_BAUDRATE: Final = 921600
 """Baud rate of a hub on a serial port unless the source says otherwise."""
@@ -284,11 +302,14 @@ def parse_source_uri(uri: str) -> SourceAddress:
         raise SourceError(f"source '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     if source_kind(scheme) is None:
         schemes = [f"{name}:" for name in (*SOURCES, *names(PluginGroup.SOURCES, SOURCES))]
-        hint = did_you_mean(f"{scheme}:", schemes) if scheme else ""
-        raise SourceError(
-            f"unknown source '{uri}'",
-            f"{hint}A source starts with one of {', '.join(schemes)}; try `treadlink live sim:demo`.",
+        remedy = (
+            f"It is a file. `treadlink replay {uri}` shows a recording, `treadlink import --guess {uri}` begins the "
+            "import of a measurement."
+            if Path(uri).is_file()
+            else f"{did_you_mean(f'{scheme or uri}:', schemes)}A source starts with one of {', '.join(schemes)}; try "
+            "`treadlink live sim:demo`."
         )
+        raise SourceError(f"unknown source '{uri}'", remedy)
     if not target:
         raise SourceError(
             f"source '{uri}' has no target after '{scheme}:'", "Give a port, file, host, hub or scenario."

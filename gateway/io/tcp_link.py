@@ -56,9 +56,7 @@ def parse_host_port(address: SourceAddress) -> HostPort:
     match = _TARGET.fullmatch(address.target)
     if match is None or not 1 <= int(match["port"]) <= 65535:
         raise SourceError(f"'{address.uri}' is not an address", "Give tcp://host:port, port 1 to 65535.")
-    for name in address.options:
-        if name not in ("rate", "silence"):
-            raise SourceError(f"tcp has no option '{name}'", "Give tcp://host:port, or tcp://host:port?rate=9600.")
+    address.check_options(("rate", "silence"))
     return HostPort(match["host"].strip("[]"), int(match["port"]))
 
 

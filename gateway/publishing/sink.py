@@ -279,7 +279,7 @@ def parse_sink_uri(uri: str) -> SinkAddress:
         raise SinkError(f"--publish '{uri}' cannot be read: {error}", "Write special characters as %XX.") from error
     if sink_kind(scheme) is None:
         schemes = [f"{name}:" for name in (*SINKS, *names(PluginGroup.SINKS, SINKS))]
-        hint = did_you_mean(f"{scheme}:", schemes) if scheme else ""
+        hint = did_you_mean(f"{scheme or uri}:", schemes)
         raise SinkError(
             f"unknown live output '{uri}'", f"{hint}It starts with one of {', '.join(schemes)}; for example jsonl:-"
         )

@@ -83,7 +83,7 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
         SourceError: the file does not exist, is not a recording, or an option is invalid.
     """
     path = Path(address.target)
-    _check_options(address)
+    address.check_options(("speed", "rate"), "speed=1|10|max, and rate= for .bin files")
     rate = address.options.get("rate")
     try:
         recording = open_recorded_file(path, None if rate is None else positive_option("rate", rate))
@@ -97,12 +97,6 @@ def open_replay(address: SourceAddress, clock: Clock) -> Source:
         first = next(items, None)
     link = first.link if first is not None and first.link else f"replay:{path.name}"
     return ReplaySource(recording, link, _speed(address, "1"), clock)
-
-
-def _check_options(address: SourceAddress) -> None:
-    for name in address.options:
-        if name not in ("speed", "rate"):
-            raise SourceError(f"replay has no option '{name}'", "Options are speed=1|10|max, and rate= for .bin files.")
 
 
 def _speed(address: SourceAddress, default: str) -> float:

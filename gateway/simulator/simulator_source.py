@@ -11,7 +11,6 @@ from gateway.clock import Clock
 from gateway.errors import SourceError
 from gateway.io.playback import Playback
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
-from gateway.nearest_name import did_you_mean
 from gateway.simulator.link_faults import parse_faults
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
@@ -74,15 +73,12 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
         SourceError: no such scenario, or a wrong option.
         ConfigError: the scenario has faults.
     """
+    address.check_options(_OPTION_NAMES, OPTIONS)
     options = dict(address.options)
     speed = parse_speed(options.pop("speed", "1"))
     seed_text, duration_text = options.pop("seed", None), options.pop("duration", None)
     fault_texts = split_faults(options.pop("fault", ""))
     key_file = options.pop("keys", None)
-    if options:
-        name = next(iter(options))
-        hint = did_you_mean(name, _OPTION_NAMES)
-        raise SourceError(f"sim has no option '{name}'", f"{hint}Options are {OPTIONS}.")
     scenario = load_scenario(address.target)
     seed = None if seed_text is None else _seed(seed_text)
     simulation = simulate(

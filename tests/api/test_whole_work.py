@@ -52,6 +52,9 @@ def test_export_writes_what_the_command_writes(recorded, tmp_path):
         assert np.load(out)
         with pytest.raises(gateway.OutputError, match="exists"):
             recording.export(out, what="estimates")
+        with pytest.raises(gateway.OutputError) as caught:
+            recording.export(tmp_path / "other.npz", what="estimtes")
+        assert "Did you mean estimates?" in caught.value.remedy
     with pytest.raises(gateway.OutputError, match="in memory"):
         gateway.simulate("lab", duration_s=0.1).export(tmp_path / "x.csv")
 
@@ -81,6 +84,8 @@ def test_estimates_are_drawn_by_wheel_without_invalid_ones(recording):
     assert len(drawn.get_xdata()) == int(np.count_nonzero(rows.status != "invalid"))
     with pytest.raises(KeyError, match=r"Did you mean speed_mps\?"):
         estimates.plot("sped_mps")
+    with pytest.raises(ValueError, match=r"Did you mean valid\?"):
+        estimates.select(status="vaild")
 
 
 def test_calibration_is_that_of_the_command(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from click.testing import CliRunner
 
@@ -53,16 +55,43 @@ def test_scheme_is_proposed(uri: str, meant: str) -> None:
 
 
 def test_options_estimators_and_outputs_are_proposed() -> None:
-    with pytest.raises(SourceError) as caught:
-        open_source("sim:demo?sped=2", ManualClock())
-    assert "Did you mean speed?" in caught.value.remedy
+    for uri, meant in (
+        ("sim:demo?sped=2", "speed"),
+        ("replay:x.bin?sped=2", "speed"),
+        ("tcp:h:1?silense=2", "silence"),
+    ):
+        with pytest.raises(SourceError) as caught:
+            open_source(uri, ManualClock())
+        assert f"Did you mean {meant}?" in caught.value.remedy
     with pytest.raises(ConfigError) as wrong_name:
         make_estimator("ring-papr")
     assert "Did you mean ring-paper?" in wrong_name.value.remedy
-    for uri, meant in (("mqt://host/x", "mqtt:"), ("jsonl:-?apend=yes", "append")):
+    for uri, meant in (("mqt://host/x", "mqtt:"), ("webb", "web:"), ("jsonl:-?apend=yes", "append")):
         with pytest.raises(SinkError) as wrong_output:
             open_sink(uri, SinkSetting())
         assert f"Did you mean {meant}?" in wrong_output.value.remedy
+
+
+def test_file_without_a_scheme_has_its_commands(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    path.touch()
+    with pytest.raises(SourceError) as caught:
+        parse_source_uri(str(path))
+    assert f"treadlink import --guess {path}" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["estimate", "x.mcap", "--estimator", "weak-fom"], "weak-form"),
+        (["export", "x.mcap", "x.csv", "--what", "sample"], "samples"),
+        (["diagnose", "x.mcap", "--model", "exat"], "exact"),
+    ],
+)
+def test_value_of_an_option_is_proposed(arguments: list[str], meant: str) -> None:
+    done = CliRunner().invoke(treadlink, arguments)
+    assert done.exit_code == 2
+    assert f"Did you mean {meant}?" in " ".join(done.output.split())
 
 
 def test_output_file_may_have_any_name() -> None:
