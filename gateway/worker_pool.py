@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, MutableSequence, Sequence
@@ -15,7 +16,7 @@ from importlib import import_module
 from multiprocessing import get_context, parent_process, resource_tracker
 from multiprocessing.connection import wait
 from queue import Empty, SimpleQueue
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import Any, Final, ParamSpec, Self, TypeVar
 
 from gateway.errors import TreadlinkError
@@ -76,6 +77,17 @@ class SharedNumbers:
                 self._numbers[index] = _NONE_LEFT
 
 
+@contextmanager
+def main_module_hidden() -> Iterator[None]:
+    """Start processes meanwhile that do not import the program which runs: a script would do all its work again."""
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
+
+
 class Worker(ProcessPoolExecutor):
     """One fresh interpreter, which does its work in order; a fork would copy whatever threads and locks the caller has.
 
@@ -95,7 +107,7 @@ class Worker(ProcessPoolExecutor):
 
     def submit(self, fn: Callable[_P, _T], /, *args: _P.args, **kwargs: _P.kwargs) -> Future[_T]:
         """Call `fn` in the process."""
-        with interrupt_held_back():  # what starts here inherits that
+        with interrupt_held_back(), main_module_hidden():  # what starts here inherits that
             future = super().submit(fn, *args, **kwargs)
         future.add_done_callback(self._stop_feeding)
         return future

@@ -19,7 +19,7 @@ from gateway.views.report.diagnosis_json import diagnosis_json, write_json
 from gateway.views.report.html import diagnosis_html, write_html
 from gateway.views.report.phrases import effect_title, why_unsaved
 from gateway.views.report.terminal import closure_summary_lines
-from gateway.worker_pool import WorkerLostError, Workers
+from gateway.worker_pool import Workers
 
 Model = Literal["exact", "series", "paper"]
 DiagnosisProgress = Callable[[float, str], None]
@@ -49,7 +49,7 @@ def diagnose(
         reverse: those of `recordings` made rolling backwards, or with the tire reversed on its rim.
         empirical: also fit the unexplained residual empirically.
         folds: blocks of cross-validation, 2 to 20.
-        jobs: maximum number of processes. A script that uses more than one needs `if __name__ == "__main__":`.
+        jobs: maximum number of processes.
         keys: file with the keys of signed frames; None for the key file of `treadlink keys`.
         budget_s: time for reading and the search for effects; None sets no limit. The first fit and the errors on
             held-out revolutions are computed in any case; a note says how long each took.
@@ -70,26 +70,20 @@ def diagnose(
     check_distinct(paths)
     if not paths:
         raise TreadlinkError("there is no recording to diagnose", "Give at least one.")
-    try:
-        with Workers(jobs - 1) as workers:
-            diagnosis = diagnose_recordings(
-                paths,
-                vehicle=chosen_vehicle(config, (), ""),
-                wheel=wheel,
-                model=chosen,
-                empirical=empirical,
-                folds=folds,
-                workers=workers,
-                reverse=[_path(recording) for recording in reverse],
-                key_file=None if keys is None else Path(keys),
-                budget_s=budget_s,
-                on_progress=progress,
-            )
-    except WorkerLostError as error:
-        raise TreadlinkError(
-            "a process of the diagnosis ended early",
-            'A script that uses more than one process needs `if __name__ == "__main__":`; or use jobs=1.',
-        ) from error
+    with Workers(jobs - 1) as workers:
+        diagnosis = diagnose_recordings(
+            paths,
+            vehicle=chosen_vehicle(config, (), ""),
+            wheel=wheel,
+            model=chosen,
+            empirical=empirical,
+            folds=folds,
+            workers=workers,
+            reverse=[_path(recording) for recording in reverse],
+            key_file=None if keys is None else Path(keys),
+            budget_s=budget_s,
+            on_progress=progress,
+        )
     return DiagnosisReport(diagnosis)
 
 

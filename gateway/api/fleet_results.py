@@ -66,7 +66,7 @@ def campaign(
         config: vehicle configuration for all; None for the one in each recording.
         estimators: names; none for those of a campaign.
         rows: revolutions to keep: `second` (the last of each second), `all` or `none`.
-        jobs: worker processes. A script needs `if __name__ == "__main__":`, for they import it.
+        jobs: worker processes.
         keys: sensor signing keys.
 
     Raises:

@@ -27,6 +27,7 @@ import numpy as np
 from gateway.errors import ImportDataError
 from gateway.importing.columns import Block, BlockReader, FileFacts, row_places
 from gateway.importing.import_map import FileFormat
+from gateway.worker_pool import main_module_hidden
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +79,11 @@ class ReaderProcess:
         # A fork of this process would copy its threads and locks; a fork of a fresh one starts faster than a spawn.
         context: Any = get_context("forkserver" if "forkserver" in get_all_start_methods() else "spawn")
         if hasattr(context, "set_forkserver_preload"):
-            context.set_forkserver_preload(["__main__", __name__, parser.module, parser.preload])
+            context.set_forkserver_preload([__name__, parser.module, parser.preload])
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, str(file_format)), daemon=True)
-        self.process.start()
+        with main_module_hidden():
+            self.process.start()
         theirs.close()
 
     def end(self) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import scipy.io
 
 import gateway
 from gateway.api import diagnosis_report
@@ -70,16 +73,23 @@ def test_wrong_options_are_errors(asked, recorded):
     assert not asked
 
 
-def test_lost_process_names_the_guard_of_the_script(recorded, tmp_path):
+def test_script_needs_no_guard_for_processes(recorded, tmp_path):
+    scipy.io.savemat(tmp_path / "x.mat", {"t": np.arange(3.0)})
     script = tmp_path / "script.py"
-    script.write_text(f"import gateway\ngateway.diagnose({str(recorded)!r}, wheel='FL', jobs=2)\n")
-    command = [sys.executable, script]
-    ended = subprocess.run(
-        command, capture_output=True, text=True, cwd=Path(gateway.__file__).parents[1], check=False, timeout=120
+    script.write_text(
+        "import gateway\nprint('begun')\n"
+        f"try:\n    gateway.guess_map({str(tmp_path / 'x.mat')!r})\nexcept gateway.Error as error:\n    print(error)\n"
+        "from gateway.worker_pool import Workers\n"
+        "with Workers(1) as workers:\n    print(workers.each[0].submit(abs, -5).result())\n"
     )
-    assert ended.returncode == 1
-    assert "ended early" in ended.stderr
-    assert 'needs `if __name__ == "__main__":`' in ended.stderr
+    ended = subprocess.run(
+        [sys.executable, script],
+        capture_output=True, text=True, cwd=Path(gateway.__file__).parents[1], check=True, timeout=120,
+        env={**os.environ, "PYTHONPATH": str(Path(gateway.__file__).parents[1])},
+    )  # fmt: skip
+    assert ended.stdout.count("begun") == 1
+    assert "no column looks like" in ended.stdout
+    assert ended.stdout.endswith("5\n")
 
 
 def test_several_wheels_without_a_choice_are_an_error(recorded):
