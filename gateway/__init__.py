@@ -8,6 +8,8 @@ Programs and notebooks use it by these names, also as `import treadlink`; the co
     gateway.import_measurement("drum.csv", "drum.map.toml")    a measurement that was made elsewhere, as a recording
     gateway.calibrate(["a.mcap", "b.mcap"])    load calibration of a tire
     gateway.campaign("fleet/", "fleet.dataset")    many recordings into a dataset; gateway.tire_trends of it
+    gateway.merge(["front.mcap", "rear.mcap"], "drive.mcap")    recordings of one drive as one
+    gateway.figures("figures", "drive.mcap")    the papers' figures from measurements
     gateway.diagnose(["drive.mcap"])     the physical effects that the model of a wheel lacks, with a report
     gateway.Error                        base of every error, with `remedy`
 
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
     from gateway.api.live_revolutions import live as live
     from gateway.api.measurement_import import guess_map as guess_map
     from gateway.api.measurement_import import import_measurement as import_measurement
+    from gateway.api.merged_recording import merge as merge
+    from gateway.api.paper_figures import figures as figures
     from gateway.api.recording_access import Recording as Recording
     from gateway.api.recording_access import Wheel as Wheel
     from gateway.api.recording_access import WheelNotFoundError as WheelNotFoundError
@@ -84,9 +88,11 @@ _LAZY = {
     "calibrate": "gateway.api.tire_calibration:calibrate",
     "campaign": "gateway.api.fleet_results:campaign",
     "diagnose": "gateway.api.diagnosis_report:diagnose",
+    "figures": "gateway.api.paper_figures:figures",
     "guess_map": "gateway.api.measurement_import:guess_map",
     "import_measurement": "gateway.api.measurement_import:import_measurement",
     "live": "gateway.api.live_revolutions:live",
+    "merge": "gateway.api.merged_recording:merge",
     "open": "gateway.api.recording_access:open",
     "simulate": "gateway.api.simulated_recording:simulate",
     "tire_trends": "gateway.api.fleet_results:tire_trends",

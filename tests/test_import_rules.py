@@ -61,9 +61,9 @@ ALLOWED: dict[str, set[str]] = {
     "gateway.papers": {"gateway.estimators", "gateway.physics", "gateway.signal"},
     "gateway.api": {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.exporting",
-        "gateway.fleet", "gateway.importing", "gateway.io", "gateway.pipeline", "gateway.recording",
-        "gateway.security", "gateway.session", "gateway.signal", "gateway.simulator", "gateway.trends",
-        "gateway.views",
+        "gateway.fleet", "gateway.importing", "gateway.io", "gateway.papers", "gateway.pipeline",
+        "gateway.recording", "gateway.security", "gateway.session", "gateway.signal", "gateway.simulator",
+        "gateway.trends", "gateway.views",
     },
     "gateway.planning": {
         "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.physics", "gateway.pipeline",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import click
 
 from gateway.cli.options import config_option, force_option
 from gateway.cli.path_option import path_option
 from gateway.cli.summary_output import SummaryOutput
-from gateway.views.output_file import check_outputs, write_whole
 
 
 def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -45,7 +44,7 @@ def _print_list(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
 def figures(
     names: tuple[str, ...],
     out: Path,
-    suffix: str,
+    suffix: Literal["svg", "png"],
     sources: tuple[Path, ...],
     grid_path: Path | None,
     config_path: Path | None,
@@ -66,43 +65,23 @@ def figures(
       treadlink figures --from drum-2000N.mcap --from drum-5000N.mcap --out mine
       treadlink figures --grid table-1.csv --out table-1
     """
-    from gateway.papers.figure_registry import chosen
-    from gateway.papers.figure_sheet import draw_figures
+    if config_path is not None and not sources and grid_path is None:
+        raise click.UsageError("--config needs --from or --grid: simulated tires have no configuration.")
+    from gateway.api.paper_figures import figures as draw
 
     say = SummaryOutput()
-    write = partial(write_whole, force=force)
-    table: list[Path] = []
-    if sources or grid_path is not None:
-        from gateway.cli.figure_sources import FigureSource, measured_tires, read_grid, table_csv, table_lines
-        from gateway.errors import TreadlinkError
-        from gateway.papers.figure_sheet import make_room
-        from gateway.papers.measured_figures import measured_figures
-
-        table = [out / "conditions.csv"]
-        make_room(out, [], force=force)
-        check_outputs(table, [*sources, grid_path, config_path], force=force)
-        inputs = [*map(FigureSource, sources), *(read_grid(grid_path) if grid_path is not None else [])]
-        tires = measured_tires(inputs, config_path, lambda path: say(f"reading {path}"))
-        wanted, missing = measured_figures(tires, names)
-        for line in table_lines(tires):
-            say(line)
-        for name, reason in missing.items():
-            say(f"{name}: left out: {reason}")
-        write(table[0], table_csv(tires))
-        if not wanted:
-            raise TreadlinkError(
-                "these measurements allow no figure", f"The reasons are above; '{table[0]}' has what was measured."
-            )
-    elif config_path is not None:
-        raise click.UsageError("--config needs --from or --grid: simulated tires have no configuration.")
-    else:
-        wanted = chosen(names)
-
-    def on_figure(name: str, caption: str) -> None:
-        say(f"{name}: {caption}")
-
-    written = draw_figures(
-        wanted, out, suffix=suffix, write=write, force=force, is_measured=bool(table), on_figure=on_figure
+    written = draw(
+        out,
+        sources,
+        grid=grid_path,
+        names=names,
+        suffix=suffix,
+        config=config_path,
+        force=force,
+        on_line=say,
+        show_progress=True,
     )
-    say(f"written: {', '.join(map(str, [*table, f'{len(written) - 1} figures']))} and {written[-1]}")
+    tables = [path for path in written if path.suffix == ".csv"]
+    count = len(written) - len(tables) - 1
+    say(f"written: {', '.join(map(str, [*tables, f'{count} figures']))} and {written[-1]}")
     say.finish()

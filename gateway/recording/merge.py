@@ -118,7 +118,10 @@ def merge_recordings(
             raise RecordingError(f"'{reader.info.path}' was not finished", REPAIR_REMEDY)
     if vehicle_toml is None:
         vehicle_toml = _common(
-            [reader.vehicle_toml for reader in readers], "vehicle configurations", "Give the one to use: --config FILE."
+            [reader.vehicle_toml for reader in readers],
+            "vehicle configurations",
+            "Give that of the whole drive: --config FILE. Where load, pressure or wear have changed, these are several "
+            "drives: estimate them apart, or look at treadlink compare.",
         )
     dbc_text = _common(
         [reader.info.dbc_text for reader in readers], "DBC files", "Record the bus in all of them with the same file."
@@ -152,7 +155,11 @@ def merge_recordings(
 def _common(texts: Iterable[str | None], what: str, remedy: str) -> str | None:
     different = list(dict.fromkeys(text for text in texts if text is not None))
     if len(different) > 1:
-        raise RecordingError(f"the recordings have different {what}", remedy)
+        lines, others = (text.splitlines() for text in different[:2])
+        only = [next((line for line in a if line not in b), "nothing") for a, b in ((lines, others), (others, lines))]
+        raise RecordingError(
+            f"the recordings have different {what}: '{only[0].strip()}' and '{only[1].strip()}'", remedy
+        )
     return different[0] if different else None
 
 

@@ -9,8 +9,9 @@ import math
 import pytest
 from click.testing import CliRunner
 
+import gateway
+from gateway.api.figure_sources import FigureSource, measured_tires, read_grid
 from gateway.cli import treadlink
-from gateway.cli.figure_sources import FigureSource, measured_tires, read_grid
 from gateway.errors import ConfigError, RecordingError
 from gateway.papers.measured_figures import measured_figures
 from gateway.quantity_catalogue import RING_NUMBERS
@@ -75,8 +76,8 @@ def test_command_draws_tabulates_and_warns_of_another_speed(folder, tmp_path):
     assert len(list(out.glob("*.svg"))) == 10
     assert "the table states 85.0 km/h" in result.output
     assert "Drawn from measurements" in (out / "index.html").read_text(encoding="utf-8")
-    again = CliRunner().invoke(treadlink, ["figures", "--grid", str(folder / "grid.csv"), "--out", str(out)])
-    assert "already exists" in str(again.exception)
+    with pytest.raises(gateway.OutputError, match="already exists"):
+        gateway.figures(out, grid=folder / "grid.csv")
 
 
 def test_one_condition_has_no_trends(tires):
@@ -95,7 +96,7 @@ def test_unknown_figure_is_named(tires):
 
 def test_no_figure_at_all_is_no_result(folder, tmp_path, monkeypatch):
     nothing = ({}, {"ring-fig-11": "no value"})
-    monkeypatch.setattr("gateway.papers.measured_figures.measured_figures", lambda *_: nothing)
+    monkeypatch.setattr("gateway.api.paper_figures.measured_figures", lambda *_: nothing)
     recording = next(folder.glob("*.mcap"))
     done = CliRunner().invoke(treadlink, ["figures", "--from", str(recording), "--out", str(tmp_path / "out")])
     assert done.exit_code == 1

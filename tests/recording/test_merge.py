@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import pytest
 from click.testing import CliRunner
 
+import gateway
 from firmware_protocol.decoder import FrameDecoder
 from gateway.cli import treadlink
 from gateway.config.validation import parse_document
+from gateway.config.vehicle import parse_vehicle
 from gateway.errors import RecordingError
 from gateway.io.source import BusFrames, Chunk
 from gateway.recording.merge import merge_recordings
@@ -109,11 +113,17 @@ def test_the_same_sensor_at_two_wheels_is_refused(whole, tmp_path):
 
 def test_other_configurations_need_one(whole, tmp_path):
     reader = RecordingReader(whole)
-    other = part(tmp_path / "b.mcap", whole, 1.0, 2.0, toml=f"# another\n{reader.vehicle_toml}")
-    with pytest.raises(RecordingError, match="different vehicle configurations"):
+    worn = reader.vehicle_toml.replace("temperature_degc = 25.0", "temperature_degc = 40.0")
+    other = part(tmp_path / "b.mcap", whole, 1.0, 2.0, toml=worn)
+    with pytest.raises(RecordingError, match="'temperature_degc = 25.0' and 'temperature_degc = 40.0'") as caught:
         merge_recordings([whole, other], tmp_path / "out.mcap")
-    merge_recordings([whole, other], tmp_path / "out.mcap", vehicle_toml=reader.vehicle_toml)
-    assert RecordingReader(tmp_path / "out.mcap").vehicle_toml == reader.vehicle_toml
+    assert "estimate them apart" in caught.value.remedy
+    (tmp_path / "car.toml").write_text(reader.vehicle_toml)
+    for config in (tmp_path / "car.toml", tomllib.loads(reader.vehicle_toml)):
+        with gateway.merge([whole, other], tmp_path / f"{type(config).__name__}.mcap", config=config) as recording:
+            assert recording.vehicle == parse_vehicle(reader.vehicle_toml, "")
+    with pytest.raises(RecordingError, match="nothing to merge"):
+        gateway.merge([whole], tmp_path / "out.mcap")
 
 
 def test_unfinished_recording_is_refused(whole, tmp_path):

@@ -1,4 +1,4 @@
-"""Measurements for `treadlink figures --from`: recordings, datasets, and a table of conditions."""
+"""Measurements for the figures of the papers: recordings, datasets, and a table of conditions."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -104,7 +105,11 @@ def _positive(cell: str, origin: str, *, zero: bool) -> float:
 
 
 def measured_tires(
-    sources: Sequence[FigureSource], config_path: Path | None, on_source: Callable[[Path], None]
+    sources: Sequence[FigureSource],
+    config_path: Path | None,
+    on_source: Callable[[Path], None],
+    *,
+    show_progress: bool = False,
 ) -> list[MeasuredTire]:
     """Return the wheels of recordings and datasets.
 
@@ -112,6 +117,7 @@ def measured_tires(
         sources: recordings and datasets, in the order of the figures.
         config_path: vehicle configuration, None for the recorded one.
         on_source: called with each path before it is read.
+        show_progress: whether a terminal shows how much of a recording is read.
 
     Raises:
         TreadlinkError: a source cannot be read, has not the wheel, or nothing has a usable revolution.
@@ -119,21 +125,25 @@ def measured_tires(
     tires: list[MeasuredTire] = []
     for source in sources:
         on_source(source.path)
-        tires += _of_dataset(source.path) if source.path.is_dir() else _of_recording(source, config_path)
+        if source.path.is_dir():
+            tires += _of_dataset(source.path)
+        else:
+            tires += _of_recording(source, config_path, show_progress=show_progress)
     if not tires:
         raise RecordingError("no wheel has a usable revolution", "Look at the recordings with treadlink inspect.")
     return tires
 
 
-def _of_recording(source: FigureSource, config_path: Path | None) -> list[MeasuredTire]:
+def _of_recording(source: FigureSource, config_path: Path | None, *, show_progress: bool) -> list[MeasuredTire]:
     from gateway.estimators.registry import DEFAULT_ESTIMATORS
     from gateway.recording.recorded_file import open_recorded_file
     from gateway.session.recording_pass import RecordingPass, open_recording
-    from gateway.views.progress import progress_bar
+    from gateway.views.progress import Bar, progress_bar
 
     file = open_recorded_file(source.path)
     wheels: dict[str, MeasuredWheel] = {}
-    with progress_bar(f"reading {source.path.name}") as bar:
+    shown = progress_bar(f"reading {source.path.name}") if show_progress else nullcontext(Bar(None, None))
+    with shown as bar:
         size = max(file.info.size_bytes, 1)
         recording = open_recording(file, config_path, on_position=lambda position: bar.show(position / size))
         for result in RecordingPass(recording, DEFAULT_ESTIMATORS, signals=recording.signals()):

@@ -1,0 +1,48 @@
+"""Merging of recordings for programs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from gateway.api.document_tables import document_text
+from gateway.api.recording_access import PathLike, Recording, path_of, paths
+from gateway.api.recording_access import open as open_recording
+from gateway.config.validation import read_text
+from gateway.config.vehicle import parse_vehicle
+from gateway.errors import RecordingError
+from gateway.recording.merge import merge_recordings
+from gateway.views.output_file import check_outputs
+
+_CONFIGURATION: Final = "the configuration"
+
+
+def merge(
+    recordings: Sequence[PathLike], out: PathLike, *, config: Mapping[str, Any] | PathLike | None = None
+) -> Recording:
+    """Merge recordings of one drive into a new one and open it, as `treadlink merge`.
+
+    Args:
+        recordings: finished recordings, two or more.
+        out: new .mcap file.
+        config: vehicle configuration of the result: a TOML file or its tables; None where the recorded ones are the
+            same.
+
+    Raises:
+        RecordingError: there are less than two, one is unfinished or damaged, they do not belong together, or `out`
+            exists.
+        ConfigError: the configuration has faults.
+    """
+    given, target = paths(recordings), Path(out)
+    if len(given) < 2:
+        raise RecordingError("there is nothing to merge", "Give two recordings or more.")
+    check_outputs([target], [*given, path_of(config)], force=True)
+    vehicle_toml = None
+    if isinstance(config, Mapping):
+        vehicle_toml = document_text(config, _CONFIGURATION)
+    elif config is not None:
+        vehicle_toml = read_text(Path(config), _CONFIGURATION)
+    if vehicle_toml is not None:
+        parse_vehicle(vehicle_toml, _CONFIGURATION)
+    return open_recording(merge_recordings(given, target, vehicle_toml=vehicle_toml).target)
