@@ -66,8 +66,8 @@ ALLOWED: dict[str, set[str]] = {
         "gateway.trends", "gateway.views",
     },
     "gateway.planning": {
-        "firmware_protocol", "gateway.config", "gateway.estimators", "gateway.physics", "gateway.pipeline",
-        "gateway.simulator", "gateway.views",
+        "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.physics",
+        "gateway.pipeline", "gateway.simulator", "gateway.views",
     },
     "gateway.cli": {"*"},
 }  # fmt: skip

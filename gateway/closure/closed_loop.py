@@ -82,6 +82,7 @@ def diagnose(
     on_progress: Progress = lambda _share, _text: None,
     expired: Callable[[], bool] = lambda: False,
     workers: Workers | None = None,
+    on_posterior: Callable[[Posterior], None] = lambda _posterior: None,
 ) -> Diagnosis:
     """Find the effects that a baseline model lacks on a campaign.
 
@@ -92,6 +93,7 @@ def diagnose(
         on_progress: called with the share that is done and the present step.
         expired: True when the time for the search is over; what is known by then is reported.
         workers: other processes that share the work; the result does not depend on them.
+        on_posterior: called with the sets of effects that the result rests on, and their fits.
 
     Raises:
         TreadlinkError: there are too few data.
@@ -100,7 +102,7 @@ def diagnose(
         RecordingsContradictedError: recordings contradict their stated direction.
     """
     helpers = Helpers(workers or Workers())
-    return _diagnose(campaign, model, empirical, on_progress, expired, helpers)
+    return _diagnose(campaign, model, empirical, on_progress, expired, helpers, on_posterior)
 
 
 def _diagnose(
@@ -110,6 +112,7 @@ def _diagnose(
     on_progress: Progress,
     expired: Callable[[], bool],
     helpers: Helpers,
+    on_posterior: Callable[[Posterior], None],
 ) -> Diagnosis:
     core = make_core(model)
     data = whiten(campaign, core)
@@ -124,6 +127,7 @@ def _diagnose(
     steps = _Steps(on_progress)
     search = SetSearch(campaign, core, data, effects, discrepancy, corrections(model), expired, steps, helpers)
     posterior = _searched(campaign, core, data, model, search, on_progress)
+    on_posterior(posterior)
     best = posterior.best
     on_progress(SEARCHED, "computing held-out errors")
     also = [posterior.every[names] for name in best.names if (names := best.names - {name}) in posterior.every]

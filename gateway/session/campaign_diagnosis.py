@@ -13,6 +13,7 @@ from gateway.closure.closed_loop import SEARCHED, BaselineUnfittedError, baselin
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
 from gateway.closure.inference.outvoted_recordings import RecordingsContradictedError, unlike_signals
+from gateway.closure.inference.posterior import Posterior
 from gateway.closure.result import Diagnosis, Origin, RecordingOrigin
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
@@ -43,6 +44,7 @@ def diagnose_recordings(
     budget_s: float | None = None,
     clock: Clock | None = None,
     on_progress: Progress | None = None,
+    on_posterior: Callable[[Posterior], None] = lambda _posterior: None,
 ) -> Diagnosis:
     """Diagnose one wheel of one or more recordings.
 
@@ -60,6 +62,7 @@ def diagnose_recordings(
             model, the error on held-out revolutions and figures are computed in any case; a note says how long.
         clock: of the budget; None for the system's.
         on_progress: called with the share done, 0 to 1, and the present step.
+        on_posterior: called with the sets of effects that the result rests on, and their fits.
 
     Raises:
         TreadlinkError: a recording cannot be read, or contains nothing usable.
@@ -101,6 +104,7 @@ def diagnose_recordings(
         on_progress=on_share,
         expired=lambda: budget_s is not None and clock.now_ns() >= begin_ns + round(1e9 * budget_s),
         workers=workers,
+        on_posterior=on_posterior,
     )
     if budget_s is not None and not diagnosis.complete:
         end_ns = clock.now_ns()

@@ -9,10 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.data.campaign_data import Block, Campaign, Group
+from gateway.closure.data.campaign_data import Block, Campaign
 from gateway.closure.data.side_information import CLOCK, HOST_CLOCK
 from gateway.closure.effects.effect import GroupConditions
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
+from gateway.closure.inference.imagined_recording import carried, reference_group, with_recording
 from gateway.closure.inference.likelihood import whiten
 from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
@@ -25,8 +26,6 @@ _DISTINGUISHED: Final = 25.0
 # as a choice of recordings.
 _STEPS: Final = 4
 _ROUGH: Final = 0.02
-# Share of an axis's orders that hold nothing but the sensor's own noise.
-_QUIETEST: Final = 0.1
 # Effects independent of speed, load, temperature and direction need another kind of recording.
 _AT_REST: Final = {frozenset(("camber", "zero-g offset")): Reason(Code.RECORD_AT_REST)}
 NOTHING: Final = Reason(Code.NO_RECORDING_DECIDES)
@@ -77,26 +76,14 @@ def _distinction(
 ) -> float | None:
     """Return the misfit that the rivals have with another recording beyond that without it; None if a fit fails."""
     campaign, size = final.model.campaign, len(final.model.campaign.groups)
-    reference = int(np.argmax([sum(block.count for block in group.blocks) for group in campaign.groups]))
-    reference_group = campaign.groups[reference]
-    there = change(reference_group.conditions)
-    other_state = (there.load_n, there.pressure_pa) != (
-        reference_group.conditions.load_n,
-        reference_group.conditions.pressure_pa,
-    )
-    state = campaign.states if other_state else reference_group.state
-    share = there.omega_radps / reference_group.conditions.omega_radps
+    reference = reference_group(campaign)
+    there = change(reference.conditions)
     # The recording has the same duration, so a lower speed gives fewer revolutions.
-    count = max(1, round(share * sum(block.count for block in reference_group.blocks)))
-    block = Block(count, there, reference_group.blocks[0].orders_mps2)
-    scatter = _scatter(reference_group, share)
-    group: Group = replace(
-        reference_group, label="imagined", conditions=there, blocks=(block,), state=state, variance=scatter
-    )
-    states = campaign.states + int(other_state)
-    larger = replace(campaign, groups=(*campaign.groups, group), states=states)
+    share = there.omega_radps / reference.conditions.omega_radps
+    count = max(1, round(share * sum(block.count for block in reference.blocks)))
+    larger = with_recording(campaign, there, count)
     truth = ClosureModel(larger, final.model.core, final.model.effects)
-    vector = _carried(final.model, truth, final.vector, reference_group.state, other_state)
+    vector = carried(final.model, truth, final.vector)
     try:
         # Refined here and not in the first fit: the grid's error at the new conditions must be the same in both.
         truth.refine(vector)
@@ -125,21 +112,6 @@ def _as_predicted(campaign: Campaign, model: ClosureModel, vector: FloatArray) -
     return replace(campaign, groups=tuple(groups))
 
 
-def _scatter(group: Group, ratio: float) -> FloatArray:
-    """Return the scatter of a recording at another speed, (3, ORDERS).
-
-    The sensor's own is white in time, so a revolution's goes with omega; the rest is the ring's, and goes with omega^4.
-    """
-    variance = np.where(group.variance > 0.0, group.variance, np.nan)
-    quiet = np.isfinite(variance).any(axis=1)
-    sensor_variance = np.zeros((3, 1))
-    sensor_variance[quiet] = np.nanquantile(variance[quiet], _QUIETEST, axis=1)[:, None]
-    result: FloatArray = (
-        np.minimum(variance, sensor_variance) * ratio + np.maximum(variance - sensor_variance, 0.0) * ratio**4
-    )
-    return result
-
-
 def _carried_back(larger: ClosureModel, smaller: ClosureModel, vector: FloatArray) -> FloatArray:
     """Return the parameters without those of the imagined recording."""
     result = np.zeros(smaller.layout.size)
@@ -149,20 +121,4 @@ def _carried_back(larger: ClosureModel, smaller: ClosureModel, vector: FloatArra
         result[smaller.layout.centre(index)] = vector[larger.layout.centre(index)]
     for effect in smaller.effects:
         result[smaller.layout.effect(effect.name)] = vector[larger.layout.effect(effect.name)]
-    return result
-
-
-def _carried(
-    model: ClosureModel, larger: ClosureModel, vector: FloatArray, state: int, other_state: bool
-) -> FloatArray:
-    """Return the parameters in the larger campaign: a state like the reference's, the contact's centre at 0."""
-    result = np.zeros(larger.layout.size)
-    for present_state in range(model.campaign.states):
-        result[larger.layout.state(present_state)] = vector[model.layout.state(present_state)]
-    if other_state:
-        result[larger.layout.state(model.campaign.states)] = vector[model.layout.state(state)]
-    for index in range(len(model.campaign.groups)):
-        result[larger.layout.centre(index)] = vector[model.layout.centre(index)]
-    for effect in model.effects:
-        result[larger.layout.effect(effect.name)] = vector[model.layout.effect(effect.name)]
     return result

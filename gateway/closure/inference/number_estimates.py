@@ -260,6 +260,18 @@ def _in_earnest(fit: Fit, vector: FloatArray, conditions: GroupConditions) -> Gr
 
 def _errors(fit: Fit, covariance: FloatArray, index: int, values: Mapping[str, float]) -> dict[str, float]:
     """Return the standard error of each of the estimates of one group's state."""
+    errors = {
+        name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0))
+        for name, gradient in _gradients(fit, index, values).items()
+    }
+    for name, value in values.items():
+        shares = (_GRID_SHARES.get(part, 0.0) for part in name.split("/"))
+        errors[name] = math.hypot(errors[name], *(share * value for share in shares))
+    return errors
+
+
+def _gradients(fit: Fit, index: int, values: Mapping[str, float]) -> dict[str, FloatArray]:
+    """Return the derivatives (P,) of the estimates of one group's state by the parameters of a fit."""
     layout = fit.model.layout
     where = layout.state(fit.model.campaign.groups[index].state)
     steps = dict(zip(range(where.start, where.stop), fit.model.core.steps.tolist(), strict=True))
@@ -272,13 +284,16 @@ def _errors(fit: Fit, covariance: FloatArray, index: int, values: Mapping[str, f
         moved[parameter_index] += step
         for name, value in _values(fit, moved, index).items():
             gradients[name][parameter_index] = (value - values[name]) / step
-    errors = {
-        name: math.sqrt(max(float(gradient @ covariance @ gradient), 0.0)) for name, gradient in gradients.items()
-    }
-    for name, value in values.items():
-        shares = (_GRID_SHARES.get(part, 0.0) for part in name.split("/"))
-        errors[name] = math.hypot(errors[name], *(share * value for share in shares))
-    return errors
+    return gradients
+
+
+def values_and_gradients(fit: Fit) -> dict[str, tuple[float, FloatArray]]:
+    """Return the estimates of the state with the most revolutions, with their derivatives (P,) by the parameters."""
+    campaign = fit.model.campaign
+    index = _first_group(campaign, _reference_state(campaign))
+    values = _values(fit, fit.vector, index)
+    gradients = _gradients(fit, index, values)
+    return {name: (value, gradients[name]) for name, value in values.items()}
 
 
 def before_and_after(before: Mapping[str, Fitted], after: Mapping[str, Fitted]) -> dict[str, tuple[Fitted, Fitted]]:
