@@ -175,7 +175,7 @@ class Code(Enum):
     LOSS_FREQUENT = "samples were lost in {lossy:.0f} of the last {revolutions:.0f} revolutions"
     REVOLUTION_NOT_USED = "this revolution was not used: {faults}"
     SAMPLES_LOST_SHARE = "{share:.1%} of the samples were lost"
-    SIGNAL_MISSING = "the bus has not sent it lately"
+    SIGNAL_MISSING = "it was not received lately"
     SPEED_OR_RADIUS_UNKNOWN = "the angular speed or the belt radius is not known"
     TOO_FEW_ORDERS = "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed"
     # Of what the signal says against what is stated
@@ -447,6 +447,12 @@ class Code(Enum):
     ENVIRONMENT_SILENT = "no pressure or temperature for {silence_s:.0f s}: the last values are that old"
     HUB_OF_WHEEL_SILENT = "no frame of its hub for {silence_s:.0f s}"
     HUB_SILENT = "no frame for {silence_s:.0f s} (wheels: {wheels}). Battery empty, out of range, or stopped?"
+    POSITION_MISSING = (
+        "the receiver has had no position for {silence_s:.0f} s. In a tunnel or building, or its antenna unplugged?"
+    )
+    RECEIVER_SILENT = (
+        "no sentence of the receiver for {silence_s:.0f} s. Unplugged, switched off, or another baud rate?"
+    )
     SAMPLES_MISSING = "no samples for {silence_s:.0f s}"
     SAMPLES_SILENT = (
         "no samples for {silence_s:.0f s}, only other messages of its sensor. Stopped by a command, or a fault of its "
@@ -485,7 +491,14 @@ class Code(Enum):
     QUOTED_TEXT = "{text}"
     SYSTEM_TIME_SET = (
         "its system time jumped by {step_s:+.1f s}. The times of this session stay those of the clock at its start: "
-        "{ahead_s:+.1f s} makes them those of the new time"
+        "{ahead_s:+.1f s} makes them those of the new time, as `treadlink set-clock` does"
+    )
+    RECEIVER_TIME = (
+        "the time of the receiver is {ahead_s:+.1f} s from that of this computer, whose times the recording has: "
+        "`treadlink set-clock FILE` makes a copy with those of the receiver"
+    )
+    SENTENCES_UNREAD = (
+        "its position, speed and time are not read: that needs the package 'pynmeagps' (pip install 'treadlink[nmea]')"
     )
     RETRY_INTERVAL = "trying again every {interval_s:g s} or sooner"
     # - Live outputs

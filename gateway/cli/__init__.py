@@ -48,6 +48,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "manifest": ("gateway.cli.manifest:manifest", "Write hashes of recordings that copies are compared with."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
     "compact": ("gateway.cli.repair:compact", "Compress finished recordings."),
+    "set-clock": ("gateway.cli.repair:set_clock", "Copy a recording with right times, if its clock was wrong."),
     "merge": ("gateway.cli.merge:merge", "Merge recordings of one drive."),
     "simulate": ("gateway.cli.simulate:simulate", "Simulate hubs and tires."),
     "plan": ("gateway.cli.plan:plan", "Say what a sensor will be able to measure before it is bought."),

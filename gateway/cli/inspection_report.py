@@ -8,8 +8,9 @@ from typing import Any, Final
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Hello
 from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.io.nmea_sentences import Fix, can_read_sentences
 from gateway.reasons import Code, Notice, Reason
-from gateway.recording.inspection import AlarmSpan, Inspection, LinkInspection, WheelInspection
+from gateway.recording.inspection import AlarmSpan, Inspection, LinkInspection, ReceiverInspection, WheelInspection
 from gateway.recording.reader import RecordingInfo
 from gateway.recording.writer import utc_text
 from gateway.views.numbers import duration, fixed, percent
@@ -114,6 +115,9 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
     if link.bus_frames:
         yield f"    {link.bus_frames} frames of a vehicle bus, {link.bus_frames / seconds:.1f} per second"
         return
+    if link.receiver is not None:
+        yield from _receiver_lines(link.receiver)
+        return
     total = counted.frames + counted.lost
     yield (
         f"    {counted.frames} frames, {counted.lost} lost ({percent(counted.lost, total)}), "
@@ -139,6 +143,35 @@ def _link_lines(name: str, link: LinkInspection, begin: int, end: int) -> Iterat
             rate = f", {source.measured_hz:.2f} Hz by the hub's clock" if source.measured_hz else ""
             yield f"      {source.samples} samples, {lost} lost ({share}){rate}"
             yield from _time_line(source, begin, end)
+
+
+def _receiver_lines(receiver: ReceiverInspection) -> Iterator[str]:
+    reader, first, last, ahead_s = receiver.reader, receiver.first, receiver.last, receiver.clock.ahead_s
+    counts = f"{reader.fixes} with a position, {reader.without_fix} without, {reader.damaged} damaged"
+    yield f"    {reader.sentences} sentences of a receiver, {counts}"
+    if reader.sentences and not can_read_sentences():
+        yield f"    {text(Reason(Code.SENTENCES_UNREAD))}"
+    if first is not None and last is not None:
+        yield f"    from {_place(first)} to {_place(last)} (latitude and longitude in degrees)"
+    if ahead_s is not None:
+        yield f"    {text(Reason(Code.RECEIVER_TIME, ahead_s=ahead_s))}"
+
+
+def _place(fix: Fix) -> str:
+    return f"{fix.latitude_deg:.6f}, {fix.longitude_deg:.6f}"
+
+
+def _receiver_json(receiver: ReceiverInspection) -> dict[str, Any]:
+    reader, first, last = receiver.reader, receiver.first, receiver.last
+    return {
+        "sentences": reader.sentences,
+        "with_position": reader.fixes,
+        "without_position": reader.without_fix,
+        "damaged": reader.damaged,
+        "first_deg": None if first is None else [first.latitude_deg, first.longitude_deg],
+        "last_deg": None if last is None else [last.latitude_deg, last.longitude_deg],
+        "ahead_s": receiver.clock.ahead_s,
+    }
 
 
 def _range_text(range_mps2: float) -> str:
@@ -266,6 +299,7 @@ def _link_json(link: LinkInspection) -> dict[str, Any]:
         ],
         "log_lines": link.log_lines,
         "bus_frames": link.bus_frames,
+        "receiver": None if link.receiver is None else _receiver_json(link.receiver),
         "sources": [
             {
                 "hub": hub,

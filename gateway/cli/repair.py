@@ -1,4 +1,4 @@
-"""`treadlink repair` and `treadlink compact`: repaired and compressed copies of recordings."""
+"""`treadlink repair`, `compact` and `set-clock`: repaired, compressed and newly dated copies of recordings."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gateway.cli.options import FiniteRange
 from gateway.cli.path_option import path_option
 from gateway.errors import RecordingError
 
@@ -71,6 +72,43 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
                 f"({share:.0f} %), {report.messages} messages verified"
             )
         )
+
+
+@click.command("set-clock")
+@click.argument("recording", type=click.Path(path_type=Path))
+@click.option(
+    "--ahead",
+    "ahead_s",
+    type=FiniteRange(-4e9, 4e9),
+    metavar="SECONDS",
+    help="Time to add.  [default: as the recording says]",
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="New file.  [default: NAME.dated.mcap]")
+def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
+    """Write a copy of RECORDING with right times, if its computer's clock was wrong or was set later.
+
+    The time comes from a positioning receiver in the recording (nmea:), else from the last step of the system time.
+    RECORDING itself is not changed; decoded topics are left out of the copy.
+    """
+    from gateway.recording.reader import RecordingReader
+    from gateway.recording.set_clock import recorded_clock_error_s
+    from gateway.recording.set_clock import set_clock as write_copy
+    from gateway.recording.writer import utc_text
+    from gateway.views.progress import progress_bar
+    from gateway.views.text import clean
+
+    start_ns = RecordingReader(recording).info.start_ns or 0
+    ahead_s = recorded_clock_error_s(recording) if ahead_s is None else ahead_s
+    if ahead_s is None:
+        raise RecordingError(
+            f"'{recording}' says nothing of another time: it has neither a receiver's nor a step of the system time",
+            "Give the seconds to add: --ahead SECONDS.",
+        )
+    target = out or _beside(recording, "dated")
+    with progress_bar(f"copying {recording.name}") as bar:
+        write_copy(recording, target, ahead_s, _shown(bar))
+    started = utc_text(start_ns + round(ahead_s * 1e9))
+    click.echo(clean(f"{target}: begins {started}, {ahead_s:+.3f} s from {recording}"))
 
 
 def _report_lines(report: RepairReport) -> Iterator[str]:

@@ -147,19 +147,22 @@ def open_serial(address: SourceAddress, clock: Clock) -> Source:
     settings = serial_settings(
         {name: text for name, text in address.options.items() if name not in ("rate", "silence")}
     )
-    port = address.target
+    return ReconnectingSource(
+        f"serial:{address.target}",
+        lambda: serial_port(address.target, settings),
+        clock,
+        rate_hz=rate_hz,
+        silence_s=silence_s,
+    )
 
-    def connect() -> serial.SerialBase:
-        return serial.Serial(port, **settings)
 
-    def make_link() -> PyserialLink:
-        return PyserialLink(
-            connect,
-            lambda error: explain_open_error(port, error, present_ports()),
-            lambda error: LinkLostError(f"{port} disappeared ({_brief(error)})", "Unplugged? Plug the hub in again."),
-        )
-
-    return ReconnectingSource(f"serial:{port}", make_link, clock, rate_hz=rate_hz, silence_s=silence_s)
+def serial_port(port: str, settings: Mapping[str, Any]) -> PyserialLink:
+    """Return a link over a serial port with settings of `serial_settings`; nothing is opened yet."""
+    return PyserialLink(
+        lambda: serial.Serial(port, **settings),
+        lambda error: explain_open_error(port, error, present_ports()),
+        lambda error: LinkLostError(f"{port} disappeared ({_brief(error)})", "Unplugged? Plug it in again."),
+    )
 
 
 def serial_settings(options: Mapping[str, str]) -> dict[str, Any]:

@@ -53,6 +53,21 @@ class BusFrames:
     data: bytes
 
 
+@dataclass(frozen=True, slots=True)
+class Sentences:
+    """Lines of a positioning receiver.
+
+    Attributes:
+        link: name of the link, e.g. `nmea:/dev/ttyACM0`.
+        host_ns: arrival of the last, ns since the epoch.
+        data: whole lines as received, NMEA 0183 among them, never empty.
+    """
+
+    link: str
+    host_ns: int
+    data: bytes
+
+
 class LinkEventKind(StrEnum):
     """Kind of a change of a link; a mark of the user and an event of this computer concern all links."""
 
@@ -164,7 +179,10 @@ class LinkEvent:
         return Reason(Code.LINK_EVENT, event=event, details=details) if details else event
 
 
-LinkItem = Chunk | BusFrames | LinkEvent
+VehicleData = BusFrames | Sentences
+"""What is recorded of the vehicle beside the wheels."""
+
+LinkItem = Chunk | VehicleData | LinkEvent
 
 
 class Source(Protocol):
@@ -244,11 +262,15 @@ CAN_FILE_SUFFIXES: Final = (
 )  # fmt: skip
 """Ends of the log files of a CAN bus."""
 
+NMEA_FILE_SUFFIXES: Final = (".nmea", ".log", ".txt", ".nmea.gz", ".log.gz", ".txt.gz")
+"""Ends of the log files of a positioning receiver."""
+
 SOURCES: Final[dict[str, SourceKind]] = {
     "serial": SourceKind("gateway.io.serial_link:open_serial"),
     "tcp": SourceKind("gateway.io.tcp_link:open_tcp"),
     "ble": SourceKind("gateway.io.ble_source:open_ble"),
     "can": SourceKind("gateway.io.can_source:open_can_source", file_suffixes=CAN_FILE_SUFFIXES),
+    "nmea": SourceKind("gateway.io.nmea_source:open_nmea", file_suffixes=NMEA_FILE_SUFFIXES),
     "replay": SourceKind("gateway.recording.replay_source:open_replay", live=False),
     "sim": SourceKind("gateway.simulator.simulator_source:open_simulator", live=False),
 }

@@ -1,4 +1,4 @@
-"""Signals of the vehicle, such as steering and speed, at the times of revolutions."""
+"""Signals of the vehicle, such as steering, speed and position, at the times of revolutions."""
 
 from __future__ import annotations
 
@@ -14,6 +14,11 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 # Values kept for revolutions that are not complete yet: a minute at 200 Hz, and what is kept when they are thinned out.
 _MOST_VALUES: Final = 24_000
 _KEPT_VALUES: Final = 12_000
+# Relative standard errors of a car's speeds of rotation and others, unless stated.
+_ROTATION_STD: Final = 0.005
+_SPEED_STD: Final = 0.01
+# A longitude that changes by more has passed 180 degrees, between which there is nothing to interpolate.
+_HALF_TURN_DEG: Final = 180.0
 
 
 class Quantity(StrEnum):
@@ -21,6 +26,9 @@ class Quantity(StrEnum):
 
     WHEEL_SPEED = "wheel_speed"
     VEHICLE_SPEED = "vehicle_speed"
+    GROUND_SPEED = "ground_speed"
+    LATITUDE = "latitude"
+    LONGITUDE = "longitude"
     STEERING_ANGLE = "steering_angle"
     BRAKE_PRESSURE = "brake_pressure"
     BRAKE = "brake"
@@ -68,9 +76,18 @@ UNITS: Final[dict[str, Unit]] = {
 }
 """Units of signals; temperatures stay in degrees Celsius."""
 
+POSITION_UNITS: Final[dict[str, Unit]] = {
+    **dict.fromkeys(("deg", "degree", "°", "degrees"), Unit("deg", 1.0)),
+    **dict.fromkeys(("min", "minutes", "'"), Unit("deg", 1.0 / 60.0)),
+}
+"""Units of latitude and longitude, which stay in degrees as maps and receivers have them."""
+
 SUFFIXES: Final[dict[Quantity, frozenset[str]]] = {
     Quantity.WHEEL_SPEED: frozenset({"radps", "mps"}),
     Quantity.VEHICLE_SPEED: frozenset({"mps"}),
+    Quantity.GROUND_SPEED: frozenset({"mps"}),
+    Quantity.LATITUDE: frozenset({"deg"}),
+    Quantity.LONGITUDE: frozenset({"deg"}),
     Quantity.STEERING_ANGLE: frozenset({"rad"}),
     Quantity.BRAKE_PRESSURE: frozenset({"pa"}),
     Quantity.BRAKE: frozenset({""}),
@@ -80,7 +97,7 @@ SUFFIXES: Final[dict[Quantity, frozenset[str]]] = {
     Quantity.YAW_RATE: frozenset({"radps"}),
     Quantity.TORQUE: frozenset({"nm"}),
 }
-"""SI units that fit a quantity."""
+"""Units of names that fit a quantity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +133,7 @@ class VehicleSignal:
         suffix: unit of the name.
         wheel: position of its wheel, None for the whole vehicle.
         relative_std: relative standard error of a speed, None where not stated.
+        max_age_s: time after the last value from which there is none.
     """
 
     name: str
@@ -123,6 +141,7 @@ class VehicleSignal:
     suffix: str
     wheel: str | None
     relative_std: float | None
+    max_age_s: float
 
     @property
     def age_name(self) -> str:
@@ -130,29 +149,98 @@ class VehicleSignal:
         return f"{self.name.removesuffix(f'_{self.suffix}') if self.suffix else self.name}_age_s"
 
     @property
+    def is_witness(self) -> bool:
+        """Whether it is a speed to compare a wheel's with."""
+        return self.quantity in (Quantity.WHEEL_SPEED, Quantity.VEHICLE_SPEED, Quantity.GROUND_SPEED)
+
+    def std(self, value: float) -> float:
+        """Return the standard error of a value, NaN where it is not known."""
+        if self.suffix == "deg":
+            return _POSITION_STD_M / _M_PER_DEG
+        if not self.is_witness:
+            return math.nan
+        if self.relative_std is None and self.quantity is Quantity.GROUND_SPEED:
+            return max(_SPEED_STD * abs(value), GROUND_SPEED_STD_MPS)
+        return self.usual_std * abs(value)
+
+    @property
+    def usual_std(self) -> float:
+        """Relative standard error of a speed that is not too low for it."""
+        if self.relative_std is not None:
+            return self.relative_std
+        return _SPEED_STD if self.suffix == "mps" else _ROTATION_STD
+
+    @property
     def key(self) -> str:
         """Name that is unique in a vehicle."""
         return self.name if self.wheel is None else f"{self.wheel}.{self.name}"
 
 
+_RECEIVED: Final = (
+    (Quantity.LATITUDE, "deg"),
+    (Quantity.LONGITUDE, "deg"),
+    (Quantity.GROUND_SPEED, "mps"),
+)
+# Receivers send once a second in general. Two intervals and a half: one value may be late or damaged.
+_RECEIVER_MAX_AGE_S: Final = 2.5
+# As data sheets of receivers without corrections state it.
+GROUND_SPEED_STD_MPS: Final = 0.05
+# Standard error of a coordinate of a receiver without corrections: half of its positions lie within 2.5 m.
+_POSITION_STD_M: Final = 2.5 / math.sqrt(2.0 * math.log(2.0))
+# Length of a degree of latitude, near enough for an error.
+_M_PER_DEG: Final = 111_200.0
+
+RECEIVER_SIGNALS: Final = tuple(
+    VehicleSignal(f"{quantity}_{suffix}", quantity, suffix, None, None, _RECEIVER_MAX_AGE_S)
+    for quantity, suffix in _RECEIVED
+)
+"""Signals of a positioning receiver."""
+
+
+class SignalValue(NamedTuple):
+    """A value as received.
+
+    Attributes:
+        key: of its signal.
+        host_ns: arrival, ns since the epoch.
+        value: in SI, a position in degrees.
+    """
+
+    key: str
+    host_ns: int
+    value: float
+
+
 class Reading(NamedTuple):
-    """Value of a signal at a time, in SI, and the age of what it rests on."""
+    """Value of a signal at a time.
+
+    Attributes:
+        value: in SI, a position in degrees.
+        age_s: time since the last value before it.
+        nearest_s: time to the nearest value that it rests on.
+        slope_per_s: change of the value per second between the two latest values that it rests on; NaN with only one.
+    """
 
     value: float
     age_s: float
+    nearest_s: float
+    slope_per_s: float
 
 
 class SignalHistory:
     """Latest values of every signal, by time.
 
-    A value at a time lies on the line between the values before and after it. Only values up to the end of the
-    revolution count, so that the result does not depend on what has been read beyond it.
+    A value at a time lies on the line between the values before and after it, a position without one after it on the
+    line through the two before it. Only values up to the end of the revolution count, so that the result does not
+    depend on what has been read beyond it.
     """
 
-    def __init__(self, signals: Sequence[VehicleSignal], max_age_s: float) -> None:
-        """Start without values; one that is older than `max_age_s` is not known."""
+    def __init__(self, signals: Sequence[VehicleSignal]) -> None:
+        """Start without values."""
         self.signals = tuple(signals)
-        self._max_age_ns = max_age_s * 1e9
+        self._max_age_ns = {signal.key: signal.max_age_s * 1e9 for signal in signals}
+        self._first_ns: dict[str, int] = {}
+        self._positions = {signal.key for signal in signals if signal.suffix == "deg"}
         self._times_ns: dict[str, list[int]] = {signal.key: [] for signal in signals}
         self._values: dict[str, list[float]] = {signal.key: [] for signal in signals}
 
@@ -161,6 +249,7 @@ class SignalHistory:
         times_ns, values = self._times_ns[key], self._values[key]
         if (times_ns and host_ns <= times_ns[-1]) or not math.isfinite(value):
             return
+        self._first_ns.setdefault(key, host_ns)
         times_ns.append(host_ns)
         values.append(value)
         if len(times_ns) > _MOST_VALUES:
@@ -172,13 +261,28 @@ class SignalHistory:
         after = bisect_right(times_ns, at_ns)
         if not after:
             return None
-        before_ns, value = times_ns[after - 1], values[after - 1]
-        if at_ns - before_ns > self._max_age_ns:
+        before_ns, value, max_age_ns = times_ns[after - 1], values[after - 1], self._max_age_ns[key]
+        age_ns = at_ns - before_ns
+        if age_ns > max_age_ns:
             return None
-        if after < len(times_ns) and times_ns[after] <= known_ns and times_ns[after] - before_ns <= self._max_age_ns:
-            share = (at_ns - before_ns) / (times_ns[after] - before_ns)
-            value += share * (values[after] - value)
-        return Reading(value, (at_ns - before_ns) * 1e-9)
+        if after < len(times_ns) and times_ns[after] <= known_ns and times_ns[after] - before_ns <= max_age_ns:
+            interval_ns, change = times_ns[after] - before_ns, values[after] - value
+            nearest_s = min(age_ns, times_ns[after] - at_ns) * 1e-9
+            if abs(change) < _HALF_TURN_DEG or key not in self._positions:
+                value += age_ns / interval_ns * change
+            return Reading(value, age_ns * 1e-9, nearest_s, change / interval_ns * 1e9)
+        slope_per_s = math.nan
+        if after > 1 and before_ns - times_ns[after - 2] <= max_age_ns:
+            slope_per_s = (value - values[after - 2]) / (before_ns - times_ns[after - 2]) * 1e9
+        # A vehicle goes on: within a second it may be 50 m further.
+        if key in self._positions and abs(slope_per_s) < _HALF_TURN_DEG:
+            value += slope_per_s * age_ns * 1e-9
+        return Reading(value, age_ns * 1e-9, age_ns * 1e-9, slope_per_s)
+
+    def has_begun(self, key: str, at_ns: int) -> bool:
+        """Return whether a value was received by then."""
+        first_ns = self._first_ns.get(key)
+        return first_ns is not None and first_ns <= at_ns
 
     def of_wheel(self, position: str) -> Iterator[VehicleSignal]:
         """Yield the signals of the vehicle and of one wheel."""

@@ -18,7 +18,14 @@ import numpy as np
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.signal_evidence import Contradiction, Evidence, Subject
 from gateway.pipeline.results import Alarm, RevolutionResult
-from gateway.pipeline.vehicle_signals import Quantity, SignalHistory, VehicleSignal
+from gateway.pipeline.vehicle_signals import (
+    GROUND_SPEED_STD_MPS,
+    RECEIVER_SIGNALS,
+    Quantity,
+    Reading,
+    SignalHistory,
+    VehicleSignal,
+)
 from gateway.quantity import Basis
 from gateway.reasons import Code, Reason
 
@@ -27,10 +34,10 @@ _CONTRADICTION: Final = 3.0
 # Ratios of the latest revolutions that are averaged, and the fewest that say anything.
 _REVOLUTIONS: Final = 30
 _FEWEST: Final = 8
-_ROTATION_STD: Final = 0.005
-_SPEED_STD: Final = 0.01
 # A car's speed says nothing at walking pace: its sensors have a lowest speed.
 _LEAST_RADPS: Final = 3.0
+# A receiver filters its speed and sends it up to this much later: a speed that changes is not that of the revolution.
+_RECEIVER_DELAY_S: Final = 0.3
 _MISSED_CONTACTS: Final = (2.0, 3.0)
 
 
@@ -70,13 +77,14 @@ class VehicleJoin:
             reading = self.history.at(signal.key, at_ns, result.host_ns)
             age_name = signal.age_name
             if reading is None:
+                if signal in RECEIVER_SIGNALS and not self.history.has_begun(signal.key, result.host_ns):
+                    continue  # there may be no receiver
                 missing = Reason(Code.SIGNAL_MISSING)
                 added += [Estimate.invalid(signal.name, missing), Estimate.invalid(age_name, missing)]
                 continue
-            std = _relative_std(signal) * abs(reading.value) if _is_witness(signal) else math.nan
-            added.append(Estimate(signal.name, reading.value, std, Status.VALID))
+            added.append(Estimate(signal.name, reading.value, signal.std(reading.value), Status.VALID))
             added.append(Estimate(age_name, reading.age_s, 0.0, Status.VALID))
-            self._compare(wheel, signal, reading.value, result)
+            self._compare(wheel, signal, reading, result)
         wheel.contradictions = tuple(self._contradictions(wheel, result))
         estimates = result.estimates
         if wheel.contradictions:
@@ -91,10 +99,12 @@ class VehicleJoin:
                 yield Alarm(position, str(contradiction.subject), contradiction.reason)
 
     @staticmethod
-    def _compare(wheel: _Wheel, signal: VehicleSignal, value: float, result: RevolutionResult) -> None:
+    def _compare(wheel: _Wheel, signal: VehicleSignal, reading: Reading, result: RevolutionResult) -> None:
         """Keep the ratio of a speed of the car to that of the wheel."""
-        revolution = result.revolution
-        if not _is_witness(signal) or revolution.faults or revolution.omega_radps < _LEAST_RADPS or value <= 0.0:
+        revolution, value = result.revolution, reading.value
+        if not signal.is_witness or revolution.faults or revolution.omega_radps < _LEAST_RADPS or value <= 0.0:
+            return
+        if signal.quantity is Quantity.GROUND_SPEED and not _is_of_revolution(signal, reading, revolution.period_s):
             return
         wheel_speed = revolution.omega_radps
         if signal.suffix == "mps":
@@ -107,7 +117,7 @@ class VehicleJoin:
         rate_std, radius_std = conditions.claims.rate_std, conditions.radius_std_m / conditions.radius_m
         rate_holds = False
         linear: list[tuple[VehicleSignal, _Ratio]] = []
-        witnesses = [signal for signal in self.history.of_wheel(result.position) if _is_witness(signal)]
+        witnesses = [signal for signal in self.history.of_wheel(result.position) if signal.is_witness]
         for signal in witnesses:
             ratio = _mean_ratio(wheel.ratios.get(signal.key), signal)
             if ratio is None:
@@ -128,14 +138,14 @@ class VehicleJoin:
                 return
 
 
-def _is_witness(signal: VehicleSignal) -> bool:
-    return signal.quantity in (Quantity.WHEEL_SPEED, Quantity.VEHICLE_SPEED)
+def _is_of_revolution(signal: VehicleSignal, reading: Reading, period_s: float) -> bool:
+    """Return whether a ground speed was received in a revolution, and neither too low nor changing for its error.
 
-
-def _relative_std(signal: VehicleSignal) -> float:
-    if signal.relative_std is not None:
-        return signal.relative_std
-    return _SPEED_STD if signal.suffix == "mps" else _ROTATION_STD
+    A receiver sends once a second: between, a car that brakes has another speed.
+    """
+    error_mps = signal.usual_std * reading.value
+    is_steady = abs(reading.slope_per_s) * _RECEIVER_DELAY_S <= error_mps
+    return reading.nearest_s <= 0.5 * period_s and error_mps >= GROUND_SPEED_STD_MPS and is_steady
 
 
 def _mean_ratio(ratios: deque[float] | None, signal: VehicleSignal) -> _Ratio | None:
@@ -145,7 +155,7 @@ def _mean_ratio(ratios: deque[float] | None, signal: VehicleSignal) -> _Ratio | 
     values = np.array(ratios)
     centre = float(np.median(values))
     scatter = float(values.std(ddof=1)) / math.sqrt(len(values))
-    return _Ratio(centre, math.hypot(_relative_std(signal), scatter / centre))
+    return _Ratio(centre, math.hypot(signal.usual_std, scatter / centre))
 
 
 def _rotation(ratio: _Ratio, error: float, rate_hz: float) -> Contradiction:

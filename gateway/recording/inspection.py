@@ -19,10 +19,11 @@ from firmware_protocol.sample_numbers import is_jump
 from firmware_protocol.sequence import unwrap
 from firmware_protocol.wheel_limit import WheelLimit
 from gateway.io.bus_frames import has_frames, unpack
+from gateway.io.nmea_sentences import Fix, ReceiverClock, SentenceReader
 from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Reason
 from gateway.recording.decoder_blocks import DecodedLinks
-from gateway.recording.mcap_layout import ALARMS_TOPIC, BUS_ENCODING, MAX_TIME_NS, RAW_ENCODING, RecordedMessage
+from gateway.recording.mcap_layout import ALARMS_TOPIC, DATA_SCHEMAS, MAX_TIME_NS, RecordedMessage
 from gateway.recording.reader import RecordingInfo, RecordingReader
 
 _SECOND_NS: Final = 1_000_000_000
@@ -130,6 +131,30 @@ class LogLine(NamedTuple):
 
 
 @dataclass(slots=True)
+class ReceiverInspection:
+    """What a positioning receiver sent.
+
+    Attributes:
+        reader: counts of its sentences.
+        first: first fix with a position, None before one.
+        last: last one.
+        clock: compares its time with that of the recording.
+    """
+
+    reader: SentenceReader = field(default_factory=SentenceReader)
+    first: Fix | None = None
+    last: Fix | None = None
+    clock: ReceiverClock = field(default_factory=ReceiverClock)
+
+    def take(self, lines: bytes, host_ns: int) -> None:
+        """Take lines that arrived at a time."""
+        for fix in self.reader.read(lines):
+            self.clock.take(fix, host_ns)
+            if fix.has_position:
+                self.first, self.last = self.first or fix, fix
+
+
+@dataclass(slots=True)
 class LinkInspection:
     """Inspection of one link of a recording.
 
@@ -146,6 +171,7 @@ class LinkInspection:
         log: the first lines of the hubs' logs.
         log_lines: number of all of them.
         bus_frames: frames of a vehicle bus.
+        receiver: what a positioning receiver sent, None where the link has none.
     """
 
     chunks: int = 0
@@ -159,6 +185,7 @@ class LinkInspection:
     log: list[LogLine] = field(default_factory=list)
     log_lines: int = 0
     bus_frames: int = 0
+    receiver: ReceiverInspection | None = None
 
     def wheel(self, hub: int, wheel: int) -> WheelInspection:
         """Return the inspection of a source, created if it is new."""
@@ -242,7 +269,7 @@ def inspect_recording(
     for message in reader.messages():
         if on_position is not None:
             on_position(reader.position)
-        if message.channel.encoding not in (RAW_ENCODING, BUS_ENCODING):
+        if message.channel.encoding not in DATA_SCHEMAS:
             topics[message.channel.topic] += 1
         if message.channel.topic == ALARMS_TOPIC:
             alarms.take(message)
@@ -263,12 +290,16 @@ def inspect_recording(
             link.chunks += 1
             link.bytes_received += len(item.data)
             link.last_ns = max(link.last_ns, item.host_ns)
-            if isinstance(item, Chunk) or has_frames(item.data):
+            if not isinstance(item, BusFrames) or has_frames(item.data):
                 heard_ns = last_heard_ns.get(item.link, item.host_ns)
                 link.longest_silence_s = max(link.longest_silence_s, (item.host_ns - heard_ns) * 1e-9)
                 last_heard_ns[item.link] = max(heard_ns, item.host_ns)
             if isinstance(item, BusFrames):
                 link.bus_frames += sum(1 for _ in unpack(item.data, item.host_ns))
+                continue
+            if not isinstance(item, Chunk):
+                link.receiver = link.receiver or ReceiverInspection()
+                link.receiver.take(item.data, item.host_ns)
                 continue
             count(decoded.add(item))
     for name in last_heard_ns.keys() - ended:

@@ -12,7 +12,16 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from gateway.io import bus_frames
-from gateway.io.source import EVENT_DETAILS, BusFrames, Chunk, LinkEvent, LinkEventKind, LinkItem
+from gateway.io.source import (
+    EVENT_DETAILS,
+    BusFrames,
+    Chunk,
+    LinkEvent,
+    LinkEventKind,
+    LinkItem,
+    Sentences,
+    VehicleData,
+)
 from gateway.reasons import Code, Reason
 
 PROFILE: Final = "treadlink"
@@ -22,17 +31,28 @@ CHANNEL_METADATA: Final = "treadlink.channel"
 REPAIR_METADATA: Final = "treadlink.repair"
 
 RAW_ENCODING: Final = "treadlink-link-bytes"
-RAW_SCHEMA_NAME: Final = "treadlink.LinkBytes"
-RAW_SCHEMA_ENCODING: Final = "text/plain"
-RAW_SCHEMA_TEXT: Final = """\
+_RAW_LAYOUT: Final = """\
 The bytes of a link exactly as one read delivered them, before any decoding; log_time is their arrival.
 Joined in file order, the messages of one channel are the byte stream of that link, in which frames of the
 treadlink protocol (A5 5A, header, payload, CRC-32) lie at any place and may span messages. The message
 sequence counts the messages of the channel from 0. The channel's metadata name the link.
 """
 BUS_ENCODING: Final = "treadlink-can-frames"
-BUS_SCHEMA_NAME: Final = "treadlink.BusFrames"
-BUS_SCHEMA_TEXT: Final = bus_frames.LAYOUT
+SENTENCES_ENCODING: Final = "treadlink-nmea-lines"
+_SENTENCES_LAYOUT: Final = """\
+Whole lines of a positioning receiver as received, sentences of NMEA 0183 among them; log_time is the arrival of the
+last. The channel's metadata name the link.
+"""
+_VEHICLE_DATA: Final[Mapping[str, type[BusFrames] | type[Sentences]]] = {
+    BUS_ENCODING: BusFrames,
+    SENTENCES_ENCODING: Sentences,
+}
+DATA_SCHEMAS: Final = {
+    RAW_ENCODING: ("treadlink.LinkBytes", _RAW_LAYOUT),
+    BUS_ENCODING: ("treadlink.BusFrames", bus_frames.LAYOUT),
+    SENTENCES_ENCODING: ("treadlink.Sentences", _SENTENCES_LAYOUT),
+}
+"""Name and text of the schemas of what links have brought, by encoding; events and decoded topics have JSON schemas."""
 JSON_ENCODING: Final = "json"
 MARKS_TOPIC: Final = "/marks"
 COMPUTER_TOPIC: Final = "/computer"
@@ -62,7 +82,7 @@ class ChannelInfo(NamedTuple):
 
     Attributes:
         topic: name shown in other programs.
-        encoding: `treadlink-link-bytes`, `treadlink-can-frames` or `json`.
+        encoding: `treadlink-link-bytes`, `treadlink-can-frames`, `treadlink-nmea-lines` or `json`.
         link: link of the bytes or events, empty for other channels.
     """
 
@@ -126,9 +146,13 @@ def raw_topic(link: str) -> str:
     return f"/link/{link}/raw"
 
 
-def bus_topic(link: str) -> str:
-    """Return the topic of the frames of a vehicle bus."""
-    return f"/link/{link}/can"
+def data_channel(item: Chunk | VehicleData) -> ChannelInfo:
+    """Return the channel of a link's bytes, bus frames or sentences."""
+    if isinstance(item, BusFrames):
+        return ChannelInfo(f"/link/{item.link}/can", BUS_ENCODING, item.link)
+    if isinstance(item, Sentences):
+        return ChannelInfo(f"/link/{item.link}/nmea", SENTENCES_ENCODING, item.link)
+    return ChannelInfo(raw_topic(item.link), RAW_ENCODING, item.link)
 
 
 def event_topic(link: str) -> str:
@@ -164,9 +188,10 @@ def link_items(message: RecordedMessage) -> Iterator[LinkItem]:
         for begin in range(0, len(message.data), _MAX_ITEM_BYTES):
             yield Chunk(channel.link, host_ns, message.data[begin : begin + _MAX_ITEM_BYTES])
         return
-    if channel.encoding == BUS_ENCODING:
+    vehicle_data = _VEHICLE_DATA.get(channel.encoding)
+    if vehicle_data is not None:
         if len(message.data) <= _MAX_ITEM_BYTES:
-            yield BusFrames(channel.link, host_ns, message.data)
+            yield vehicle_data(channel.link, host_ns, message.data)
         return
     is_of_link = channel.topic.startswith("/link/") and channel.topic.endswith("/event")
     if channel.topic not in (MARKS_TOPIC, COMPUTER_TOPIC) and not is_of_link:

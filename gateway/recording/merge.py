@@ -14,7 +14,7 @@ from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.framing import next_frame
 from firmware_protocol.messages import HUB_ITSELF, Hello
 from gateway.errors import RecordingError
-from gateway.io.source import BusFrames, Chunk, LinkItem
+from gateway.io.source import Chunk, LinkEvent, LinkItem, VehicleData
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import NO_DESCRIPTION, Note, RunDescription
 from gateway.recording.writer import whole_recording
@@ -166,7 +166,7 @@ def _common(texts: Iterable[str | None], what: str, remedy: str) -> str | None:
 def _content(reader: RecordingReader) -> _Content:
     content, decoders = _Content(), dict[str, FrameDecoder]()
     for item in reader.items():
-        if not isinstance(item, Chunk | BusFrames):
+        if isinstance(item, LinkEvent):
             continue
         first_ns, last_ns = content.spans_ns.get(item.link, (item.host_ns, item.host_ns))
         content.spans_ns[item.link] = min(first_ns, item.host_ns), max(last_ns, item.host_ns)
@@ -215,7 +215,7 @@ def _items(
     streams = [zip(repeat(number), reader.items()) for number, reader in enumerate(readers)]
     # Frames are compared here and not in the streams, which are read ahead: the first arrival is taken.
     for number, item in heapq.merge(*streams, key=lambda numbered: numbered[1].host_ns):
-        if isinstance(item, BusFrames):
+        if isinstance(item, VehicleData):
             spans = [content.spans_ns[item.link] for content in contents[:number] if item.link in content.spans_ns]
             if not any(first_ns <= item.host_ns <= last_ns for first_ns, last_ns in spans):
                 yield item

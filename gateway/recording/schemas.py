@@ -16,15 +16,9 @@ from typing import Any, Final, NamedTuple
 from gateway.recording import revolution_fields
 from gateway.recording.mcap_layout import (
     ALARMS_TOPIC,
-    BUS_ENCODING,
-    BUS_SCHEMA_NAME,
-    BUS_SCHEMA_TEXT,
     COMPUTER_TOPIC,
+    DATA_SCHEMAS,
     MARKS_TOPIC,
-    RAW_ENCODING,
-    RAW_SCHEMA_ENCODING,
-    RAW_SCHEMA_NAME,
-    RAW_SCHEMA_TEXT,
     ChannelInfo,
 )
 
@@ -240,10 +234,9 @@ class StoredSchema(NamedTuple):
 
 def stored_schema(channel: ChannelInfo) -> StoredSchema:
     """Return the schema record that a channel points to; topics of other versions get one that allows anything."""
-    if channel.encoding == RAW_ENCODING:
-        return StoredSchema(RAW_SCHEMA_NAME, RAW_SCHEMA_ENCODING, RAW_SCHEMA_TEXT.encode())
-    if channel.encoding == BUS_ENCODING:
-        return StoredSchema(BUS_SCHEMA_NAME, RAW_SCHEMA_ENCODING, BUS_SCHEMA_TEXT.encode())
+    if channel.encoding in DATA_SCHEMAS:
+        name, layout = DATA_SCHEMAS[channel.encoding]
+        return StoredSchema(name, "text/plain", layout.encode())
     try:
         schema = schema_of(channel.topic)
     except ValueError:

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 
 from firmware_protocol import wire
 from firmware_protocol.messages import MessageType
-from gateway.io.source import BusFrames, Chunk, LinkItem
+from gateway.io.source import Chunk, LinkEvent, LinkItem
 from gateway.recording.writer import RecordingWriter
 
 # Hubs repeat HELLO every 2 s. A link without one in this time goes on in the new file at its next chunk.
@@ -98,7 +98,7 @@ class SplitWriter:
             RecordingError: the disk is full or gone; the written part stays readable.
         """
         self.items += 1
-        if not isinstance(item, Chunk | BusFrames):
+        if isinstance(item, LinkEvent):
             self._current.write(item)
             return
         self._links.add(item.link)

@@ -13,23 +13,20 @@ from typing import Any, Final
 
 from gateway import __version__
 from gateway.errors import RecordingError
-from gateway.io.source import BusFrames, Chunk, LinkEventKind, LinkItem
+from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, VehicleData
 from gateway.recording.container import McapOutput
 from gateway.recording.mcap_layout import (
-    BUS_ENCODING,
     COMPUTER_TOPIC,
     FORMAT_VERSION,
     JSON_ENCODING,
     MARKS_TOPIC,
-    RAW_ENCODING,
     SESSION_METADATA,
     ChannelInfo,
-    bus_topic,
+    data_channel,
     dbc_metadata,
     encode_json,
     event_payload,
     event_topic,
-    raw_topic,
     seal,
 )
 from gateway.recording.run_description import RunDescription
@@ -135,14 +132,14 @@ class RecordingWriter:
         return self._output.size_bytes
 
     def write(self, item: LinkItem) -> None:
-        """Record a chunk, frames of a bus, an event or a mark.
+        """Record what a link has brought, an event or a mark.
 
         Raises:
             RecordingError: the disk is full or gone; the written part stays readable.
         """
         with self._lock:
             self.items += 1
-            if isinstance(item, Chunk | BusFrames):
+            if not isinstance(item, LinkEvent):
                 channel = self._raw_channels.get(item.link)
                 if channel is None:
                     channel = self._register_raw(item)
@@ -213,12 +210,8 @@ class RecordingWriter:
         with self._lock:
             self._output.abandon()
 
-    def _register_raw(self, item: Chunk | BusFrames) -> int:
-        link = item.link
-        info = ChannelInfo(raw_topic(link), RAW_ENCODING, link)
-        if isinstance(item, BusFrames):
-            info = ChannelInfo(bus_topic(link), BUS_ENCODING, link)
-        self._raw_channels[link] = number = self._output.register(info)
+    def _register_raw(self, item: Chunk | VehicleData) -> int:
+        self._raw_channels[item.link] = number = self._output.register(data_channel(item))
         return number
 
     def _add_json(self, topic: str, host_ns: int, payload: Mapping[str, Any], link: str = "") -> None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from firmware_protocol.block_decoder import FrameBatch
 from gateway.config.vehicle import Thresholds, VehicleConfig
 from gateway.estimators.estimator import Status
-from gateway.io.source import LinkEvent, LinkEventKind
+from gateway.io.source import LinkEvent, LinkEventKind, VehicleData
 from gateway.pipeline.results import (
     Alarm,
     AlarmRecord,
@@ -44,7 +44,7 @@ from gateway.session.alarms import (
     superseded,
     threshold_alarms,
 )
-from gateway.session.silence import PositionOf, SilenceWatch
+from gateway.session.silence import PositionOf, SilenceWatch, VehiclePart, parts_heard
 from gateway.session.wheel_identity import sensor_ids
 
 State = tuple[tuple[WheelSnapshot, ...], tuple[LinkSnapshot, ...]]
@@ -104,8 +104,8 @@ class AlarmWatch(ABC):
         return notices
 
     def _silent(self, wheels: Iterable[WheelSnapshot], several_links: bool) -> tuple[Alarm, ...]:
-        hubs, buses = self.silence.silent_hubs(), self.silence.silent_buses()
-        return silent_alarms(wheels, hubs, buses, several_links=several_links)
+        hubs, vehicles = self.silence.silent_hubs(), self.silence.silent_vehicles()
+        return silent_alarms(wheels, hubs, vehicles, several_links=several_links)
 
     def _update(
         self,
@@ -120,7 +120,7 @@ class AlarmWatch(ABC):
         hidden = superseded(
             wheels,
             self.silence.silent_hubs(of_down_links=True),
-            self.silence.silent_buses(of_down_links=True),
+            self.silence.silent_vehicles(of_down_links=True),
             several_links=several_links,
         )
         return self.log.update(present, self.silence.elapsed_s(), hidden=hidden, values=values, covers=covers)
@@ -201,8 +201,8 @@ class RecordingAlarms(AlarmWatch):
         # Ends and lengths of the pauses of the computer that recorded, and how many of them each link has passed.
         self._pauses: list[tuple[int, int]] = []
         self._passed: Counter[str] = Counter()
-        # Arrivals of frames of vehicle buses that are later than the frames of hubs taken so far.
-        self._arrivals_ns: dict[str, deque[int]] = {}
+        # Arrivals of the vehicle's data that are later than the frames of hubs taken so far.
+        self._arrivals: dict[str, deque[tuple[int, frozenset[VehiclePart]]]] = {}
 
     def event(self, event: LinkEvent) -> None:
         """Take a change of a link; it takes effect before the first frame that arrived later."""
@@ -211,19 +211,23 @@ class RecordingAlarms(AlarmWatch):
         elif event.pause_ns is not None:
             self._pauses.append((event.host_ns, event.pause_ns))
 
-    def bus(self, link: str, host_ns: int) -> None:
-        """Take the arrival of frames of a vehicle bus; it takes effect before the first frame of a hub after it."""
-        arrivals_ns = self._arrivals_ns.setdefault(link, deque())
+    def vehicle(self, item: VehicleData) -> None:
+        """Take the arrival of data of the vehicle; it takes effect before the first frame of a hub after it."""
+        parts, host_ns = parts_heard(item), item.host_ns
+        if not parts:
+            return
+        arrivals = self._arrivals.setdefault(item.link, deque())
         # Arrivals within a slot count as one, and many wait for the frames of a hub's block.
-        if len(arrivals_ns) > 1 and 0 <= host_ns - arrivals_ns[-2] < _BUS_SLOT_NS:
-            arrivals_ns[-1] = host_ns
+        is_of_slot = len(arrivals) > 1 and 0 <= host_ns - arrivals[-2][0] < _BUS_SLOT_NS
+        if is_of_slot and arrivals[-1][1] == parts:
+            arrivals[-1] = host_ns, parts
         else:
-            arrivals_ns.append(host_ns)
+            arrivals.append((host_ns, parts))
 
     def batch(self, link: str, batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> None:
         """Take a block of frames before its results."""
         for host_ns, frame in self.silence.thinned(batch, arrivals_ns):
-            self._take_buses(host_ns)
+            self._take_vehicles(host_ns)
             self._take_events(link, host_ns)
             self.advance(link, host_ns)
             if self._pipeline.limit.admits(link, frame.hub, frame.wheel):
@@ -262,9 +266,9 @@ class RecordingAlarms(AlarmWatch):
 
     def finish(self) -> tuple[AlarmRecord, ...]:
         """Return the history of every alarm, with the silences that last to the end of the recording."""
-        waiting_ns = [arrivals_ns[-1] for arrivals_ns in self._arrivals_ns.values() if arrivals_ns]
+        waiting_ns = [arrivals[-1][0] for arrivals in self._arrivals.values() if arrivals]
         end_ns = max([self.silence.newest_ns(), *waiting_ns])
-        self._take_buses(end_ns)
+        self._take_vehicles(end_ns)
         for link in list(self._events):
             self._take_events(link, end_ns)
         for link in self.silence.links():
@@ -292,13 +296,13 @@ class RecordingAlarms(AlarmWatch):
             self.silence.paused(link, pause_ns, end_ns)
         return notices + super().advance(link, now_ns)
 
-    def _take_buses(self, until_ns: int) -> None:
-        for link, arrivals_ns in self._arrivals_ns.items():
-            while arrivals_ns and arrivals_ns[0] <= until_ns:
-                host_ns = arrivals_ns.popleft()
+    def _take_vehicles(self, until_ns: int) -> None:
+        for link, arrivals in self._arrivals.items():
+            while arrivals and arrivals[0][0] <= until_ns:
+                host_ns, parts = arrivals.popleft()
                 self._take_events(link, host_ns)
                 self.advance(link, host_ns)
-                self.silence.bus(link, host_ns)
+                self.silence.vehicle(link, parts, host_ns)
             self._take_events(link, until_ns)
             self.advance(link, until_ns)
 

@@ -17,7 +17,7 @@ from gateway.pipeline.results import Alarm, DiskRoom, LinkSnapshot, SilentPart, 
 from gateway.reasons import Code, Reason
 from gateway.security.guard import SUSPICIOUS
 from gateway.session.link_health import hub_name
-from gateway.session.silence import SilentHub
+from gateway.session.silence import SilentHub, SilentVehicle
 from gateway.session.wheel_identity import misplaced_sensor
 
 _Of = TypeVar("_Of")
@@ -93,7 +93,7 @@ def alarms(
 def silent_alarms(
     wheels: Iterable[WheelSnapshot],
     silent_hubs: Iterable[SilentHub],
-    silent_buses: Iterable[tuple[str, float]],
+    silent_vehicles: Iterable[SilentVehicle],
     *,
     several_links: bool,
 ) -> tuple[Alarm, ...]:
@@ -102,10 +102,10 @@ def silent_alarms(
     Args:
         wheels: with their silences.
         silent_hubs: hubs that send no frame.
-        silent_buses: links of vehicle buses without a frame, with the age of the last one.
+        silent_vehicles: vehicle buses and receivers that are silent, and receivers without a position.
         several_links: whether hubs are named with their links.
     """
-    return (*_hub_alarms(silent_hubs, several_links), *_wheel_silences(wheels), *_bus_alarms(silent_buses))
+    return (*_hub_alarms(silent_hubs, several_links), *_wheel_silences(wheels), *_vehicle_alarms(silent_vehicles))
 
 
 def _hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterator[Alarm]:
@@ -116,10 +116,10 @@ def _hub_alarms(silent_hubs: Iterable[SilentHub], several_links: bool) -> Iterat
         yield Alarm(name, AlarmName.SILENT, reason)
 
 
-def _bus_alarms(silent_buses: Iterable[tuple[str, float]]) -> Iterator[Alarm]:
-    """Yield the alarm of each silent vehicle bus, from its link and the age of its last frame."""
-    for link, age_s in silent_buses:
-        yield Alarm(link, AlarmName.SILENT, Reason(Code.BUS_SILENT, silence_s=age_s))
+def _vehicle_alarms(silent_vehicles: Iterable[SilentVehicle]) -> Iterator[Alarm]:
+    """Yield the alarm of each silent vehicle bus or receiver."""
+    for silent in silent_vehicles:
+        yield Alarm(silent.link, AlarmName.SILENT, silent.reason)
 
 
 def _wheel_silences(wheels: Iterable[WheelSnapshot]) -> Iterator[Alarm]:
@@ -159,12 +159,12 @@ def disk_alarm(room: DiskRoom | None, standing: Mapping[AlarmKey, Code] = NONE_S
 def superseded(
     wheels: Iterable[WheelSnapshot],
     hubs_of_down_links: Iterable[SilentHub] = (),
-    buses_of_down_links: Iterable[tuple[str, float]] = (),
+    vehicles_of_down_links: Iterable[SilentVehicle] = (),
     *,
     several_links: bool = False,
 ) -> frozenset[AlarmKey]:
     """Return the alarms that a wider silence hides: nothing new is known of them, so they are not over."""
-    of_down_links = (*_hub_alarms(hubs_of_down_links, several_links), *_bus_alarms(buses_of_down_links))
+    of_down_links = (*_hub_alarms(hubs_of_down_links, several_links), *_vehicle_alarms(vehicles_of_down_links))
     hidden = {(alarm.position, alarm.name) for alarm in of_down_links}
     for wheel in wheels:
         silence = wheel.silence

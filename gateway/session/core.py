@@ -14,8 +14,8 @@ from gateway.config.effects_file import effects_notices, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig
 from gateway.constants import LATENCY_S
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.bus_frames import has_frames, unpack
-from gateway.io.source import BusFrames, LinkEvent, LinkEventKind, LinkItem
+from gateway.io.bus_frames import unpack
+from gateway.io.source import BusFrames, Chunk, LinkEvent, LinkEventKind, LinkItem, VehicleData
 from gateway.pipeline.results import (
     AlarmChange,
     DiskRoom,
@@ -44,6 +44,7 @@ from gateway.session.recording_stage import Recorder, Stage
 from gateway.session.security_watch import SecurityWatch
 from gateway.session.session_recording import SessionRecording
 from gateway.session.signal_decoding import SignalDecoder
+from gateway.session.silence import parts_heard
 from gateway.session.statement_watch import StatementWatch
 from gateway.session.wheel_identity import positions, unconfigured_wheel
 from gateway.views.recording_topics import log_level
@@ -75,7 +76,7 @@ class _Link:
     connected: bool = False
     note: Reason = field(default_factory=lambda: Reason(Code.LINK_NOT_OPEN))
     bytes_received: int = 0
-    bus_frames: int | None = None
+    vehicle_frames: int | None = None
     newest_ns: int = 0
     loss: RecentLoss = field(default_factory=RecentLoss)
     status: HubStatus | None = None
@@ -115,7 +116,7 @@ class SessionCore:
             estimators: names from the registry.
             guard: verifies every frame first; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
-            signals: decodes the vehicle's bus; None to record its frames only.
+            signals: decodes the vehicle's bus and receivers; None for receivers only.
             latency_s: longest time that a result may wait, so that several revolutions are worked on at once.
         """
         self._watch = SecurityWatch(guard)
@@ -129,14 +130,14 @@ class SessionCore:
         unknown = UNKNOWN_WHEEL
         setups = with_effects(vehicle.wheel_setups() if vehicle is not None else (), effects)
         self._pipeline = Pipeline(setups, unknown, estimators, Latency(latency_s).hold_s)
-        self._signals = signals
-        self._join = VehicleJoin(signals.history) if signals is not None else None
+        self._signals = signals or SignalDecoder()
+        self._join = VehicleJoin(self._signals.history)
         self._vehicle = vehicle
         self._unconfigured: set[str] = set()
         self._reported_missing: set[tuple[str, tuple[Code, ...]]] = set()
         self._configured = {setup.position for setup in setups}
         self._statements = StatementWatch(positions(vehicle), self._pipeline.limit)
-        self._pairs = WheelPairs(self._join.alarms if self._join is not None else tuple)
+        self._pairs = WheelPairs(self._join.alarms)
         self._alarms = SessionAlarms(vehicle, self._pipeline.position, self._state, self._pairs.alarms)
         for notice in vehicle.notices() if vehicle is not None else ():
             self.notify(notice)
@@ -202,10 +203,9 @@ class SessionCore:
             link.connected, link.note = True, Reason(Code.LINK_CONNECTED)
         link.bytes_received += len(item.data)
         link.newest_ns = item.host_ns
-        if isinstance(item, BusFrames):
-            self._bus_frames(link, item)
-            if has_frames(item.data):
-                self._alarms.silence.bus(item.link, item.host_ns)
+        if not isinstance(item, Chunk):
+            self._vehicle_data(link, item)
+            self._alarms.silence.vehicle(item.link, parts_heard(item), item.host_ns)
             return []
         results = self._decoded(item.link, link, link.decoder.feed(item.data), item.host_ns)
         self._log_resync(item.link, link)
@@ -214,14 +214,19 @@ class SessionCore:
         self._report(item.link, link.health.data(item.host_ns, item.data, link.decoder.counters), item.host_ns)
         return results
 
-    def _bus_frames(self, link: _Link, item: BusFrames) -> None:
-        """Decode frames of the vehicle's bus, and record the values."""
-        if self._signals is None and link.bus_frames is None:
-            self._report(item.link, [Notice(item.link, Reason(Code.BUS_NOT_MAPPED), Level.WARNING)], item.host_ns)
-        link.bus_frames = (link.bus_frames or 0) + sum(1 for _ in unpack(item.data, item.host_ns))
-        values = self._signals.take(item) if self._signals is not None else {}
+    def _vehicle_data(self, link: _Link, item: VehicleData) -> None:
+        """Decode frames of the vehicle's bus or sentences of a receiver, and record the values."""
+        count = len(item.data.splitlines())
+        if isinstance(item, BusFrames):
+            count = sum(1 for _ in unpack(item.data, item.host_ns))
+            if not self._signals.maps_bus and link.vehicle_frames is None:
+                self._report(item.link, [Notice(item.link, Reason(Code.BUS_NOT_MAPPED), Level.WARNING)], item.host_ns)
+        link.vehicle_frames = (link.vehicle_frames or 0) + count
+        values = self._signals.take(item)
         if values:
             self.recording.signals(values, item.host_ns)
+        notices = [Notice(name, reason, Level.WARNING) for name, reason in self._signals.take_notices()]
+        self._report(item.link, notices, item.host_ns)
 
     def _link(self, name: str) -> _Link:
         link = self._links.get(name)
@@ -325,8 +330,7 @@ class SessionCore:
         return hub_name(hub) if len(self._links) == 1 else f"{link}, {hub_name(hub)}"
 
     def _deliver(self, results: list[RevolutionResult], host_ns: int) -> list[RevolutionResult]:
-        if self._join is not None:
-            results = [self._join.joined(result) for result in results]
+        results = [self._join.joined(result) for result in results]
         for result in results:
             self._pairs.take(result)
             if result.position not in self._configured and result.position not in self._unconfigured:
@@ -356,7 +360,7 @@ class SessionCore:
             if link_ns - link.newest_ns > _SILENT_NS:
                 results += self._deliver(self._pipeline.complete(name), link.newest_ns)
             self._report(name, self._alarms.advance(name, link_ns), now_ns)
-            if link.connected and link.bus_frames is None:
+            if link.connected and link.vehicle_frames is None:
                 self._report(name, link.health.tick(link_ns), now_ns)
             self._statements.counters(name, link.decoder.counters)
             self._report(name, link.hub_log.tick(link_ns), now_ns)
@@ -432,7 +436,7 @@ class SessionCore:
             connected=link.connected,
             note=link.note,
             bytes_received=link.bytes_received,
-            frames=counters.frames if link.bus_frames is None else link.bus_frames,
+            frames=counters.frames if link.vehicle_frames is None else link.vehicle_frames,
             crc_errors=counters.crc_errors,
             noise_bytes=counters.noise_bytes,
             frames_lost=counters.lost,

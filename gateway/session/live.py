@@ -87,7 +87,7 @@ class LiveSession:
             guard: verifies every frame; None when signatures are not checked.
             effects: known effects to subtract, one table per wheel.
             publication: live outputs; the caller closes them after the session.
-            signals: decodes the vehicle's bus; None to record its frames only.
+            signals: decodes the vehicle's bus and receivers; None for receivers only.
             open_recorder: opens a new recording for `start_recording`; None when none may be begun.
             latency_s: longest time that a result may wait.
         """

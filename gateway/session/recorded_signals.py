@@ -215,10 +215,15 @@ def revolutions(
 
     Args:
         recording: recording or dump.
-        estimators: names from the registry; none for the revolutions alone.
+        estimators: names from the registry, whose results also have the vehicle's signals; none for the revolutions
+            alone.
         wheels: positions to yield, None for all.
+
+    Raises:
+        ConfigError: with estimators, the vehicle's DBC file cannot be read or does not fit.
     """
-    for result in RecordingPass(recording, estimators, is_watched=False):
+    vehicle_signals = recording.signals() if estimators else None
+    for result in RecordingPass(recording, estimators, is_watched=False, signals=vehicle_signals):
         if wheels is None or result.position in wheels:
             yield result
 

@@ -14,8 +14,7 @@ from firmware_protocol.counters import LinkCounters
 from gateway.config.effects_file import effects_doubts, with_effects
 from gateway.config.vehicle import UNKNOWN_WHEEL, VehicleConfig, choose_vehicle
 from gateway.estimators.registry import DEFAULT_ESTIMATORS
-from gateway.io.bus_frames import has_frames
-from gateway.io.source import BusFrames, Chunk, LinkEvent
+from gateway.io.source import Chunk, LinkEvent, VehicleData
 from gateway.pipeline.results import AlarmRecord, RevolutionResult, WheelSnapshot
 from gateway.pipeline.vehicle_witness import VehicleJoin
 from gateway.pipeline.wheel_pairs import WheelPairs
@@ -66,8 +65,8 @@ class OpenedRecording:
         """
         return open_guard(self.vehicle, self.key_file, remembers=False) if self.verifies else None
 
-    def signals(self) -> SignalDecoder | None:
-        """Return the decoder of the vehicle's bus, None without a mapping or a DBC file.
+    def signals(self) -> SignalDecoder:
+        """Return a new decoder of the vehicle's signals, for one pass.
 
         Raises:
             ConfigError: the DBC file cannot be read, or does not fit the configuration.
@@ -75,7 +74,7 @@ class OpenedRecording:
         return open_decoder(self.vehicle, self.config_path, (), [self.file.info.dbc_text])
 
     def blocks(
-        self, links: DecodedLinks, on_other: Callable[[BusFrames | LinkEvent], None] | None = None
+        self, links: DecodedLinks, on_other: Callable[[VehicleData | LinkEvent], None] | None = None
     ) -> Iterator[Block]:
         """Yield the frames of all links in blocks.
 
@@ -156,7 +155,7 @@ class RecordingPass:
             estimators: names from the registry; none for the revolutions alone.
             is_watched: whether sensors, statements and alarms are of interest; results then have their alarms.
             logs_alarms: whether alarms go to the program's log too.
-            signals: decodes the vehicle's bus; every result then has its signals.
+            signals: decodes the vehicle's signals; every result then has them.
             on_block: called with each block of frames before its revolutions.
 
         Raises:
@@ -220,7 +219,9 @@ class RecordingPass:
         # Where signatures are checked, the guard reports misplaced sensors, and what becomes of their frames.
         of_guard = self._guard.take_notices() if self._guard is not None else []
         of_sensors = of_guard or self.sensors.mismatches(recording.vehicle, heard)
-        return [*of_sensors, *self.statements.contradictions(), *effects_doubts(recording.effects, recording.vehicle)]
+        of_receivers = [Notice(link, reason) for link, reason in self._signals.take_notices()] if self._signals else []
+        of_effects = effects_doubts(recording.effects, recording.vehicle)
+        return [*of_sensors, *self.statements.contradictions(), *of_receivers, *of_effects]
 
     def missing(self) -> tuple[Notice, ...]:
         """Return the links without a frame and the wheels without a revolution, after the last result."""
@@ -233,12 +234,12 @@ class RecordingPass:
             self._alarms.compared(result.host_ns)
         return self._alarms.result(result) if self._alarms is not None else result
 
-    def _take_other(self, item: BusFrames | LinkEvent) -> None:
+    def _take_other(self, item: VehicleData | LinkEvent) -> None:
         if isinstance(item, LinkEvent):
             if self._alarms is not None:
                 self._alarms.event(item)
             return
-        if self._alarms is not None and has_frames(item.data):
-            self._alarms.bus(item.link, item.host_ns)
+        if self._alarms is not None:
+            self._alarms.vehicle(item)
         if self._signals is not None:
             self._signals.take(item)

@@ -120,7 +120,7 @@ def open_session(
         is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
         given = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
         signals = open_decoder(vehicle, config_path, given, [text for text in texts if text not in given])
-        dbc_text = signals.dbc_text if signals is not None else next(filter(None, texts), None)
+        dbc_text = signals.dbc_text or next(filter(None, texts), None)
         # The policy `warn` is for a time in which not every hub signs yet.
         may_be_unsigned = guard is not None and not guard.requires
         sources = [with_commands(source, clock, keys, may_be_unsigned=may_be_unsigned) for source in sources]

@@ -1,4 +1,4 @@
-"""Silence of hubs, sensors, parts of their streams and vehicle buses, from the arrival times of frames.
+"""Silence of hubs, sensors, parts of their streams, vehicle buses and receivers, from the arrival times of frames.
 
 No clock: every time is given. The state changes at times that follow from the frames alone, so that live, replay and
 batch report the same silences.
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from enum import Enum, auto
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 from firmware_protocol import wire
 from firmware_protocol.block_decoder import FrameBatch
 from firmware_protocol.messages import HUB_ITSELF, Axis, Frame, Hello, Message, MessageType, SampleBlock
+from gateway.io.bus_frames import has_frames
+from gateway.io.nmea_sentences import has_position
+from gateway.io.source import BusFrames, VehicleData
 from gateway.pipeline.old_pressure import ENVIRONMENT_INTERVALS, ENVIRONMENT_LEAST_S
 from gateway.pipeline.results import Silence, SilentPart
 from gateway.reasons import Code, Reason
@@ -59,14 +63,41 @@ LIMITS: Final = {
     "messages": Limit(3.0, 3.0, wire.ENVIRONMENT_PERIOD_S),
     # A hub sends its status and its time every second.
     "hub": Limit(3.0, 3.0, wire.HUB_STATUS_PERIOD_S),
-    # Much faster in general, but as a hub: a control unit may restart.
-    "bus": Limit(3.0, 3.0, wire.HUB_STATUS_PERIOD_S),
+    # Much faster in general, but as a hub: a control unit may restart. A receiver sends once a second.
+    "vehicle": Limit(3.0, 3.0, wire.HUB_STATUS_PERIOD_S),
     # As the estimates that rest on the pressure.
     "environment": Limit(ENVIRONMENT_INTERVALS, ENVIRONMENT_LEAST_S, wire.ENVIRONMENT_PERIOD_S),
     # A configured sensor that nothing was ever received from: five hellos are due by then.
     "first": Limit(5.0, 10.0, wire.HELLO_PERIOD_S),
 }
 """Limits of each stream; `silent_after_s` of the configuration replaces the least silence of samples."""
+
+
+class VehiclePart(Enum):
+    """What a link brings of the vehicle beside the wheels, the widest first."""
+
+    BUS = auto()
+    RECEIVER = auto()
+    POSITION = auto()
+
+
+_SILENT_PARTS: Final = {
+    VehiclePart.BUS: Code.BUS_SILENT,
+    VehiclePart.RECEIVER: Code.RECEIVER_SILENT,
+    VehiclePart.POSITION: Code.POSITION_MISSING,
+}
+_WHOLE_LINK: Final = (VehiclePart.BUS, VehiclePart.RECEIVER)
+_NOTHING: Final = frozenset[VehiclePart]()
+_OF_BUS: Final = frozenset({VehiclePart.BUS})
+_OF_RECEIVER: Final = frozenset({VehiclePart.RECEIVER})
+_OF_POSITION: Final = frozenset({VehiclePart.RECEIVER, VehiclePart.POSITION})
+
+
+def parts_heard(item: VehicleData) -> frozenset[VehiclePart]:
+    """Return which parts an item is a sign of life of: errors of a bus are none, nor sentences without a position."""
+    if isinstance(item, BusFrames):
+        return _OF_BUS if has_frames(item.data) else _NOTHING
+    return _OF_POSITION if has_position(item.data) else _OF_RECEIVER
 
 
 class _Stream:
@@ -243,7 +274,7 @@ class _Link:
         now_ns: time up to which the link is known.
         down: why the link is down, None while it is open.
         hubs: hubs heard on it.
-        bus: frames of a vehicle bus, None before the first.
+        vehicle: frames of a vehicle bus, or sentences of a receiver and those with a position.
         due_ns: time before which its state cannot change without a frame.
         paused_ns: begin and end of the last pause of this computer.
     """
@@ -252,7 +283,7 @@ class _Link:
     now_ns: int
     down: Reason | None = None
     hubs: dict[int, _Hub] = field(default_factory=dict)
-    bus: _Stream | None = None
+    vehicle: dict[VehiclePart, _Stream] = field(default_factory=dict)
     due_ns: int = 0
     paused_ns: tuple[int, int] = (0, 0)
 
@@ -266,7 +297,7 @@ class _Link:
         sensors = [sensor for hub in self.hubs.values() for sensor in hub.sensors.values()]
         streams = [stream for sensor in sensors for stream in sensor.streams()]
         streams += [hub.stream for hub in self.hubs.values() if hub.stream is not None]
-        streams += [self.bus] if self.bus is not None else []
+        streams += self.vehicle.values()
         for stream in streams:
             stream.counted_from_ns = min(stream.counted_from_ns + pause_ns, max(now_ns, stream.counted_from_ns))
         for sensor in sensors:
@@ -275,18 +306,38 @@ class _Link:
                 sensor.axes_ns[axis] = min(last_ns + pause_ns, max(now_ns, last_ns))
 
     @property
-    def is_bus_silent(self) -> bool:
-        return self.bus is not None and self.now_ns >= self.bus.due_ns
+    def silent_part(self) -> VehiclePart | None:
+        """The widest part of the vehicle that is silent."""
+        return next((part for part, stream in self.vehicle.items() if self.now_ns >= stream.due_ns), None)
 
     def count_again(self, host_ns: int) -> None:
         """Count every silence from `host_ns`."""
-        if self.bus is not None:
-            self.bus.counted_from_ns = host_ns
+        for stream in self.vehicle.values():
+            stream.counted_from_ns = host_ns
         for hub in self.hubs.values():
             if hub.stream is not None:
                 hub.stream.counted_from_ns = host_ns
             for sensor in hub.sensors.values():
                 sensor.count_again(host_ns)
+
+
+class SilentVehicle(NamedTuple):
+    """A vehicle bus or receiver that is silent, or a receiver without a position.
+
+    Attributes:
+        link: its link.
+        part: what is silent.
+        age_s: time since it was last heard.
+    """
+
+    link: str
+    part: VehiclePart
+    age_s: float
+
+    @property
+    def reason(self) -> Reason:
+        """What is silent, and for how long."""
+        return Reason(_SILENT_PARTS[self.part], silence_s=self.age_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +368,7 @@ class Heard(NamedTuple):
 
 
 class SilenceWatch:
-    """Watches every link, hub, sensor and vehicle bus of a session or recording."""
+    """Watches every link, hub, sensor, vehicle bus and receiver of a session or recording."""
 
     def __init__(self, position_of: PositionOf, configured: Iterable[str] = (), silent_after_s: float | None = None):
         """Start without a frame.
@@ -359,13 +410,23 @@ class SilenceWatch:
         axes = message.axes if isinstance(message, SampleBlock) else 0
         self._heard(link, hub, wheel, type_, message, axes, host_ns)
 
-    def bus(self, name: str, host_ns: int) -> None:
-        """Take frames of a vehicle bus."""
+    def vehicle(self, name: str, parts: frozenset[VehiclePart], host_ns: int) -> None:
+        """Take the parts of the vehicle that an item is a sign of life of."""
+        if not parts:
+            return
         link = self._brought(name, host_ns)
-        if link.bus is None:
-            link.bus = _Stream(LIMITS["bus"], host_ns)
-        link.bus.arrived(host_ns)
-        link.due_ns = min(link.due_ns, link.bus.due_ns)
+        # A receiver that is heard is to have a position.
+        begun = _OF_POSITION if VehiclePart.RECEIVER in parts else parts
+        if not begun <= link.vehicle.keys():
+            heard = link.vehicle
+            link.vehicle = {
+                part: heard.get(part) or _Stream(LIMITS["vehicle"], host_ns)
+                for part in VehiclePart
+                if part in begun or part in heard
+            }
+        for part in parts:
+            link.vehicle[part].arrived(host_ns)
+        link.due_ns = min([link.due_ns, *(stream.due_ns for stream in link.vehicle.values())])
 
     @staticmethod
     def thinned(batch: FrameBatch, arrivals_ns: NDArray[np.int64]) -> Iterator[tuple[int, Heard]]:
@@ -403,8 +464,7 @@ class SilenceWatch:
     def _next_change_ns(state: _Link) -> int | None:
         first_ns = state.begin_ns + round(LIMITS["first"].least_s * _S)
         due_ns = [first_ns, *(due for hub in state.hubs.values() for due in hub.due_ns())]
-        if state.bus is not None:
-            due_ns.append(state.bus.due_ns)
+        due_ns += [stream.due_ns for stream in state.vehicle.values()]
         return min((due for due in due_ns if due > state.now_ns), default=None)
 
     def links(self) -> tuple[str, ...]:
@@ -454,7 +514,7 @@ class SilenceWatch:
                     if silences:
                         by_position[position] = silences
         waited_s = self.elapsed_s()
-        is_open = any(link.down is None and link.bus is None for link in self._links.values())
+        is_open = any(link.down is None and not link.vehicle for link in self._links.values())
         if is_open and waited_s >= LIMITS["first"].least_s:
             reason = Reason(Code.SENSOR_NEVER_HEARD, silence_s=waited_s)
             for position in self._configured:
@@ -471,16 +531,15 @@ class SilenceWatch:
                     positions = tuple(self._position_of(name, number, wheel) for wheel in sorted(hub.sensors))
                     yield SilentHub(name, number, (link.now_ns - hub.last_ns) / _S, positions)
 
-    def silent_buses(self, *, of_down_links: bool = False) -> Iterator[tuple[str, float]]:
-        """Yield the links of vehicle buses without a frame and since when, of open links or of links that are down."""
+    def silent_vehicles(self, *, of_down_links: bool = False) -> Iterator[SilentVehicle]:
+        """Yield what is silent of vehicles, of open links or of links that are down."""
         for name, link in self._links.items():
-            if link.bus is not None:
-                is_meant = link.down is not None if of_down_links else link.down is None and link.is_bus_silent
-                if is_meant:
-                    yield name, (link.now_ns - link.bus.last_ns) / _S
+            part = next(iter(link.vehicle), None) if of_down_links else link.silent_part
+            if part is not None and (link.down is not None) is of_down_links:
+                yield SilentVehicle(name, part, (link.now_ns - link.vehicle[part].last_ns) / _S)
 
     def silent_s(self, link: str) -> float | None:
-        """Return the time since the last frame of a link that is down, or whose bus or every hub is silent, else None.
+        """Return the time since the last frame of a link that is down, or brings nothing else either, else None.
 
         Of a link without a frame it is the time since its first event.
         """
@@ -488,10 +547,10 @@ class SilenceWatch:
         if state is None:
             return None
         hubs = state.hubs.values()
-        is_silent = bool(hubs or state.bus) and all(hub.is_silent(state.now_ns) for hub in hubs)
-        if state.down is None and not (is_silent and (state.bus is None or state.is_bus_silent)):
+        is_silent = bool(hubs or state.vehicle) and all(hub.is_silent(state.now_ns) for hub in hubs)
+        if state.down is None and not (is_silent and (not state.vehicle or state.silent_part in _WHOLE_LINK)):
             return None
-        heard_ns = [hub.last_ns for hub in hubs] + ([state.bus.last_ns] if state.bus is not None else [])
+        heard_ns = [hub.last_ns for hub in hubs] + [stream.last_ns for stream in state.vehicle.values()]
         return (state.now_ns - max(heard_ns, default=state.begin_ns)) / _S
 
     def speaking_hubs(self, link: str) -> frozenset[int]:

@@ -4,22 +4,39 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from gateway.clock import Clock
 from gateway.errors import SourceError
 from gateway.io.playback import Playback
-from gateway.io.source import Chunk, LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, positive_option
+from gateway.io.source import (
+    Chunk,
+    LinkEvent,
+    LinkEventKind,
+    LinkItem,
+    Sentences,
+    Source,
+    SourceAddress,
+    positive_option,
+)
+from gateway.simulator import receiver
 from gateway.simulator.link_faults import parse_faults
+from gateway.simulator.receiver import SimulatedReceiver
 from gateway.simulator.scenario import load_scenario, vehicle_toml
 from gateway.simulator.simulation import Simulation, simulate
 
 OPTIONS = (
-    "speed=1|10|max, duration=SECONDS, seed=NUMBER, fault=KIND:OPTION=VALUE (several parted by ';' or '+'), keys=FILE"
+    "speed=1|10|max, duration=SECONDS, seed=NUMBER, fault=KIND:OPTION=VALUE (several parted by ';' or '+'), keys=FILE, "
+    "receiver=HZ"
 )
 
-_OPTION_NAMES: Final = ("speed", "duration", "seed", "fault", "keys")
+# The receiver's errors are apart from the wheels', which are the same with and without it.
+_RECEIVER_STREAM: Final = 0x4E4D4541
+_OPTION_NAMES: Final = ("speed", "duration", "seed", "fault", "keys", "receiver")
 
 
 class SimulatorSource:
@@ -29,8 +46,19 @@ class SimulatorSource:
     simulated time of its arrival, so that the hub's clock and the host's run alike.
     """
 
-    def __init__(self, simulation: Simulation, link: str, toml: str, speed: float, clock: Clock) -> None:
-        """Play `simulation` at `speed` times real time; infinite speed does not wait."""
+    def __init__(
+        self,
+        simulation: Simulation,
+        link: str,
+        toml: str,
+        speed: float,
+        clock: Clock,
+        receiver: SimulatedReceiver | None = None,
+    ) -> None:
+        """Play `simulation` at `speed` times real time, with a positioning receiver or without.
+
+        Infinite speed does not wait.
+        """
         self.simulation = simulation
         self._link = link
         self._toml = toml
@@ -38,6 +66,7 @@ class SimulatorSource:
         self._clock = clock
         self._playback = Playback(clock, speed)
         self._closed = threading.Event()
+        self._receiver = receiver
 
     @property
     def link(self) -> str:
@@ -54,12 +83,26 @@ class SimulatorSource:
         start_ns = last_ns = self._clock.now_ns()
         yield LinkEvent(self._link, start_ns, LinkEventKind.CONNECTED)
         self._playback.begin(start_ns)
-        for chunk in self.simulation.chunks(self._link, start_ns):
-            if not self._playback.wait_until(chunk.host_ns, stop, self._closed):
+        if self._receiver is not None:
+            yield LinkEvent(receiver.LINK, start_ns, LinkEventKind.CONNECTED)
+        for item in self._in_order(start_ns):
+            if not self._playback.wait_until(item.host_ns, stop, self._closed):
                 return
-            last_ns = self._clock.now_ns() if self._speed == 1.0 else chunk.host_ns
-            yield Chunk(chunk.link, last_ns, chunk.data)
+            last_ns = self._clock.now_ns() if self._speed == 1.0 else item.host_ns
+            yield replace(item, host_ns=last_ns)
         yield LinkEvent(self._link, last_ns, LinkEventKind.ENDED)
+        if self._receiver is not None:
+            yield LinkEvent(receiver.LINK, last_ns, LinkEventKind.ENDED)
+
+    def _in_order(self, start_ns: int) -> Iterator[Chunk | Sentences]:
+        """Yield chunks and sentences by time, up to the last chunk."""
+        sentences = self._receiver.sentences(start_ns) if self._receiver is not None else iter(())
+        waiting = next(sentences, None)
+        for chunk in self.simulation.chunks(self._link, start_ns):
+            while waiting is not None and waiting.host_ns <= chunk.host_ns:
+                yield waiting
+                waiting = next(sentences, None)
+            yield chunk
 
     def close(self) -> None:
         """End `items`."""
@@ -79,6 +122,7 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
     seed_text, duration_text = options.pop("seed", None), options.pop("duration", None)
     fault_texts = split_faults(options.pop("fault", ""))
     key_file = options.pop("keys", None)
+    receiver_text = options.pop("receiver", None)
     scenario = load_scenario(address.target)
     seed = None if seed_text is None else _seed(seed_text)
     simulation = simulate(
@@ -89,7 +133,12 @@ def open_simulator(address: SourceAddress, clock: Clock) -> Source:
         key_file=None if key_file is None else Path(key_file),
     )
     toml = vehicle_toml(scenario, signed=key_file is not None)
-    return SimulatorSource(simulation, link_name(address.target), toml, speed, clock)
+    mounted = None
+    if receiver_text is not None:
+        motion = simulation.wheels[0].plan.motion
+        rng = np.random.default_rng([scenario.scenario.seed if seed is None else seed, _RECEIVER_STREAM])
+        mounted = SimulatedReceiver(motion, positive_option("receiver", receiver_text), rng)
+    return SimulatorSource(simulation, link_name(address.target), toml, speed, clock, mounted)
 
 
 def link_name(target: str) -> str:

@@ -16,6 +16,7 @@ from gateway.io.bus_frames import BusFrame, pack
 from gateway.io.dbc_file import only_messages, read_dbc
 from gateway.io.source import BusFrames, open_source
 from gateway.pipeline.vehicle_signals import Quantity, SignalSetup
+from gateway.session.bus_decoding import BusDecoder
 from gateway.session.signal_decoding import SignalDecoder, open_decoder
 
 HEAD = 'VERSION ""\nNS_ :\nBS_:\nBU_: ECU\n'
@@ -25,7 +26,7 @@ SPEED = SignalSetup(Quantity.VEHICLE_SPEED, "S", "V")
 
 def decoded(dbc: str, setup: SignalSetup, data: bytes, can_id: int) -> float | None:
     """Return the value of the one signal of a frame, None without one."""
-    decoder = SignalDecoder([setup], 1.0, HEAD + dbc, "car.dbc")
+    decoder = SignalDecoder(BusDecoder([setup], 1.0, HEAD + dbc, "car.dbc"))
     values = decoder.take(BusFrames("can:x", 0, pack([BusFrame(0, can_id, False, data)], 0)))
     return next(iter(values.values()), None)
 
@@ -121,13 +122,13 @@ def test_messages_that_nobody_maps_need_not_be_valid(wrong: str) -> None:
         assert decoded(dbc, SPEED, b"\x0f\x27" + bytes(6), 516) is None
     both = [SPEED, SignalSetup(Quantity.VEHICLE_SPEED, "X", "V", wheel="FL")]
     with pytest.raises(ConfigError, match="no message 'X'; it has .*S"):
-        SignalDecoder(both, 1.0, HEAD + wrong + mapped + table, "car.dbc")
+        BusDecoder(both, 1.0, HEAD + wrong + mapped + table, "car.dbc")
 
 
 def test_mapped_message_that_is_not_valid_is_an_error() -> None:
     dbc = HEAD + 'BO_ 70000 S: 8 ECU\n SG_ V : 0|16@1+ (0.01,0) [0|300] "km/h" ECU\n'
     with pytest.raises(ConfigError, match="cannot be read as a DBC file"):
-        SignalDecoder([SPEED], 1.0, dbc, "car.dbc")
+        BusDecoder([SPEED], 1.0, dbc, "car.dbc")
 
 
 def test_long_names_of_messages_are_those_of_the_mapping() -> None:

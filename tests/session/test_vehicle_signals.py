@@ -19,10 +19,17 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.errors import ConfigError, SourceError
 from gateway.io.bus_frames import BusFrame, pack, unpack
 from gateway.io.source import BusFrames, LinkEventKind, is_live, open_source
-from gateway.pipeline.vehicle_signals import Quantity, SignalHistory, SignalSetup, VehicleSignal
+from gateway.pipeline.vehicle_signals import (
+    RECEIVER_SIGNALS,
+    Quantity,
+    SignalHistory,
+    SignalSetup,
+    VehicleSignal,
+)
 from gateway.reasons import Code, codes_of
 from gateway.recording.reader import RecordingReader
 from gateway.recording.writer import RecordingWriter
+from gateway.session.bus_decoding import BusDecoder
 from gateway.session.core import SessionCore
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
 from gateway.session.signal_decoding import SignalDecoder, open_decoder
@@ -363,7 +370,7 @@ def test_mapping_that_does_not_fit_the_dbc_lists_every_fault() -> None:
         SignalSetup(Quantity.YAW_RATE, "CCVS1", "WheelBasedVehicleSpeed"),
     ]
     with pytest.raises(ConfigError) as found:
-        SignalDecoder(setups, 1.0, DBC.read_text(), "car.dbc")
+        BusDecoder(setups, 1.0, DBC.read_text(), "car.dbc")
     lines = str(found.value).splitlines()
     assert len(lines) == 4
     assert "no message 'SAS_Angel'; it has SAS_Angle" in lines[0]
@@ -371,7 +378,7 @@ def test_mapping_that_does_not_fit_the_dbc_lists_every_fault() -> None:
     assert "unit 'mph' is not known" in lines[2]
     assert "does not fit yaw_rate" in lines[3]
     with pytest.raises(ConfigError, match="cannot be read as a DBC file"):
-        SignalDecoder((), 1.0, "BO_ what", "car.dbc")
+        BusDecoder((), 1.0, "BO_ what", "car.dbc")
 
 
 @pytest.mark.parametrize(
@@ -397,7 +404,7 @@ def test_published_j1939_file_gives_wheel_speeds() -> None:
     setup = SignalSetup(
         Quantity.WHEEL_SPEED, "HRW", "Front_Axle__Left_Wheel_Speed", wheel="FL", unit="km/h", factor=1.0 / 256.0
     )
-    found = SignalDecoder([setup], 1.0, text, "j1939.dbc", is_j1939=True)
+    found = SignalDecoder(BusDecoder([setup], 1.0, text, "j1939.dbc", is_j1939=True))
     data = round(65.0 * 256).to_bytes(2, "little") + bytes(6)
     for source, expected in ((0x18FE6E0B, {"FL.car_wheel_speed_mps": 65.0 / 3.6}), (0x18FE6F0B, {})):
         item = BusFrames("can:x", 0, pack([BusFrame(0, source, True, data)], 0))
@@ -405,12 +412,40 @@ def test_published_j1939_file_gives_wheel_speeds() -> None:
 
 
 def test_history_interpolates_within_what_is_known() -> None:
-    signal = VehicleSignal("x_mps", Quantity.VEHICLE_SPEED, "mps", None, None)
-    history = SignalHistory([signal], max_age_s=1.0)
+    signal = VehicleSignal("x_mps", Quantity.VEHICLE_SPEED, "mps", None, None, 1.0)
+    history = SignalHistory([signal])
     assert history.at("x_mps", 0, 10**9) is None
     for at_ns, value in ((0, 1.0), (10**8, 2.0), (10**8, 9.0), (2 * 10**8, math.nan), (3 * 10**9, 5.0)):
         history.add("x_mps", at_ns, value)
-    assert history.at("x_mps", 5 * 10**7, 10**8) == (1.5, 0.05)
-    assert history.at("x_mps", 5 * 10**7, 9 * 10**7) == (1.0, 0.05), "the later value is not known yet"
-    assert history.at("x_mps", 5 * 10**8, 4 * 10**9) == (2.0, 0.4), "no line across a silence"
+    assert history.at("x_mps", 5 * 10**7, 10**8)[:2] == (1.5, 0.05)
+    assert history.at("x_mps", 5 * 10**7, 9 * 10**7)[:2] == (1.0, 0.05), "the later value is not known yet"
+    assert history.at("x_mps", 5 * 10**8, 4 * 10**9)[:2] == (2.0, 0.4), "no line across a silence"
     assert history.at("x_mps", 2 * 10**9, 4 * 10**9) is None
+
+
+def test_position_goes_on_between_fixes_and_is_not_drawn_through_the_date_line() -> None:
+    history = SignalHistory(RECEIVER_SIGNALS)
+    for at_ns, value in ((0, 179.998), (10**9, 179.999), (2 * 10**9, -180.0), (3 * 10**9, -179.999)):
+        history.add("longitude_deg", at_ns, value)
+
+    def at(at_s: float, known_s: float) -> float:
+        return history.at("longitude_deg", round(at_s * 1e9), round(known_s * 1e9)).value
+
+    assert at(0.5, 1.0) == pytest.approx(179.9985)
+    assert at(1.5, 1.5) == pytest.approx(179.9995), "on the line through the two before"
+    assert at(1.5, 2.0) == 179.999
+    assert at(2.5, 2.5) == -180.0
+    assert at(3.5, 3.5) == pytest.approx(-179.9985)
+
+
+def test_position_of_the_bus_replaces_that_of_the_receiver() -> None:
+    dbc = 'VERSION ""\nNS_ :\nBS_:\nBU_: ECU\nBO_ 769 Gps: 8 ECU\n SG_ Lat : 0|32@1- (0.00001,0) [0|0] "Minutes" ECU\n'
+    setup = SignalSetup(Quantity.LATITUDE, "Gps", "Lat")
+    decoder = SignalDecoder(BusDecoder([setup], 1.0, dbc, "logger.dbc"))
+    data = (48 * 60 * 100_000).to_bytes(4, "little") + bytes(4)
+    assert decoder.take(BusFrames("can:x", 0, pack([BusFrame(0, 769, False, data)], 0))) == pytest.approx(
+        {"latitude_deg": 48.0}
+    )
+    assert [signal.key for signal in decoder.history.signals] == ["latitude_deg", "longitude_deg", "ground_speed_mps"]
+    with pytest.raises(ConfigError, match="unit 'km/h' is not known; give unit, one of deg"):
+        BusDecoder([SignalSetup(Quantity.LATITUDE, "Gps", "Lat", unit="km/h")], 1.0, dbc, "logger.dbc")

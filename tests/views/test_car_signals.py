@@ -17,6 +17,9 @@ def test_signals_of_the_car_are_apart_from_the_numbers(made) -> None:
         Estimate("vehicle_speed_age_s", 0.02, 0.0, Status.VALID),
         Estimate("car_wheel_speed_radps", 56.0, math.nan, Status.VALID),
         Estimate.invalid("steering_angle_rad", Reason(Code.SIGNAL_MISSING)),
+        Estimate("latitude_deg", 48.137154, 1.9e-5, Status.VALID),
+        Estimate("longitude_deg", -11.576124, 1.9e-5, Status.VALID),
+        Estimate("ground_speed_mps", 18.0, 0.18, Status.VALID),
     )
     result = made.result()
     wheel = made.wheel(last=made.result(estimates=(*result.estimates, *signals)))
@@ -25,6 +28,9 @@ def test_signals_of_the_car_are_apart_from_the_numbers(made) -> None:
         ("vehicle speed 64.80 ± 0.65 km/h", Role.TEXT),
         ("car wheel speed 56.00 rad/s", Role.TEXT),
         ("steering angle — deg x", Role.WARNING),
+        ("latitude 48.1372 ± 0.0001 deg", Role.TEXT),
+        ("longitude -11.5761 ± 0.0001 deg", Role.TEXT),
+        ("ground speed 64.80 ± 0.65 km/h", Role.TEXT),
     ]
     assert not {"vehicle speed", "vehicle speed age", "car wheel speed"} & {
         shown.label for shown in shown_numbers(wheel, reading)

@@ -1,0 +1,112 @@
+"""Copies of recordings whose computer had a wrong time, with the right one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+from gateway.errors import RecordingError
+from gateway.io.nmea_sentences import ReceiverClock, SentenceReader
+from gateway.io.source import LinkEvent, LinkItem, Sentences
+from gateway.reasons import Code, Reason
+from gateway.recording.mcap_layout import MAX_TIME_NS
+from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
+from gateway.recording.run_description import copy_notes
+from gateway.recording.writer import RecordingWriter
+
+# What is left of a step after the time was moved by it.
+_NEGLIGIBLE_S: Final = 1e-3
+
+
+def recorded_clock_error_s(path: Path) -> float | None:
+    """Return what a recording says is to be added to its times, in s; None where it says nothing.
+
+    A positioning receiver counts more than a step of the system time, which may have set it from wrong to wrong.
+
+    Raises:
+        RecordingError: it cannot be read.
+    """
+    reader, sentences, clock = RecordingReader(path), SentenceReader(), ReceiverClock()
+    ahead_s: float | None = None
+    for item in reader.items():
+        if isinstance(item, Sentences):
+            for fix in sentences.read(item.data):
+                clock.take(fix, item.host_ns)
+        elif isinstance(item, LinkEvent):
+            ahead_s = next(filter(None, map(_ahead_s, item.details)), ahead_s)
+    return clock.ahead_s if clock.has_time else ahead_s or None
+
+
+def set_clock(
+    path: Path, target: Path, ahead_s: float, on_position: Callable[[int, int], None] = lambda *_: None
+) -> None:
+    """Write a copy of a recording with `ahead_s` added to all its times; decoded topics are left out.
+
+    Args:
+        path: a finished recording.
+        target: must not exist yet.
+        ahead_s: time to add in s.
+        on_position: called with the bytes read, and their total.
+
+    Raises:
+        RecordingError: the recording is unfinished or damaged, a time would lie outside 1970 to 2116, `target` exists,
+            or the disk is full. There is no target then.
+    """
+    reader = RecordingReader(path)
+    info, ahead_ns = reader.info, round(ahead_s * 1e9)
+    if info.in_progress:
+        raise RecordingError(f"'{path}' is being recorded", "Set its clock when its session has ended.")
+    if not info.finished:
+        raise RecordingError(f"'{path}' was not finished", REPAIR_REMEDY)
+
+    def moved(host_ns: int) -> int:
+        if not 0 <= host_ns + ahead_ns <= MAX_TIME_NS:
+            raise RecordingError(
+                f"{ahead_s:g} s would move '{path}' out of the years 1970 to 2116", "Give another time."
+            )
+        return host_ns + ahead_ns
+
+    writer = RecordingWriter(
+        target,
+        start_ns=moved(info.start_ns or 0),
+        vehicle_toml=info.vehicle_toml,
+        sources=info.sources,
+        dbc_text=info.dbc_text,
+        run=info.run,
+    )
+    try:
+        for item in reader.items():
+            on_position(reader.position, info.size_bytes)
+            writer.write(_corrected(item, moved(item.host_ns), ahead_s))
+        if reader.damage is not None:
+            raise RecordingError(f"'{path}' is damaged", REPAIR_REMEDY)
+        writer.close()
+        copy_notes(path, target)
+    except BaseException:
+        writer.close()
+        target.unlink(missing_ok=True)
+        raise
+
+
+def _ahead_s(detail: Reason) -> float | None:
+    """Return what a step of the system time adds to the times of the recording, None of other details."""
+    value = detail["ahead_s"] if detail.code is Code.SYSTEM_TIME_SET else None
+    return value if isinstance(value, float) else None
+
+
+def _corrected(item: LinkItem, host_ns: int, ahead_s: float) -> LinkItem:
+    """Return an item at another time; what an event of a step adds to the times is what is left of it."""
+    if not isinstance(item, LinkEvent):
+        return replace(item, host_ns=host_ns)
+    details = []
+    for detail in item.details:
+        before_s = _ahead_s(detail)
+        if before_s is not None:
+            left_s = before_s - ahead_s
+            detail = Reason(
+                detail.code, step_s=detail["step_s"], ahead_s=0.0 if abs(left_s) < _NEGLIGIBLE_S else left_s
+            )
+        details.append(detail)
+    return replace(item, host_ns=host_ns, details=tuple(details))
