@@ -67,7 +67,7 @@ _CLOSURE_STD: Final = 1.5e-4
 _CONTACT_LEVEL: Final = (-0.025, 0.035)
 # Errors from belt stretch and contact shear in the circumferential axis.
 _OFFSET_MODEL_M: Final = 2e-5
-_PITCH_MODEL_RAD: Final = 4e-4
+PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
 _KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
 # Order 2 of the circumferential axis that the mounting leaves on belts of random tires, over R Omega^2.
@@ -647,7 +647,7 @@ def _mounting(
     offset_std = math.hypot(stds[0], axes_std * offset, _OFFSET_MODEL_M)
     if not (math.isfinite(offset_std) and math.isfinite(tilt)):
         return None, None
-    pitch = _Measurement(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, _PITCH_MODEL_RAD))
+    pitch = _Measurement(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, PITCH_MODEL_RAD))
     return pitch, _Measurement(offset, offset_std)
 
 

@@ -27,6 +27,7 @@ from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.lost_steady_value import LostSteadyValue
 from gateway.estimators.self_calibration import (
     GREATEST_MEAN_SQUARE,
+    PITCH_MODEL_RAD,
     Equations,
     Measured,
     gravity_absent,
@@ -34,7 +35,7 @@ from gateway.estimators.self_calibration import (
     steady_value_lost,
     zero_contradicted,
 )
-from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, Tilt
+from gateway.estimators.sensor_claims import UNKNOWN_OFFSET_STD_M, SensorClaims, Tilt
 from gateway.quantity import Basis
 from gateway.quantity_catalogue import LARGEST_ZERO_MPS2, quantity_of
 from gateway.reasons import Code, Reason
@@ -366,21 +367,35 @@ def assess(
         hub_motion=Reason(Code.HUB_MOVES, amplitude_mps2=2.0 * hub_mps2)
         if is_settled and hub_mps2 > _NOTABLE_HUB * steady_mps2
         else None,
-        roll_std_rad=0.0 if measured is None else _roll_std(measured),
+        roll_std_rad=0.0 if measured is None else _roll_std(measured, claims),
         tilt=Tilt() if measured is None else measured.tilt,
     )
 
 
-def _roll_std(measured: Measured) -> float:
-    """Return the error of the roll from the means of the axes that the roll by the lateral axis's shape shows.
+def _roll_std(measured: Measured, claims: SensorClaims) -> float:
+    """Return the error of the roll from the means of the axes that the other axes and its own shape show.
 
-    A zero-g offset of the lateral axis moves the former alone, a slip angle the latter, and a roll both.
+    A zero-g offset of the lateral axis moves the roll by the means alone, a slip angle that by the shape, and a roll
+    both. What is stated of the zero-g offsets is one statement: where the circumferential axis is off by more, so may
+    be the lateral one.
     """
+    by_zero = _zero_beyond_statement(measured, claims) / measured.steady_mps2 if measured.steady_mps2 > 0.0 else 0.0
     difference = measured.roll_by_mean_rad - measured.relations.roll_rad
     if not math.isfinite(difference):
-        return 0.0
+        return by_zero
     beyond = max(difference**2 - _ROLL_BY_SHAPE_RAD**2, 0.0)
-    return max(math.sqrt(beyond), _SHARE_OF_ONE * abs(difference))
+    return math.hypot(max(math.sqrt(beyond), _SHARE_OF_ONE * abs(difference)), by_zero)
+
+
+def _zero_beyond_statement(measured: Measured, claims: SensorClaims) -> float:
+    """Return the error of zero-g offsets that the circumferential axis shows beyond what is stated of them, m/s^2."""
+    zero_mps2, tilt = measured.relations.along_zero_mps2, measured.relations.tilt
+    if not math.isfinite(zero_mps2):
+        return 0.0
+    # The tilt by the shape, and the gains of two axes, take their share of the mean.
+    by_tilt = measured.steady_mps2 * math.hypot(PITCH_MODEL_RAD, math.sqrt(2.0) * claims.gain_std * tilt)
+    std = math.hypot(claims.zero_g_std_mps2, by_tilt)
+    return abs(zero_mps2) if abs(zero_mps2) > CONTRADICTION * std else disagreement_std(zero_mps2, std)
 
 
 def _related(measured: Measured, steady_mps2: float, radius_m: float) -> Iterator[Contradiction]:

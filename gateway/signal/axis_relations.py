@@ -52,12 +52,16 @@ class AxisRelations(NamedTuple):
         lateral_late_rad: likewise of the lateral axis.
         is_swapped: whether the circumferential axis is the lateral one, and the other way round.
         roll_rad: roll by the shape of the lateral axis; NaN where that is not known.
+        tilt: of the radial axis into the circumferential one, by the shape of the latter; NaN likewise.
+        along_zero_mps2: zero-g offset of the latter, what its mean has beyond the tilt; NaN likewise.
     """
 
     circumferential_late_rad: float = 0.0
     lateral_late_rad: float = 0.0
     is_swapped: bool = False
     roll_rad: float = math.nan
+    tilt: float = math.nan
+    along_zero_mps2: float = math.nan
 
 
 class _Fit(NamedTuple):
@@ -105,13 +109,18 @@ def axis_relations(
     has_along, has_lateral = np.isfinite(spectra[:2, 0].real).tolist()
     half_rad = 0.5 * (edges_rad[1] - edges_rad[0])
     late_along = late_lateral = 0.0
-    is_swapped, roll_rad = False, math.nan
+    is_swapped, roll_rad, tilt, zero_mps2 = False, math.nan, math.nan, math.nan
     if has_along:
         orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
         predicted = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
         factors = np.array([square_radps2 * belt.along[orders], spectra[_RADIAL, orders]])
         along = _fit(spectra[_CIRCUMFERENTIAL, orders], factors, orders, predicted[orders])
         late_along = along.late_rad(0.0, _LEFT_ALONG)
+        if along.least < _LEFT_ALONG * along.whole and not late_along:
+            tilt = float(along.factors[1])
+            # Order 0 of a spectrum is twice the mean; that by the depth has none.
+            twice = spectra[_CIRCUMFERENTIAL, 0] - predicted[0] - tilt * spectra[_RADIAL, 0]
+            zero_mps2 = 0.5 * float(twice.real)
         if has_lateral:
             without, whole = _remainder(spectra[_LATERAL, orders], factors, predicted[orders])
             is_swapped = without < _LEFT_ALONG * whole and along.least * whole > _SWAPPED_FACTOR * without * along.whole
@@ -121,7 +130,9 @@ def axis_relations(
         late_lateral = lateral.late_rad(_LEAST_LAG_SHARE * half_rad, _LEFT_LATERAL)
         if lateral.least < _LEFT_LATERAL * lateral.whole:
             roll_rad = math.atan(float(lateral.factors[2]))
-    return AxisRelations(0.0 if is_swapped else late_along, late_lateral, is_swapped, roll_rad)
+    if is_swapped:
+        return AxisRelations(0.0, late_lateral, is_swapped, roll_rad)
+    return AxisRelations(late_along, late_lateral, is_swapped, roll_rad, tilt, zero_mps2)
 
 
 def _lateral_factors(
