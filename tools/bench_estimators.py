@@ -19,11 +19,12 @@ for _threads in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 import numpy as np
 import scipy
-from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampled, take
+from bench_ring_paper import BASE, OMEGA, ORDERS, RADIUS_M, revolution_of, sampled
 from scipy.optimize import least_squares
 
 from gateway.estimators.estimator import AngleAverage, Estimator, Revolution, TireConditions
 from gateway.estimators.registry import DEFAULT_ESTIMATORS, ESTIMATORS, make_estimator
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.estimators.weak_form import fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
@@ -76,7 +77,7 @@ def turns() -> tuple[list[Turn], np.ndarray, np.ndarray]:
     found = []
     for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
         revolution = revolution_of(samples, start, end, previous)
-        found.append(Turn(revolution, take(average, revolution)))
+        found.append(Turn(revolution, extended(average, revolution)))
     return found, samples, centres
 
 
@@ -91,7 +92,7 @@ def print_stages(found: list[Turn], samples: np.ndarray, centres: np.ndarray) ->
         "gravity and drift": microseconds(lambda: normalise_radial(wave, phase)),
         "orders": microseconds(lambda: order_coefficients(clean)),
         "contact edges": microseconds(lambda: find_contact_edges(clean, phase.samples)),
-        "running average": microseconds(lambda: take(average, next(revolutions))),
+        "running average": microseconds(lambda: extended(average, next(revolutions))),
     }
     estimators = {name: update_times(name, found) for name in ESTIMATORS}
     used = rows | {name: float(np.median(estimators[name])) for name in DEFAULT_ESTIMATORS}

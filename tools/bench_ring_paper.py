@@ -14,14 +14,16 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
+from gateway.estimators.estimator import Revolution, TireConditions
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
+from gateway.papers.ring_data import waveform_revolution
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal import contact_edges as contact
 from gateway.signal.angle_resampling import GRID_SIZE, fit_phase, resample_revolution
-from gateway.signal.order_spectrum import coefficient_std, highest_order, order_coefficients, sample_std
+from gateway.signal.order_spectrum import order_coefficients
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
 from gateway.types import FloatArray
@@ -102,39 +104,8 @@ def sampled(solution: RingSolution, revolutions: int, seed: int) -> tuple[FloatA
 def revolution_of(samples: FloatArray, start: float, end: float, previous: float) -> Revolution:
     phase = fit_phase(start, end, previous)
     wave = normalise_radial(resample_revolution(samples[:, np.newaxis], phase)[0], phase).radial_mps2
-    noise = coefficient_std(wave, phase.samples)
-    edges = contact.find_contact_edges(wave, phase.samples, noise)
-    order_max = highest_order(phase.samples)
-    return Revolution(
-        index=0,
-        start_s=start / RATE_HZ,
-        period_s=phase.samples / RATE_HZ,
-        omega_radps=2.0 * math.pi * RATE_HZ / phase.samples,
-        omega_dot_radps2=0.0,
-        radial_mps2=wave,
-        axes_mps2=np.full((3, GRID_SIZE), np.nan),
-        orders_mps2=order_coefficients(wave, order_max),
-        order_max=order_max,
-        leading_edge_rad=edges.leading_rad,
-        trailing_edge_rad=edges.trailing_rad,
-        leading_edge_std_rad=edges.leading_std_rad,
-        trailing_edge_std_rad=edges.trailing_std_rad,
-        noise_mps2=sample_std(noise, phase.samples, GRID_SIZE),
-        missing_fraction=0.0,
-        saturated=False,
-        ac_coupled=False,
-    )
-
-
-def take(average: RunningAverage, revolution: Revolution) -> AngleAverage:
-    return average.update(
-        revolution.radial_mps2,
-        revolution.orders_mps2,
-        revolution.omega_radps,
-        edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-        edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-        noise_mps2=revolution.noise_mps2,
-    )
+    omega_radps = 2.0 * math.pi * RATE_HZ / phase.samples
+    return waveform_revolution(wave, samples=phase.samples, omega_radps=omega_radps)
 
 
 def print_model_error(solutions: list[RingSolution]) -> None:
@@ -160,7 +131,7 @@ def print_whole_chain() -> None:
         average, estimator = RunningAverage(), RingPaperEstimator()
         for previous, start, end in zip(centres, centres[1:], centres[2:], strict=False):
             revolution = revolution_of(samples, start, end, previous)
-            result = take(average, revolution)
+            result = extended(average, revolution)
             estimates = estimator.update(revolution, result, TireConditions(RADIUS_M, load, 2.1e5))
         half = 0.5 * (result.trailing_edge_rad - result.leading_edge_rad) / solution.half_angle_rad
         row = "".join(

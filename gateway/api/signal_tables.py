@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from gateway.api.column_table import ColumnTable, TextArray, TimeArray, column, require_pandas, text_array, utc_array
 from gateway.constants import AXIS_NAMES
+from gateway.estimators.estimator import Revolution
+from gateway.pipeline.mean_revolution import MeanOfRevolutions, MeanRevolution
 from gateway.pipeline.results import RevolutionResult
 from gateway.session.recorded_signals import EnvironmentReading, SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
-from gateway.signal.mean_revolution import MeanOfRevolutions, MeanRevolution
 from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
 from gateway.table_columns import AVERAGE_COLUMNS, SAMPLE_COLUMNS, Column
 from gateway.types import BoolArray, ComplexArray, FloatArray
@@ -245,6 +246,16 @@ def _revolution_columns(rows: Sequence[tuple[Any, ...]]) -> dict[str, Any]:
     return columns
 
 
+def _columns_of_each(revolutions: Sequence[Revolution]) -> dict[str, Any]:
+    """Return the columns that tables of waveforms share."""
+    return {
+        "revolution": np.array([revolution.index for revolution in revolutions], np.int64),
+        "device_start_s": np.array([revolution.start_s for revolution in revolutions], np.float64),
+        "omega_radps": np.array([revolution.omega_radps for revolution in revolutions], np.float64),
+        "usable": np.array([not revolution.faults for revolution in revolutions], np.bool_),
+    }
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class AngleWaveforms(ColumnTable):
     """Acceleration of one wheel in the angle domain: one row per revolution, one value per angle.
@@ -309,10 +320,7 @@ class AngleWaveforms(ColumnTable):
             recording=recording,
             wheel=wheel,
             angle_rad=angle_grid(),
-            revolution=np.array([revolution.index for revolution in revolutions], np.int64),
-            device_start_s=np.array([revolution.start_s for revolution in revolutions], np.float64),
-            omega_radps=np.array([revolution.omega_radps for revolution in revolutions], np.float64),
-            usable=np.array([not revolution.faults for revolution in revolutions], np.bool_),
+            **_columns_of_each(revolutions),
             circumferential_mps2=axes[0],
             lateral_mps2=axes[1],
             radial_mps2=axes[2],
@@ -372,27 +380,14 @@ class AverageWaveform(ColumnTable):
         """Return the average of the usable results of one wheel; None when there is none."""
         total = MeanOfRevolutions()
         for result in results:
-            revolution = result.revolution
-            if not revolution.faults:
-                total.add(
-                    revolution.axes_mps2,
-                    revolution.radial_mps2,
-                    revolution.orders_mps2,
-                    revolution.omega_radps,
-                    edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-                    edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-                    noise_mps2=revolution.noise_mps2,
-                )
+            if not result.revolution.faults:
+                total.add(result.revolution)
         mean = total.mean()
         return cls(recording=recording, wheel=wheel, **_average_columns(mean)) if mean is not None else None
 
 
 def _average_columns(mean: MeanRevolution) -> dict[str, Any]:
     radial = mean.radial
-    axes: dict[str, Any] = {}
-    for axis, name in enumerate(AXIS_NAMES):
-        axes[f"{name}_mps2"] = mean.axes_mps2[axis]
-        axes[f"{name}_scatter_mps2"] = mean.axes_scatter_mps2[axis]
     return {
         "count": mean.count,
         "omega_radps": mean.omega_radps,
@@ -403,10 +398,7 @@ def _average_columns(mean: MeanRevolution) -> dict[str, Any]:
         "trailing_edge_std_rad": radial.trailing_edge_std_rad,
         "orders_mps2": radial.orders_mps2,
         "orders_std_mps2": radial.orders_std_mps2,
-        "angle_rad": angle_grid(),
-        **axes,
-        "normalised_mps2": radial.radial_mps2,
-        "normalised_scatter_mps2": radial.scatter_mps2,
+        **mean.curves(),
     }
 
 
@@ -480,10 +472,7 @@ class OrderSpectra(ColumnTable):
             wheel=wheel,
             axis=axis,
             order=np.arange(ORDER_COUNT),
-            revolution=np.array([revolution.index for revolution in revolutions], np.int64),
-            device_start_s=np.array([revolution.start_s for revolution in revolutions], np.float64),
-            omega_radps=np.array([revolution.omega_radps for revolution in revolutions], np.float64),
-            usable=np.array([not revolution.faults for revolution in revolutions], np.bool_),
+            **_columns_of_each(revolutions),
             order_max=np.array([revolution.order_max for revolution in revolutions], np.int64),
             orders_mps2=orders,
         )

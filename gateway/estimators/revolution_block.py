@@ -12,7 +12,7 @@ from scipy.fft import rfft  # several transforms at once, in half the time of nu
 
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, TireConditions
 from gateway.signal.order_spectrum import ORDER_COUNT
-from gateway.signal.synchronous_average import AverageSteps, OneAverage
+from gateway.signal.synchronous_average import AverageSteps, OneAverage, RunningAverage
 from gateway.types import ComplexArray, FloatArray
 
 
@@ -138,6 +138,18 @@ class RevolutionBlock:
 def one_revolution(revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> RevolutionBlock:
     """Return a block of one revolution."""
     return RevolutionBlock([revolution], RevolutionArrays([revolution]), OneAverage(average), [conditions])
+
+
+def extended(running: RunningAverage, revolution: Revolution) -> AngleAverage:
+    """Return a running average after one more revolution; errors as those of `RunningAverage.update_block`."""
+    return running.update_block(
+        revolution.radial_mps2[np.newaxis],
+        revolution.orders_mps2[np.newaxis],
+        [revolution.omega_radps],
+        edges_rad=[(revolution.leading_edge_rad, revolution.trailing_edge_rad)],
+        edges_std_rad=[(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad)],
+        noise_mps2=[revolution.noise_mps2],
+    ).at(0)
 
 
 class BlockEstimator:

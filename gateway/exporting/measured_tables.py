@@ -15,12 +15,12 @@ from firmware_protocol.messages import Axis
 from gateway.constants import AXIS_NAMES
 from gateway.exporting.export_registry import CONTENTS, SAMPLES
 from gateway.exporting.export_table import DTYPES, Block, WheelTable
+from gateway.pipeline.mean_revolution import MeanOfRevolutions
 from gateway.pipeline.results import RevolutionResult
 from gateway.quantity_catalogue import CATALOGUE, quantity_of
 from gateway.recording.revolution_fields import estimate_descriptions, field_names
 from gateway.session.recorded_signals import SignalBlock
 from gateway.signal.angle_resampling import GRID_SIZE, angle_grid, elapsed_angles
-from gateway.signal.mean_revolution import MeanOfRevolutions
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.table_columns import (
     AVERAGE_COLUMNS,
@@ -237,32 +237,16 @@ _AVERAGE_COLUMNS: Final = tuple(AVERAGE_COLUMNS.values())
 def _average_rows(results: Iterable[RevolutionResult], start_ns: int) -> Iterator[tuple[str, Block]]:
     means: dict[str, MeanOfRevolutions] = {}
     for result in results:
-        revolution = result.revolution
-        if not revolution.faults:
-            means.setdefault(result.position, MeanOfRevolutions()).add(
-                revolution.axes_mps2,
-                revolution.radial_mps2,
-                revolution.orders_mps2,
-                revolution.omega_radps,
-                edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-                edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-                noise_mps2=revolution.noise_mps2,
-            )
+        if not result.revolution.faults:
+            means.setdefault(result.position, MeanOfRevolutions()).add(result.revolution)
     for wheel, total in means.items():
         mean = total.mean()
         if mean is None:
             continue
-        curves: dict[str, FloatArray] = {}
-        for axis, name in enumerate(AXIS_NAMES):
-            curves[f"{name}_mps2"] = mean.axes_mps2[axis]
-            curves[f"{name}_scatter_mps2"] = mean.axes_scatter_mps2[axis]
         yield (
             wheel,
             {
-                "angle_rad": angle_grid(),
-                **curves,
-                "normalised_mps2": mean.radial.radial_mps2,
-                "normalised_scatter_mps2": mean.radial.scatter_mps2,
+                **mean.curves(),
                 "revolutions": np.full(GRID_SIZE, mean.count, np.int64),
                 "omega_radps": np.full(GRID_SIZE, mean.omega_radps),
                 "omega_std_radps": np.full(GRID_SIZE, mean.omega_std_radps),

@@ -13,8 +13,9 @@ from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Sta
 from gateway.estimators.lateral_shape import DEFINITIONS, has_lateral, lateral_record
 from gateway.estimators.ply_steer import ROLL_NAME
 from gateway.estimators.registry import make_estimator
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.weighted_mean import WeightedMean, mean_estimate
-from gateway.papers.ring_data import ESTIMATORS, extended
+from gateway.papers.ring_data import ESTIMATORS
 from gateway.physics.ring_series import pressure_number
 from gateway.quantity_catalogue import RING_NUMBERS, quantity_of
 from gateway.signal.order_statistics import OrderAccumulator, OrderStatistics

@@ -14,6 +14,7 @@ import numpy as np
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
 from gateway.estimators.registry import make_estimator
+from gateway.estimators.revolution_block import extended
 from gateway.physics.reference_tire import TABLE_3_LOAD_N, TABLE_3_NUMBERS, TABLE_3_PRESSURE_PA
 from gateway.physics.ring_series import signal_orders
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
@@ -131,7 +132,7 @@ def _averaged(ring: RingSolution, seed: int) -> tuple[Revolution, AngleAverage]:
     rng = np.random.default_rng(seed)
     running = RunningAverage(horizon_revolutions=REVOLUTIONS)
     for index in range(REVOLUTIONS):
-        revolution = _revolution(index, clean + noise * rng.standard_normal(GRID_SIZE))
+        revolution = waveform_revolution(clean + noise * rng.standard_normal(GRID_SIZE), index)
         average = extended(running, revolution)
     return revolution, average
 
@@ -148,32 +149,30 @@ def clean_wave(ring: RingSolution) -> FloatArray:
 
 def quiet_average(ring: RingSolution) -> tuple[Revolution, AngleAverage]:
     """Return one revolution without noise and the average of it alone."""
-    revolution = _revolution(0, clean_wave(ring))
+    revolution = waveform_revolution(clean_wave(ring))
     return revolution, extended(RunningAverage(), revolution)
 
 
-def extended(running: RunningAverage, revolution: Revolution) -> AngleAverage:
-    """Return a running average after one more revolution."""
-    return running.update(
-        revolution.radial_mps2,
-        revolution.orders_mps2,
-        revolution.omega_radps,
-        edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-        edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-        noise_mps2=revolution.noise_mps2,
-    )
+def waveform_revolution(
+    wave_mps2: FloatArray, index: int = 0, *, samples: float = _SAMPLES, omega_radps: float = OMEGA_RADPS
+) -> Revolution:
+    """Return a revolution without faults from its normalised radial waveform on the angle grid, (n,).
 
-
-def _revolution(index: int, wave_mps2: FloatArray) -> Revolution:
-    noise = coefficient_std(wave_mps2, _SAMPLES)
-    edges = find_contact_edges(wave_mps2, _SAMPLES, noise)
+    Args:
+        wave_mps2: the waveform; other axes are absent.
+        index: of the revolution.
+        samples: per revolution.
+        omega_radps: angular speed.
+    """
+    noise = coefficient_std(wave_mps2, samples)
+    edges = find_contact_edges(wave_mps2, samples, noise)
     absent = np.full(GRID_SIZE, np.nan)
-    order_max = highest_order(_SAMPLES)
+    order_max = highest_order(samples)
     return Revolution(
         index=index,
-        start_s=index * 2.0 * math.pi / OMEGA_RADPS,
-        period_s=2.0 * math.pi / OMEGA_RADPS,
-        omega_radps=OMEGA_RADPS,
+        start_s=index * 2.0 * math.pi / omega_radps,
+        period_s=2.0 * math.pi / omega_radps,
+        omega_radps=omega_radps,
         omega_dot_radps2=0.0,
         radial_mps2=wave_mps2,
         axes_mps2=np.stack([absent, absent, wave_mps2]),
@@ -183,7 +182,7 @@ def _revolution(index: int, wave_mps2: FloatArray) -> Revolution:
         trailing_edge_rad=edges.trailing_rad,
         leading_edge_std_rad=edges.leading_std_rad,
         trailing_edge_std_rad=edges.trailing_std_rad,
-        noise_mps2=sample_std(noise, _SAMPLES, GRID_SIZE),
+        noise_mps2=sample_std(noise, samples, GRID_SIZE),
         missing_fraction=0.0,
         saturated=False,
         ac_coupled=False,

@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 from gateway.config.effects_file import effects_doubts
 from gateway.errors import RecordingError
+from gateway.pipeline.mean_revolution import MeanOfRevolutions
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Reason
 from gateway.recording.recorded_file import open_recorded_file
 from gateway.session.recorded_signals import revolutions
 from gateway.session.recording_pass import open_recording
-from gateway.signal.mean_revolution import MeanOfRevolutions
 from gateway.signal.order_statistics import OrderAccumulator
 from gateway.views.orders.wheel_orders import WheelOrders
 
@@ -32,15 +32,7 @@ class _Wheel:
             self.rejected += 1
             return
         self.orders.add(revolution.index, revolution.axes_mps2, revolution.omega_radps, revolution.order_max)
-        self.mean.add(
-            revolution.axes_mps2,
-            revolution.radial_mps2,
-            revolution.orders_mps2,
-            revolution.omega_radps,
-            edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-            edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-            noise_mps2=revolution.noise_mps2,
-        )
+        self.mean.add(revolution)
 
 
 class RecordedOrders(NamedTuple):

@@ -507,28 +507,6 @@ class RunningAverage:
             self._waveform = self._state.waveform_mps2
         return self._waveform
 
-    def update(
-        self,
-        radial_mps2: FloatArray,
-        orders_mps2: ComplexArray,
-        omega_radps: float,
-        *,
-        edges_rad: tuple[float, float],
-        edges_std_rad: tuple[float, float],
-        noise_mps2: float,
-    ) -> AngleAverage:
-        """Add one revolution and return the new average; arguments and errors as `update_block`."""
-        steps = self.update_block(
-            radial_mps2[np.newaxis],
-            orders_mps2[np.newaxis],
-            [omega_radps],
-            edges_rad=[edges_rad],
-            edges_std_rad=[edges_std_rad],
-            noise_mps2=[noise_mps2],
-        )
-        self._latest = steps.at(0)
-        return self._latest
-
     def update_block(
         self,
         radial_mps2: FloatArray,

@@ -14,6 +14,7 @@ from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.forward import SHAPE, ForwardEstimator
 from gateway.estimators.forward_fit import ForwardFit, fit_forward
 from gateway.estimators.forward_model import COARSE_NODES, PRIOR_MEAN, ForwardModel, P, packet_basis
+from gateway.estimators.revolution_block import extended
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.physics.tread_pattern import EdgeWaves
@@ -23,7 +24,7 @@ from gateway.signal.segmentation import find_contacts, refine_contact
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, solution
-from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled, take
+from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
 
 OMEGA = omega_at(65.0)
 # 5 mg/rtHz after a hundred revolutions, over R omega^2.
@@ -230,7 +231,7 @@ def test_measured_tire_leaves_numbers_undetermined() -> None:
         raw = sign * resample_revolution(samples[:, np.newaxis], phase)[0]
         wave = normalise_radial(raw, phase, ac_coupled=True, steady_mps2=0.3 * omega**2).radial_mps2
         revolution = replace(make_revolution(wave), omega_radps=omega, ac_coupled=True)
-        result = take(average, revolution)
+        result = extended(average, revolution)
     found = named(ForwardEstimator().update(revolution, result, TireConditions(0.3, 3500.0, 2.2e5)))
     for name in ("Bs", "Ts", "Bs/Cw", "Ts/Cw"):
         assert found[name].status is not Status.VALID

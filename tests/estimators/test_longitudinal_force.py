@@ -14,6 +14,7 @@ from gateway.estimators.asymmetric_solve import solve_asymmetric
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.lateral_shape import LATERAL
 from gateway.estimators.longitudinal_force import LongitudinalForceEstimator
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.sensor_claims import Tilt
 from gateway.physics.asymmetric_belt import asymmetric_shape, curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
@@ -29,7 +30,7 @@ from gateway.reasons import Code, codes_of
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
-from tests.testkit.revolution_data import CONDITIONS, OMEGA, make_revolution, take
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, make_revolution
 
 LOAD_N = 5000.0
 STIFF = replace(BASE_RING, extension_stiffness_n=5e7)
@@ -63,7 +64,7 @@ def estimates(
         wave = OMEGA**2 * on_grid(found.sensor.radial_m + waves_m) + rng.normal(0.0, noise_mps2, 1024)
         revolution = make_revolution(wave)
         revolution.axes_mps2[LATERAL] = lateral_mps2
-        last = estimator.update(revolution, take(average, revolution), conditions)
+        last = estimator.update(revolution, extended(average, revolution), conditions)
     return {estimate.name: estimate for estimate in last}
 
 

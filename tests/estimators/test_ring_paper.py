@@ -15,6 +15,7 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators import ring_paper
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.estimator import AngleAverage, Estimate, Status, TireConditions
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.ring_paper import RingPaperEstimator, fit_ring_numbers
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms
@@ -24,7 +25,7 @@ from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revo
 from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
-from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 ORDERS = np.arange(1.0, 61.0)
@@ -174,7 +175,7 @@ def test_standard_errors_cover_noise(noise: float, monkeypatch: pytest.MonkeyPat
         average = RunningAverage()
         for _ in range(9):
             revolution = make_revolution(series_wave() + rng.normal(size=1024) * noise, edges=(-HALF, HALF))
-            result = take(average, revolution)
+            result = extended(average, revolution)
         # The edges are exact here, so the error of their definition is left out.
         result = replace(result, leading_edge_std_rad=0.0, trailing_edge_std_rad=0.0)
         estimates = RingPaperEstimator().update(revolution, result, CONDITIONS)
@@ -292,7 +293,7 @@ def test_reset_and_replay_are_bit_equal() -> None:
     def run(estimator: RingPaperEstimator) -> list[tuple[Estimate, ...]]:
         average = RunningAverage()
         revolutions = [make_revolution(wave) for wave in waves]
-        return [estimator.update(r, take(average, r), CONDITIONS) for r in revolutions]
+        return [estimator.update(r, extended(average, r), CONDITIONS) for r in revolutions]
 
     estimator = RingPaperEstimator()
     first = run(estimator)
@@ -311,7 +312,7 @@ def test_measured_tire_gives_ratios_with_errors() -> None:
         phase = fit_phase(start, end)
         wave = normalise_radial(resample_revolution(radial, phase)[0], phase, ac_coupled=True).radial_mps2
         revolution = replace(make_revolution(wave), omega_radps=2.0 * math.pi * 25600.0 / phase.samples)
-        result = take(average, revolution)
+        result = extended(average, revolution)
     estimates = {e.name: e for e in RingPaperEstimator().update(revolution, result, TireConditions(radius_m=0.30))}
     assert all(estimates[name].status is Status.INVALID for name in RING_NUMBERS)
     assert all(estimates[name].status is Status.PROVISIONAL for name in RING_RATIOS)

@@ -10,11 +10,11 @@ import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Status
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.self_calibration import Equations, SelfCalibrationEstimator, speed_errors
 from gateway.pipeline.wheel_setup import SensorClaims, WheelSetup
 from gateway.reasons import Code, Reason, codes_of
 from gateway.signal.synchronous_average import RunningAverage
-from tests.testkit.revolution_data import take
 from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32)
@@ -144,7 +144,7 @@ def test_change_of_direction_starts_calibration_again() -> None:
         revolution = result.revolution
         if number >= 20:
             revolution = replace(revolution, axes_mps2=revolution.axes_mps2 * turned)
-        found = estimator.update(revolution, take(average, revolution), result.conditions)
+        found = estimator.update(revolution, extended(average, revolution), result.conditions)
         offset = {estimate.name: estimate for estimate in found}["sensor_offset_m"]
         assert (Code.AXIS_AGAINST_ROLLING in codes_of(offset.reasons)) is (number >= 31)
     assert within(offset, 0.005)

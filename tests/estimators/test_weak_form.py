@@ -11,6 +11,7 @@ import pytest
 
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.order_errors import wave_std
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.weak_form import WaveformFits, WeakFormEstimator, fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
@@ -19,7 +20,7 @@ from gateway.reasons import Code, codes_of
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid, solution
-from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled, take
+from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 
 TRUTH = np.array(TABLE_3_NUMBERS)
 # 5 mg/rtHz over one revolution at 65 km/h, as a share of R omega^2, of a real order.
@@ -226,7 +227,7 @@ def test_updates_start_warm_and_reset_forgets() -> None:
     average, estimator, fresh = RunningAverage(), WeakFormEstimator(), WeakFormEstimator()
     for _ in range(12):
         revolution = make_revolution(wave + rng.normal(0.0, 3.3, 1024))
-        latest = take(average, revolution)
+        latest = extended(average, revolution)
         warm = estimator.update(revolution, latest, CONDITIONS)
     estimator.reset()
     cold = estimator.update(revolution, latest, CONDITIONS)

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Coupling, Hello
-from gateway.estimators.estimator import AngleAverage, Revolution, TireConditions
+from gateway.estimators.estimator import Revolution, TireConditions
 from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
-from gateway.signal.synchronous_average import RunningAverage
 
 FULL_SCALE_COUNTS = 32767
 _BLOCK = 36
@@ -79,15 +78,3 @@ def turns_of(
             return turns[:limit]
     turns += [Turn(r.revolution, r.conditions) for r in wheel.finish(host)]
     return turns[:limit]
-
-
-def take(average: RunningAverage, revolution: Revolution) -> AngleAverage:
-    """Add a revolution to an average, as the pipeline does."""
-    return average.update(
-        revolution.radial_mps2,
-        revolution.orders_mps2,
-        revolution.omega_radps,
-        edges_rad=(revolution.leading_edge_rad, revolution.trailing_edge_rad),
-        edges_std_rad=(revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad),
-        noise_mps2=revolution.noise_mps2,
-    )

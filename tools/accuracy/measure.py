@@ -10,11 +10,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from accuracy.cases import RADIUS_M, REFERENCE_PA, RING_THICKNESS_MM, Case
-from accuracy.chain import Turn, hello_of, take, turns_of
+from accuracy.chain import Turn, hello_of, turns_of
 from accuracy.signals import samples_of, truth_of
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.estimator import Estimate, Status
 from gateway.estimators.registry import make_estimator
+from gateway.estimators.revolution_block import extended
 from gateway.estimators.tire_data import ReferenceNumbers, TireData
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.pipeline.wheel_setup import WheelSetup
@@ -198,7 +199,7 @@ def _after(names: Sequence[str], turns: Sequence[Turn]) -> dict[str, tuple[Estim
     average = RunningAverage(horizon_revolutions=LONG)
     history: dict[str, list[tuple[Estimate, ...]]] = {name: [] for name in names}
     for index, turn in enumerate(turns):
-        latest = take(average, turn.revolution)
+        latest = extended(average, turn.revolution)
         given: dict[str, dict[str, Estimate]] = {}
         conditions = replace(turn.conditions, given=given)
         for estimator in estimators:

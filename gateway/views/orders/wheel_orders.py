@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from gateway.pipeline.mean_revolution import MeanRevolution
 from gateway.reasons import Reason
-from gateway.signal.mean_revolution import MeanRevolution
 from gateway.signal.order_statistics import OrderStatistics, SpeedBin
 
 

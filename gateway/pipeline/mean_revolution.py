@@ -8,9 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from gateway.signal.angle_resampling import GRID_SIZE
+from gateway.constants import AXIS_NAMES
+from gateway.estimators.estimator import Revolution
+from gateway.estimators.revolution_block import extended
+from gateway.signal.angle_resampling import GRID_SIZE, angle_grid
 from gateway.signal.synchronous_average import AngleAverage, RunningAverage, RunningMoments
-from gateway.types import ComplexArray, FloatArray
+from gateway.types import FloatArray
 
 _AXES: Final = 3
 
@@ -36,6 +39,17 @@ class MeanRevolution:
     axes_scatter_mps2: FloatArray
     radial: AngleAverage
 
+    def curves(self) -> dict[str, FloatArray]:
+        """Return the columns of `AVERAGE_COLUMNS` with one value an angle, by name."""
+        curves = {"angle_rad": angle_grid()}
+        for axis, name in enumerate(AXIS_NAMES):
+            curves[f"{name}_mps2"] = self.axes_mps2[axis]
+            curves[f"{name}_scatter_mps2"] = self.axes_scatter_mps2[axis]
+        return curves | {
+            "normalised_mps2": self.radial.radial_mps2,
+            "normalised_scatter_mps2": self.radial.scatter_mps2,
+        }
+
 
 class MeanOfRevolutions:
     """Adds revolutions one by one; memory is that of a few revolutions."""
@@ -46,42 +60,16 @@ class MeanOfRevolutions:
         self._axes = RunningMoments(_AXES * n)
         self._omega = RunningMoments(1)
 
-    def add(
-        self,
-        axes_mps2: FloatArray,
-        radial_mps2: FloatArray,
-        orders_mps2: ComplexArray,
-        omega_radps: float,
-        *,
-        edges_rad: tuple[float, float],
-        edges_std_rad: tuple[float, float],
-        noise_mps2: float,
-    ) -> None:
+    def add(self, revolution: Revolution) -> None:
         """Add a revolution.
 
-        Args:
-            axes_mps2: (3, n) axes as measured, NaN rows for absent axes.
-            radial_mps2: (n,) radial axis, normalised.
-            orders_mps2: (61,) its coefficients.
-            omega_radps: mean angular speed.
-            edges_rad: leading and trailing edge, NaN when not known.
-            edges_std_rad: their standard errors.
-            noise_mps2: noise of one sample of the normalised radial axis.
-
         Raises:
-            ValueError: as `RunningAverage.update`; nothing is added.
+            ValueError: as `RunningAverage.update_block`; nothing is added.
         """
-        self._radial.update(
-            radial_mps2,
-            orders_mps2,
-            omega_radps,
-            edges_rad=edges_rad,
-            edges_std_rad=edges_std_rad,
-            noise_mps2=noise_mps2,
-        )
+        extended(self._radial, revolution)
         weight = 1.0 / (self._axes.count + 1)
-        self._axes.update(axes_mps2.ravel(), weight)
-        self._omega.update(np.array([omega_radps]), weight)
+        self._axes.update(revolution.axes_mps2.ravel(), weight)
+        self._omega.update(np.array([revolution.omega_radps]), weight)
 
     def mean(self) -> MeanRevolution | None:
         """Return the mean of the revolutions so far, None without any."""

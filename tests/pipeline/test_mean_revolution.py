@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gateway.signal.mean_revolution import MeanOfRevolutions
+from gateway.pipeline.mean_revolution import MeanOfRevolutions
 from gateway.signal.order_spectrum import order_coefficients
 
 N = 256
@@ -23,13 +24,17 @@ def added(items):
     total = MeanOfRevolutions(N)
     for axes, radial, omega in items:
         total.add(
-            axes,
-            radial,
-            order_coefficients(radial),
-            omega,
-            edges_rad=(-0.2, 0.2),
-            edges_std_rad=(0.01, 0.01),
-            noise_mps2=1.0,
+            SimpleNamespace(
+                axes_mps2=axes,
+                radial_mps2=radial,
+                orders_mps2=order_coefficients(radial),
+                omega_radps=omega,
+                leading_edge_rad=-0.2,
+                trailing_edge_rad=0.2,
+                leading_edge_std_rad=0.01,
+                trailing_edge_std_rad=0.01,
+                noise_mps2=1.0,
+            )
         )
     return total.mean()
 
