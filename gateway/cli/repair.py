@@ -28,7 +28,6 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
     is not changed.
     """
     from gateway.recording.repair import needs_repair, repair_recording
-    from gateway.recording.run_description import copy_notes
     from gateway.views.progress import progress_bar
     from gateway.views.text import clean
 
@@ -39,7 +38,6 @@ def repair(recording: Path, out: Path | None, force: bool) -> None:
         return
     with progress_bar(f"repairing {recording.name}") as bar:
         report = repair_recording(recording, out or _beside(recording, "repaired"), _shown(bar))
-    copy_notes(recording, report.target)
     for line in _report_lines(report):
         click.echo(clean(line))
 
@@ -56,7 +54,6 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
     if out is not None and (in_place or len(recordings) > 1):
         raise click.UsageError("--out requires a single recording and cannot be combined with --in-place.")
     from gateway.recording.compact import compact_recording
-    from gateway.recording.run_description import copy_notes
     from gateway.views.progress import progress_bar
     from gateway.views.text import clean, file_size
 
@@ -64,7 +61,6 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
         target = _hidden_beside(recording) if in_place else out or _beside(recording, "compact")
         with progress_bar(f"compacting {recording.name}") as bar:
             report = compact_recording(recording, target, replace=in_place, progress=_shown(bar))
-        copy_notes(recording, report.target)
         share = 100.0 * report.bytes_after / max(report.bytes_before, 1)
         click.echo(
             clean(

@@ -85,6 +85,7 @@ def simulate(
         raise click.UsageError("--fault cannot be combined with --ble, which transmits only whole frames.")
     if ble and key_file is not None:
         raise click.UsageError("--keys cannot be combined with --ble, whose hub changes frames on command.")
+    from gateway.bounded_input import read_bounded
     from gateway.cli.simulation_outputs import to_ble, to_file, to_firmware, to_pty, truth_lines
     from gateway.simulator.link_faults import parse_faults
     from gateway.simulator.scenario import load_scenario, vehicle_toml
@@ -98,7 +99,8 @@ def simulate(
         loaded, seed=seed, duration_s=duration_s, faults=tuple(parse_faults(faults, used_seed)), key_file=key_file
     )
     toml, clock, link = vehicle_toml(loaded, signed=key_file is not None), SystemClock(), link_name(scenario)
-    if vehicle is not None:
+    # After a kill the same command may come again: the same configuration need not be written twice.
+    if vehicle is not None and not (vehicle.is_file() and read_bounded(vehicle, len(toml)) == toml.encode()):
         write_whole(vehicle, toml)
     if out is not None:
         if simulation.duration_s is None:

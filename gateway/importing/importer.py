@@ -15,7 +15,7 @@ import numpy as np
 
 from firmware_protocol.messages import Axis, Coupling
 from gateway.config.vehicle import ASSUMED_RADIUS_MM, VehicleConfig
-from gateway.errors import ImportDataError, RecordingError
+from gateway.errors import ImportDataError
 from gateway.importing.columns import BlockReader, FileFacts, require_columns
 from gateway.importing.data_scan import Scan, WheelScan, scan
 from gateway.importing.decimation import ATTENUATION_DB, RIPPLE_DB, Decimation
@@ -30,6 +30,7 @@ from gateway.importing.sample_rows import SampleRows, WheelColumns, kept_rows
 from gateway.importing.unit_check import unlikely_unit
 from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.reasons import Code, Reason
+from gateway.recording.container import refuse_existing
 from gateway.recording.reference_topic import reference_topic
 from gateway.recording.writer import RecordingWriter, whole_recording
 from gateway.types import BoolArray, FloatArray, IntArray
@@ -145,11 +146,8 @@ def import_file(
     """
     paths = (path,) if isinstance(path, Path) else tuple(path)
     with contextlib.closing(_opened(paths, import_map, processes)) as reader:
-        if out.is_file():
-            # The writer would reject it too, but only after the first pass.
-            raise RecordingError(
-                f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
-            )
+        if not out.is_dir():
+            refuse_existing(out)  # the writer would too, but only after the first pass
         return _import(paths, GapFilledColumns(paths[0], reader, import_map.sampling), import_map, out, progress)
 
 
@@ -342,10 +340,8 @@ def import_wheels(
         ImportDataError: the rows do not fit together.
         RecordingError: the recording exists or cannot be written.
     """
-    if out.is_file():
-        raise RecordingError(
-            f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
-        )
+    if not out.is_dir():
+        refuse_existing(out)
     count = len(wheels)
     parts = [
         _Part(

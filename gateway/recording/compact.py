@@ -12,6 +12,7 @@ from gateway.errors import RecordingError
 from gateway.recording.container import McapOutput
 from gateway.recording.mcap_layout import SESSION_METADATA
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
+from gateway.recording.run_description import copy_notes
 
 Progress = Callable[[int, int], None]
 
@@ -42,7 +43,7 @@ class CompactReport:
 def compact_recording(
     path: Path, target: Path, *, replace: bool = False, progress: Progress | None = None
 ) -> CompactReport:
-    """Write a zstd-compressed copy of a recording and compare both.
+    """Write a zstd-compressed copy of a recording, with its notes, and compare both.
 
     Args:
         path: a finished recording.
@@ -70,6 +71,7 @@ def compact_recording(
         if replace:
             _replace(path, output.written_path)
         else:
+            copy_notes(path, target)
             output.publish()
     except BaseException:
         output.abandon()

@@ -176,7 +176,7 @@ class McapOutput:
             RecordingError: the file exists or cannot be created, or another command writes the same part.
         """
         self.path = path
-        self.written_path = path.with_name(f"{path.name}.part") if in_part else path
+        self.written_path = _part_of(path) if in_part else path
         self._stream = _GuardedStream(path, self.written_path if in_part else None)
         self._writer = Writer(
             self._stream,  # type: ignore[arg-type]  # has the methods that Writer uses: write, tell, flush
@@ -304,19 +304,52 @@ def _open_part(path: Path, part: Path) -> FileIO:
         OSError: `path` exists, or the part cannot be created.
         RecordingError: it is being written.
     """
-    if os.path.lexists(path):
-        # A command that was killed after it gave the file its name has left the part beside it.
-        with suppress(OSError):
-            if path.samefile(part):
-                part.unlink()
-        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST))
-    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
-    file = FileIO(os.open(part, flags | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0), 0o666), "r+b")
+    refuse_existing(path)
+    file = _opened_part(part, 0)
+    status = os.fstat(file.fileno())
+    if status.st_nlink != 1 or status.st_uid != getattr(os, "geteuid", lambda: status.st_uid)():
+        # It has another name too, as after a kill that came between naming it and removing the part, or belongs to
+        # somebody else: what is written here must not get there.
+        file.close()
+        part.unlink()
+        file = _opened_part(part, os.O_EXCL)
+    file.truncate(0)
+    return file
+
+
+def refuse_existing(path: Path) -> None:
+    """Refuse to write a recording that exists; its part, which a kill after naming it leaves, is removed.
+
+    Raises:
+        RecordingError: it exists.
+    """
+    if not os.path.lexists(path):
+        return
+    with suppress(OSError):
+        if path.samefile(part := _part_of(path)):
+            part.unlink()
+    raise _open_error(path, FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)))
+
+
+def _part_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}.part")
+
+
+def _opened_part(part: Path, more_flags: int) -> FileIO:
+    """Return a part, opened and locked.
+
+    Raises:
+        OSError: it cannot be created, or is no regular file.
+        RecordingError: it is being written.
+    """
+    flags = os.O_RDWR | os.O_CREAT | more_flags
+    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"):
+        flags |= getattr(os, name, 0)
+    file = FileIO(os.open(part, flags, 0o666), "r+b")
     try:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise OSError(errno.EINVAL, f"'{part}' is not a regular file")
         lock_for_writing(file)
-        file.truncate(0)
     except BlockingIOError as error:
         file.close()
         raise RecordingError(

@@ -47,7 +47,9 @@ def write_manifest(folder: Path, on_file: Callable[[Path], None] = lambda _: Non
     text = "".join(f"{digest}  {name}\n" for name, digest in sorted(hashes.items()))
     target, part = folder / MANIFEST_NAME, folder / f".{MANIFEST_NAME}.part"
     try:
-        part.write_text(text, encoding="utf-8", newline="\n")
+        part.unlink(missing_ok=True)  # of a killed command; a link that somebody has put there is not followed
+        with part.open("x", encoding="utf-8", newline="\n") as file:
+            file.write(text)
         part.replace(target)
     except OSError as error:
         raise RecordingError(

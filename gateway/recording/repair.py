@@ -14,6 +14,7 @@ from gateway.recording.file_window import FileWindow
 from gateway.recording.mcap_layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
 from gateway.recording.reader import RecordingReader
 from gateway.recording.regular_file import open_regular
+from gateway.recording.run_description import copy_notes
 from gateway.recording.salvage import Salvage
 from gateway.recording.stitch import Losses, Stitcher
 
@@ -71,7 +72,7 @@ def needs_repair(path: Path, progress: Progress | None = None) -> bool:
 
 
 def repair_recording(path: Path, target: Path, progress: Progress | None = None) -> RepairReport:
-    """Write the recoverable part of a recording to a new file.
+    """Write the recoverable part of a recording, and its notes, to a new file.
 
     Memory is bounded, whatever the file's size: a window of it (4 MiB), a few copies of a record or torn place (16 MiB
     each), and the index. The new file gets its name when it is complete.
@@ -98,6 +99,7 @@ def repair_recording(path: Path, target: Path, progress: Progress | None = None)
             if not report.messages:
                 raise RecordingError(f"nothing in '{path}' can be recovered", "It contains no message of a recording.")
             output.close()
+            copy_notes(path, target)
             output.publish()
         except BaseException:
             output.abandon()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatchcase
@@ -16,6 +17,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.bounded_input import read_bounded
 from gateway.errors import RecordingError
+from gateway.recording.regular_file import open_regular
 
 MAX_TEXT_CHARS: Final = 2000
 """Largest number of characters of a text of a description."""
@@ -181,7 +183,6 @@ def add_note(recording: Path, note: Note) -> None:
         RecordingError: the notes cannot be written.
     """
     path = notes_path(recording)
-    line = json.dumps({"utc": note.utc, "comment": note.comment, "tags": list(note.tags)}, ensure_ascii=False)
     try:
         with path.open("a+b") as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - _MAX_NOTES_BYTES))
@@ -190,11 +191,9 @@ def add_note(recording: Path, note: Note) -> None:
                 file.write(b"\n")
             elif last:
                 file.truncate(file.tell() - len(last))
-            file.write(line.encode() + b"\n")
+            file.write(_line(note))
     except OSError as error:
-        raise RecordingError(
-            f"the note cannot be written to '{path}': {error.strerror}", "Check the folder's permissions and space."
-        ) from error
+        raise _not_written(path, error) from error
 
 
 def _is_json(line: bytes) -> bool:
@@ -206,13 +205,36 @@ def _is_json(line: bytes) -> bool:
 
 
 def copy_notes(recording: Path, copy: Path) -> None:
-    """Give the copy of a recording its notes.
+    """Give the copy of a recording its notes, all or none of them, before the copy appears under its name.
 
     Raises:
         RecordingError: they cannot be read or written.
     """
-    for note in read_notes(recording) if not notes_path(copy).exists() else ():
-        add_note(copy, note)
+    source, target = notes_path(recording), notes_path(copy)
+    if target.exists():
+        return
+    part = target.with_name(f"{target.name}.part")
+    try:
+        with open_regular(source) as notes:
+            part.unlink(missing_ok=True)
+            with part.open("xb") as file:
+                shutil.copyfileobj(notes, file)
+        part.replace(target)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise _not_written(target, error) from error
+
+
+def _line(note: Note) -> bytes:
+    entries = {"utc": note.utc, "comment": note.comment, "tags": list(note.tags)}
+    return json.dumps(entries, ensure_ascii=False).encode() + b"\n"
+
+
+def _not_written(path: Path, error: OSError) -> RecordingError:
+    return RecordingError(
+        f"the note cannot be written to '{path}': {error.strerror}", "Check the folder's permissions and space."
+    )
 
 
 class RunFilter(NamedTuple):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import stat
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -74,7 +73,7 @@ def keep_from_core_dumps() -> None:
 
 
 def write_private(path: Path, text: str) -> None:
-    """Replace a private file; a crash leaves either the old or the new one complete.
+    """Replace a private file, `locked` by the caller; a crash leaves either the old or the new one complete.
 
     A symbolic link stays one, and its target is replaced. Mode and owner of an existing file are kept.
 
@@ -84,17 +83,20 @@ def write_private(path: Path, text: str) -> None:
     target = _target(path)
     try:
         _make_folder(target)
-        descriptor, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)  # mode 0600
+        part = target.with_name(f".{target.name}.part")
+        part.unlink(missing_ok=True)  # of a killed process: it has keys
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
+        descriptor = os.open(part, flags, 0o600)
         try:
             with os.fdopen(descriptor, "wb") as file:
                 file.write(text.encode())
                 file.flush()
                 _keep_mode_and_owner(target, file.fileno())
                 os.fsync(file.fileno())
-            Path(name).replace(target)
+            part.replace(target)
         except BaseException:
             with suppress(OSError):
-                Path(name).unlink()
+                part.unlink()
             raise
     except OSError as error:
         raise SecurityError(f"'{path}' cannot be written: {error.strerror}", "Check folder and disk.") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from mcap.reader import make_reader
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk
 from gateway.recording.compact import compact_recording
+from gateway.recording.manifest import MANIFEST_NAME, write_manifest
 from gateway.recording.mcap_layout import REPAIR_METADATA
 from gateway.recording.reader import RecordingReader
 from gateway.recording.repair import needs_repair, repair_recording
@@ -262,3 +264,35 @@ def test_messages_with_equal_times_stay_separate(tmp_path: Path) -> None:
     starts = [start for start, _ in damage.payload_positions(file)]
     cut, _ = damage.cut(file, [(starts[30] - 20, 15)])
     assert damage.rescued(repaired(tmp_path, cut))["dump:x.bin"] == set(frames)
+
+
+def test_a_part_that_has_another_name_is_not_written_to(tmp_path: Path) -> None:
+    """As after a kill between naming the result and removing the part, when the user has moved the result."""
+    path = streams.write(tmp_path / "r.mcap", [Chunk("a", 1, b"x")]).path
+    moved = tmp_path / "archive.mcap"
+    moved.write_bytes(b"precious")
+    os.link(moved, tmp_path / "out.mcap.part")
+    repair_recording(path, tmp_path / "out.mcap")
+    assert moved.read_bytes() == b"precious"
+    assert (tmp_path / "out.mcap").read_bytes() != b"precious"
+    assert not (tmp_path / "out.mcap.part").exists()
+
+
+def test_a_result_takes_its_left_part_away(tmp_path: Path) -> None:
+    path = streams.write(tmp_path / "r.mcap", [Chunk("a", 1, b"x")]).path
+    repair_recording(path, tmp_path / "out.mcap")
+    os.link(tmp_path / "out.mcap", tmp_path / "out.mcap.part")
+    with pytest.raises(RecordingError, match="already exists"):
+        repair_recording(path, tmp_path / "out.mcap")
+    assert not (tmp_path / "out.mcap.part").exists()
+
+
+def test_a_part_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
+    path = streams.write(tmp_path / "r.mcap", [Chunk("a", 1, b"x")]).path
+    (tmp_path / "other").write_bytes(b"precious")
+    (tmp_path / "out.mcap.part").symlink_to(tmp_path / "other")
+    with pytest.raises(RecordingError, match=r"out\.mcap"):
+        repair_recording(path, tmp_path / "out.mcap")
+    (tmp_path / f".{MANIFEST_NAME}.part").symlink_to(tmp_path / "other")
+    write_manifest(tmp_path)
+    assert (tmp_path / "other").read_bytes() == b"precious"
