@@ -27,6 +27,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 # Answers of a disk or a device, not of the program's own doing.
 _LIBRARY_WITHOUT_ROOM: Final = ("failed to map segment", "annot allocate memory")
+_UNUSABLE: Final = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.EACCES)
 _REFUSALS: Final = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 # name -> (module:function, line in `treadlink --help`), in the order in which a user meets them.
@@ -176,11 +177,11 @@ def main() -> None:
 
 @contextmanager
 def _explained_refusal() -> Iterator[None]:
-    """Explain what the system refuses and no command handles itself: memory, or an output, as a rule standard output.
+    """Explain what the system refuses and no command handles itself: memory, a path, or as a rule standard output.
 
     Raises:
         OutputError: a disk or device refuses an output.
-        TreadlinkError: there is not enough memory.
+        TreadlinkError: there is not enough memory, or no file can have this path.
     """
     try:
         yield
@@ -192,6 +193,10 @@ def _explained_refusal() -> Iterator[None]:
     except OSError as error:
         if error.errno == errno.ENOMEM:
             raise _memory_error() from error
+        if error.errno in _UNUSABLE and error.filename is not None:
+            raise TreadlinkError(
+                f"'{error.filename}' cannot be used: {error.strerror}", "Give another path."
+            ) from error
         if error.errno not in _REFUSALS:
             raise
         raise OutputError(

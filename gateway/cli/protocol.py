@@ -256,8 +256,9 @@ def tables(specification: Path) -> None:
     SPECIFICATION is the file docs/reference/protocol.md.
     """
     from firmware_protocol.spec import updated
+    from gateway.config.validation import read_text
 
-    write_whole(specification, updated(specification.read_text("utf-8")), force=True)
+    write_whole(specification, updated(read_text(specification, "the specification")), force=True)
 
 
 def _write(files: Mapping[str, str], out: Path | None, *, force: bool) -> None:

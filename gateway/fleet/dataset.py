@@ -29,6 +29,7 @@ from urllib.parse import quote
 import numpy as np
 
 from gateway import __version__
+from gateway.bounded_input import read_bounded
 from gateway.errors import OutputError
 from gateway.fleet.content_keys import path_key
 from gateway.fleet.parquet_parts import FORMAT, PartFile, read_rows
@@ -55,6 +56,7 @@ _FINAL, _AGAIN = "final", "again"
 _OF_WHEELS: Final = ("position", "revolutions", "missing", "alarms", "damage")
 _NO_REVOLUTIONS: Final = "none"
 _LONGEST_NAME: Final = 80
+_MAX_DESCRIPTION_BYTES: Final = 1 << 20
 _NULL_PARTITION: Final = "__HIVE_DEFAULT_PARTITION__"
 _LOCK_RETRY_NS: Final = 200_000_000
 
@@ -403,7 +405,7 @@ def read_description(root: Path) -> Description:
     """
     path = root / DESCRIPTION
     try:
-        entries = json.loads(path.read_text("utf-8"))
+        entries = json.loads(read_bounded(path, _MAX_DESCRIPTION_BYTES))
         return Description(
             tuple(map(str, entries["estimators"])), tuple(map(str, entries["estimates"])), str(entries["rows"])
         )
@@ -412,7 +414,7 @@ def read_description(root: Path) -> Description:
             f"'{root}' is not a dataset: it has no file {DESCRIPTION}",
             "Make one: treadlink campaign PATH... --out DATASET",
         ) from error
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise OutputError(f"'{path}' cannot be read: {error}", "Restore it, or choose a new folder.") from error
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import re
@@ -18,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.clock import Clock, SystemClock
+from gateway.config.validation import read_text
 from gateway.errors import OutputError, RecordingError
 from gateway.estimators.estimator import Status
 from gateway.fleet.dataset import FAILURES, Key, is_identified, partition_name, read_description
@@ -57,6 +59,7 @@ _DATE: Final = re.compile(
     r"\d{4}-\d{2}-\d{2}(?:[T ]\d{2}:\d{2}(?::\d{2}(?:\.\d{1,9})?)?(?:Z|[+-]\d{2}:\d{2})?)?", re.ASCII
 )
 _FIRST_YEAR, _LAST_YEAR = 1970, 2200
+_MAX_ODOMETER_BYTES: Final = 64 << 20
 _ODOMETER_COLUMNS: Final = ("vehicle", "utc", "km")
 # Clocks that were not set begin in 1970, 1980 or 2000; there were no such sensors before.
 _EARLIEST_NS: Final = int(np.datetime64("2000-03-01", "ns").astype(np.int64))
@@ -189,30 +192,32 @@ def read_odometer(path: Path) -> Odometer:
     """Read a CSV file with the columns vehicle, utc and km; between two readings the distance is interpolated.
 
     Raises:
-        RecordingError: the file cannot be read, or a line is wrong.
+        ConfigError: the file cannot be read.
+        RecordingError: a line is wrong.
     """
     points_by_vehicle: dict[str, list[tuple[int, float]]] = defaultdict(list)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            lines = csv.DictReader(file)
-            missing = [name for name in _ODOMETER_COLUMNS if name not in (lines.fieldnames or ())]
-            if missing:
+        lines = csv.DictReader(
+            io.StringIO(read_text(path, "the odometer file", max_bytes=_MAX_ODOMETER_BYTES), newline="")
+        )
+        missing = [name for name in _ODOMETER_COLUMNS if name not in (lines.fieldnames or ())]
+        if missing:
+            raise RecordingError(
+                f"'{path}' has no column {', '.join(missing)}", f"Its header must be {','.join(_ODOMETER_COLUMNS)}."
+            )
+        for line in lines:
+            try:
+                time_ns = _odometer_ns(str(line["utc"] or "").strip())
+                km = float(line["km"])
+            except (ValueError, TypeError) as error:
                 raise RecordingError(
-                    f"'{path}' has no column {', '.join(missing)}", f"Its header must be {','.join(_ODOMETER_COLUMNS)}."
-                )
-            for line in lines:
-                try:
-                    time_ns = _odometer_ns(str(line["utc"] or "").strip())
-                    km = float(line["km"])
-                except (ValueError, TypeError) as error:
-                    raise RecordingError(
-                        f"'{path}', line {lines.line_num}: {error}",
-                        "A line is such as: truck 7,2026-01-31T12:00:00Z,20450.5",
-                    ) from error
-                if not math.isfinite(km):
-                    raise RecordingError(f"'{path}', line {lines.line_num}: km is not a number", "Correct the line.")
-                points_by_vehicle[str(line["vehicle"]).strip()].append((time_ns, km))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+                    f"'{path}', line {lines.line_num}: {error}",
+                    "A line is such as: truck 7,2026-01-31T12:00:00Z,20450.5",
+                ) from error
+            if not math.isfinite(km):
+                raise RecordingError(f"'{path}', line {lines.line_num}: km is not a number", "Correct the line.")
+            points_by_vehicle[str(line["vehicle"]).strip()].append((time_ns, km))
+    except csv.Error as error:
         raise RecordingError(f"'{path}' cannot be read: {error}", "Give a CSV file in UTF-8.") from error
     readings = {}
     for vehicle, points in points_by_vehicle.items():

@@ -10,6 +10,7 @@ import os
 import ssl
 import threading
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
 from urllib.parse import quote, unquote, urlsplit
 
@@ -96,6 +97,9 @@ def open_mqtt(address: SinkAddress, setting: SinkSetting) -> MqttSink:
 def _tls_context(address: SinkAddress) -> ssl.SSLContext:
     """Return a context that verifies the broker: with the system's authorities, or with those of `ca`."""
     options = address.options
+    for name in sorted(_TLS_OPTIONS & options.keys()):
+        if Path(options[name]).exists() and not Path(options[name]).is_file():  # a FIFO would wait for its writer
+            raise SinkError(f"'{address.name}': {name}={options[name]} is not a file", "Give a PEM file.")
     try:
         context = ssl.create_default_context(cafile=options.get("ca"))
         if "cert" in options:

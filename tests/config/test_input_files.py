@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from gateway.bounded_input import MAX_DBC_BYTES
+from gateway.cli import main
 from gateway.clock import SystemClock
 from gateway.config.validation import read_text
 from gateway.config.vehicle import load_vehicle, parse_vehicle
 from gateway.errors import TreadlinkError
+from gateway.fleet.dataset import DESCRIPTION, read_description
+from gateway.fleet.history_reading import read_odometer
 from gateway.io.source import open_source
 from gateway.session.signal_decoding import open_decoder
 
@@ -47,6 +51,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "document": lambda path: read_text(path, "the document"),
     "dbc of the vehicle": read_vehicle_dbc,
     "dbc of a source": read_source_dbc,
+    "odometer": read_odometer,
 }
 
 
@@ -79,3 +84,30 @@ def test_file_that_cannot_be_read_whole_is_refused(reader: str, make: Callable[[
         READERS[reader](path)
     assert path.name in str(refused.value)
     assert refused.value.remedy
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs FIFOs")
+@pytest.mark.parametrize("content", [None, b"[" * 100_000, b'{"rows": ' + b"9" * 20_000 + b"}", b"\xff"])
+def test_description_of_a_dataset_that_is_none_is_refused(content: bytes | None, tmp_path: Path) -> None:
+    path = tmp_path / DESCRIPTION
+    if content is None:
+        os.mkfifo(path)
+    else:
+        path.write_bytes(content)
+    with pytest.raises(TreadlinkError, match=DESCRIPTION):
+        read_description(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "line", ["simulate {name} --out o.mcap", "inspect {name}", "diagnose {name}", "import {name} --guess"]
+)
+def test_a_name_that_no_file_can_have_is_a_message(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("gateway.cli.stop_signals.install", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["treadlink", *line.format(name="n" * 260).split()])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code in (1, 2)
+    assert "nnnn" in capsys.readouterr().err

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import ipaddress
 import json
+import os
 import re
 import signal
 import subprocess
@@ -19,7 +20,7 @@ import pytest
 from gateway.clock import SystemClock
 from gateway.publishing.line_schema import line_schema
 from gateway.publishing.mqtt import PASSWORD, USERNAME
-from gateway.publishing.sink import PublishedState, SinkSetting, open_sink
+from gateway.publishing.sink import PublishedState, SinkError, SinkSetting, open_sink
 from gateway.publishing.sink_worker import SinkWorker
 from tests.testkit.waiting import TIMEOUT_S, until
 from tools.mqtt_broker import PROGRAM, Broker, Listener
@@ -318,6 +319,15 @@ def write_certificates(folder: Path) -> None:
     authority = make("ca")
     make("broker", authority)
     make("client", authority)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs FIFOs")
+@pytest.mark.parametrize("name", ["ca", "cert", "key"])
+def test_a_certificate_that_is_a_fifo_is_refused(tmp_path, name) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    others = f"&cert={tmp_path}" if name == "key" else ""
+    with pytest.raises(SinkError, match="not a file"):
+        open_sink(f"mqtts://127.0.0.1/car?{name}={tmp_path}/fifo{others}", SinkSetting())
 
 
 def test_tls_verifies_both_ends(items, tmp_path) -> None:
