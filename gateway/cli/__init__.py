@@ -55,6 +55,7 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "plan": ("gateway.cli.plan:plan", "Say what a sensor will be able to measure before it is bought."),
     "figures": ("gateway.cli.figures:figures", "Draw the papers' figures from simulated tires or measurements."),
     "scan": ("gateway.cli.scan:scan", "List hubs in range and serial ports."),
+    "setup": ("gateway.cli.setup:setup", "Write a vehicle file for plugged hubs: wheels, radius, pressure, load."),
     "command": ("gateway.cli.command:command", "Send a command to a hub and print its reply."),
     "keys": ("gateway.cli.keys:keys", "Manage sensor signing keys."),
     "doctor": ("gateway.cli.doctor:doctor", "Check packages, ports, permissions and configuration."),
