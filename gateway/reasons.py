@@ -488,6 +488,7 @@ class Code(Enum):
     MTU_TOO_SMALL = "MTU {mtu} is less than the {needed} that frames need: expect losses"
     MTU_UNKNOWN = "MTU unknown (frames need {needed})"
     NOTIFICATIONS_DROPPED = "{count} notifications dropped because this computer is too slow"
+    PORT_SHARED = "also open in {holders}, which takes a part of its bytes: quit it"
     QUOTED_TEXT = "{text}"
     SYSTEM_TIME_SET = (
         "its system time jumped by {step_s:+.1f s}. The times of this session stay those of the clock at its start: "

@@ -30,6 +30,7 @@ def command() -> None:
 
     SOURCE is a hub: serial:PORT, tcp://HOST:PORT or ble://NAME-or-ADDRESS. Where there are keys,
     commands are signed, and go only to a hub that proves that it has the same key; --unsigned also allows others.
+    If a session of yours has the hub, the command goes through it (not on Windows).
     `live` and `record` start their hubs and set their clocks automatically.
     """
 
@@ -86,17 +87,22 @@ def time(source: str, key_file: Path | None, unsigned: bool) -> None:
 
 
 def _send(uri: str, what: Command, key_file: Path | None, unsigned: bool) -> None:
-    from gateway.io.source import open_source
+    from gateway.io.source import Source, open_source
     from gateway.security.key_file import command_keys
     from gateway.session.commands import TwoWaySource, execute
+    from gateway.session.control_socket import SessionSource, session_of
 
-    opened = open_source(uri, _clock)
+    opened: Source = open_source(uri, _clock)
     try:
         if not isinstance(opened, TwoWaySource):
             raise SourceError(f"'{uri}' does not accept commands", "Give serial:PORT, tcp://HOST:PORT or ble://NAME.")
+        session = session_of(opened.link)
+        way = f", through the session of process {session.process}" if session is not None else ""
+        if session is not None:
+            opened = SessionSource(opened.link, session.connection, _clock)
         keys = command_keys(key_file)
         done = execute(opened, what, _clock, keys=keys, may_be_unsigned=unsigned)
-        click.echo(f"hub {done.hub} executed the command{_signature(done, bool(keys))}")
+        click.echo(f"hub {done.hub} executed the command{_signature(done, bool(keys))}{way}")
     finally:
         opened.close()
 

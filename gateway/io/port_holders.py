@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -10,7 +11,7 @@ _PROCESSES: Final = Path("/proc")
 
 
 def port_holders(port: str) -> tuple[str, ...]:
-    """Return the programs that have a port open, as `minicom (process 1234)`; none where they cannot be seen.
+    """Return the other programs that have a port open, as `minicom (process 1234)`; none where they cannot be seen.
 
     Linux shows the open files of the user's own processes only; other systems show none.
     """
@@ -23,6 +24,8 @@ def port_holders(port: str) -> tuple[str, ...]:
 
 def _holders(device: int) -> Iterator[str]:
     for process in sorted(_PROCESSES.glob("[0-9]*"), key=lambda path: int(path.name)):
+        if process.name == str(os.getpid()):
+            continue
         try:
             if any(_is_of(path, device) for path in (process / "fd").iterdir()):
                 yield f"{(process / 'comm').read_text(errors='replace').strip()} (process {process.name})"

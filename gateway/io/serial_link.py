@@ -17,8 +17,17 @@ from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
 from gateway.io.port_holders import port_holders
 from gateway.io.reconnect import ReconnectingSource
-from gateway.io.source import DEFAULT_BAUDRATE, Source, SourceAddress, rate_option, silence_option
+from gateway.io.source import (
+    DEFAULT_BAUDRATE,
+    LinkEvent,
+    LinkEventKind,
+    Source,
+    SourceAddress,
+    rate_option,
+    silence_option,
+)
 from gateway.nearest_name import did_you_mean
+from gateway.reasons import Code, Reason
 
 if sys.platform == "win32":
     _TERMIOS_ERROR: type[Exception] = OSError
@@ -147,13 +156,25 @@ def open_serial(address: SourceAddress, clock: Clock) -> Source:
     settings = serial_settings(
         {name: text for name, text in address.options.items() if name not in ("rate", "silence")}
     )
-    return ReconnectingSource(
-        f"serial:{address.target}",
-        lambda: serial_port(address.target, settings),
-        clock,
-        rate_hz=rate_hz,
-        silence_s=silence_s,
-    )
+    return SerialSource(address.target, settings, clock, rate_hz=rate_hz, silence_s=silence_s)
+
+
+class SerialSource(ReconnectingSource):
+    """A serial port, which names the programs that read it too."""
+
+    def __init__(
+        self, port: str, settings: Mapping[str, Any], clock: Clock, *, rate_hz: float | None, silence_s: float
+    ) -> None:
+        """Name the port; nothing is opened yet. Settings are those of `serial_settings`."""
+        name = f"serial:{port}"
+        super().__init__(name, lambda: serial_port(port, settings), clock, rate_hz=rate_hz, silence_s=silence_s)
+        self._port = port
+
+    def _event(self, kind: LinkEventKind, text: str = "", details: tuple[Reason, ...] = ()) -> LinkEvent:
+        # A lock on the port does not keep out who had it open before.
+        if kind in (LinkEventKind.CONNECTED, LinkEventKind.RESTORED) and (holders := port_holders(self._port)):
+            details = (*details, Reason(Code.PORT_SHARED, holders=" and ".join(holders)))
+        return super()._event(kind, text, details)
 
 
 def serial_port(port: str, settings: Mapping[str, Any]) -> PyserialLink:

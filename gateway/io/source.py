@@ -103,6 +103,7 @@ EVENT_DETAILS: Final[Mapping[Code, Mapping[str, type]]] = {
     Code.MTU_TOO_SMALL: {"mtu": int, "needed": int},
     Code.MTU_UNKNOWN: {"needed": int},
     Code.NOTIFICATIONS_DROPPED: {"count": int},
+    Code.PORT_SHARED: {"holders": str},
     Code.RECORDING_CHANNEL_UNDECLARED: {"recording": str, "channel": int},
     Code.RECORDING_CHUNK_DAMAGED: {"recording": str, "at_byte": int, "skipped_bytes": int},
     Code.RECORDING_CUT_OFF: {"recording": str, "at_byte": int},

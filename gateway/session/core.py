@@ -63,6 +63,9 @@ _BEHIND: Final[Mapping[Stage, Code]] = {
     Stage.DECODING: Code.DECODING_BEHIND,
     Stage.VIEW: Code.VIEW_BEHIND,
 }
+_BAD_EVENTS: Final = (LinkEventKind.LOST, LinkEventKind.RETRYING)
+# Details that cost frames.
+_BAD_DETAILS: Final = (Code.PORT_SHARED, Code.MTU_TOO_SMALL)
 _LOSSES: Final = (Stage.RECORDING, Stage.TOPICS)
 
 
@@ -277,7 +280,8 @@ class SessionCore:
         if event.rssi_dbm is not None:
             link.connected_rssi_dbm = event.rssi_dbm
         if event.kind is not LinkEventKind.RETRYING or link.note != reason:
-            level = Level.WARNING if event.kind in (LinkEventKind.LOST, LinkEventKind.RETRYING) else Level.INFO
+            is_bad = event.kind in _BAD_EVENTS or any(detail.code in _BAD_DETAILS for detail in event.details)
+            level = Level.WARNING if is_bad else Level.INFO
             self.notify(Notice(event.link, reason, level))
         link.note = reason
 

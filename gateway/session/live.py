@@ -22,6 +22,7 @@ from gateway.reasons import Code, Notice, Reason
 from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.computer_watch import ComputerWatch
+from gateway.session.control_socket import ControlSocket
 from gateway.session.core import SessionCore
 from gateway.session.disk_watch import DiskWatch
 from gateway.session.latency import Latency
@@ -72,6 +73,7 @@ class LiveSession:
         signals: SignalDecoder | None = None,
         open_recorder: Callable[[], Recorder] | None = None,
         latency_s: float = LATENCY_S,
+        control: ControlSocket | None = None,
     ) -> None:
         """Build the session; `start` runs it.
 
@@ -90,7 +92,9 @@ class LiveSession:
             signals: decodes the vehicle's bus and receivers; None for receivers only.
             open_recorder: opens a new recording for `start_recording`; None when none may be begun.
             latency_s: longest time that a result may wait.
+            control: serves the links to other commands; the session closes it.
         """
+        self._control = control
         self._publication = publication
         self._sources = list(sources)
         self._patient = list(patient)
@@ -258,6 +262,8 @@ class LiveSession:
             TreadlinkError: a source or the session failed.
         """
         self._stop.set()
+        if self._control is not None:
+            self._control.close()
         self._done.wait(_JOIN_S)
         for source in self._sources:
             source.close()

@@ -23,7 +23,8 @@ from gateway.recording.split_writer import Split, SplitWriter
 from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
-from gateway.session.commands import with_commands
+from gateway.session.commands import TwoWaySource, with_commands
+from gateway.session.control_socket import ControlSocket, shared_links
 from gateway.session.effects_opening import open_effects
 from gateway.session.latency import Latency
 from gateway.session.live import LiveSession
@@ -123,7 +124,12 @@ def open_session(
         dbc_text = signals.dbc_text or next(filter(None, texts), None)
         # The policy `warn` is for a time in which not every hub signs yet.
         may_be_unsigned = guard is not None and not guard.requires
-        sources = [with_commands(source, clock, keys, may_be_unsigned=may_be_unsigned) for source in sources]
+        links = shared_links([source for source in sources if isinstance(source, TwoWaySource)])
+        shared = {id(link.source): link for link in links.values()}
+        sources = [
+            with_commands(shared.get(id(source), source), clock, keys, may_be_unsigned=may_be_unsigned)
+            for source in sources
+        ]
         open_recorder = partial(_open_recorder, clock=clock, vehicle=vehicle, uris=uris, dbc_text=dbc_text, run=stated)
         recorder = open_recorder(record, split) if record is not None else None
         folder = Path() if record is None else record.parent if record.suffix == ".mcap" else record
@@ -143,6 +149,7 @@ def open_session(
             signals=signals,
             open_recorder=None if all(is_replay) else lambda: open_recorder(folder, None),
             latency_s=latency_s,
+            control=ControlSocket(links),
         )
         live.start()
     except BaseException:

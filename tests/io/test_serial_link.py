@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import errno
-import os
+import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,9 @@ from gateway.errors import LinkLostError, SourceError
 from gateway.io.port_holders import port_holders
 from gateway.io.serial_link import PyserialLink, explain_open_error, serial_settings
 from gateway.io.source import LinkEventKind, Source, open_source
+from gateway.reasons import Code, Level
+from gateway.session.core import SessionCore
+from gateway.views.wording import notice_text
 from tests.testkit.hub_ends import PtyPort, Reader
 
 Read = Callable[[Source], Reader]
@@ -80,18 +84,53 @@ def test_no_port_suggests_the_simulator() -> None:
     assert "sim:demo" in error.remedy
 
 
+_HOLDER = """
+import os, sys
+port = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)
+if sys.argv[2] == "True":
+    import fcntl
+    fcntl.flock(port, fcntl.LOCK_EX)
+print("open", flush=True)
+sys.stdin.read()
+"""
+
+
+@contextmanager
+def held_by_another(port: Path, *, locks: bool) -> Iterator[int]:
+    """Yield the number of another process that has a port open, and locks it as pyserial does."""
+    command = [sys.executable, "-S", "-c", _HOLDER, str(port), str(locks)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"open\n"
+        yield process.pid
+        process.stdin.close()
+
+
 def test_busy_port_is_not_to_be_shared(pty_port: PtyPort, read: Read) -> None:
-    with serial.Serial(str(pty_port.path), exclusive=True):
+    with held_by_another(pty_port.path, locks=True) as process:
         reader = read(open_source(f"serial:{pty_port.path}", ManualClock()))
         assert reader.next() is None
         assert isinstance(reader.error, SourceError)
         if sys.platform == "linux":
-            assert f"(process {os.getpid()})" in str(reader.error)
+            assert f"(process {process})" in str(reader.error)
         else:
             assert "in use by another program" in str(reader.error)
         assert "exclusive" not in reader.error.remedy, "half of a running recording would be lost"
         shared = read(open_source(f"serial:{pty_port.path}?exclusive=no", ManualClock()))
         shared.event(LinkEventKind.CONNECTED)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell")
+def test_who_reads_the_port_too_is_named(pty_port: PtyPort, read: Read) -> None:
+    with held_by_another(pty_port.path, locks=False) as process:
+        connected = read(open_source(f"serial:{pty_port.path}", ManualClock())).event(LinkEventKind.CONNECTED)
+        (detail,) = connected.details
+        assert detail.code is Code.PORT_SHARED
+        assert f"(process {process})" in detail["holders"]
+        core = SessionCore(None)
+        core.take(connected)
+        (notice,) = [notice for notice in core.take_notices() if notice.subject == connected.link]
+        assert notice.level is Level.WARNING
+        assert "takes a part of its bytes" in notice_text(notice)
 
 
 def test_a_port_that_nobody_holds_names_nobody(pty_port: PtyPort, tmp_path: Path) -> None:
