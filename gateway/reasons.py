@@ -197,6 +197,7 @@ class Code(Enum):
     GRAVITY_CONTRADICTED = "gravity in the radial axis gives a gain of {gain:.2f} ± {std:.2f} of the stated one"
     MAY_CHANGE_BY = "may be wrong by {effect:.1%}: {why}"
     NOT_POSSIBLE = "{errors:.1f} standard errors beyond what is possible"
+    NOT_POSSIBLE_AT_ALL = "beyond what is possible"
     NO_SINGLE_CAUSE = "no single cause fits"
     NOTHING_FOLLOWS = "not determined: {why}"
     HUB_MOVES = (
@@ -348,6 +349,7 @@ class Code(Enum):
     )
     SCATTER_UNKNOWN = "the scatter is not known before {needed:.0f} revolutions"
     SIGN_NOT_DETERMINED = "the sign is not determined: {errors:.1f} standard errors from zero"
+    SIGN_WITHOUT_ERROR = "the sign is not determined: the standard error is not known yet"
     SLIP_BEYOND_LAW = "beyond the slip angles that the slip calibration describes"
     SLIP_OUTSIDE_CALIBRATION = (
         "the slip angle {slip_rad:.2f deg} is outside the calibrated {low_rad:.2f deg} to {high_rad:.2f deg}"

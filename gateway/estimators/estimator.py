@@ -165,6 +165,12 @@ def not_used(faults: Iterable[Reason]) -> Reason:
     return Reason(Code.REVOLUTION_NOT_USED, faults=tuple(faults))
 
 
+def sign_not_determined(value: float, std: float) -> Reason:
+    """Return the reason of a value whose sign its standard error does not tell."""
+    errors = abs(value) / std if std > 0.0 else math.nan
+    return Reason(Code.SIGN_NOT_DETERMINED, errors=errors) if math.isfinite(errors) else Reason(Code.SIGN_WITHOUT_ERROR)
+
+
 class Estimator(Protocol):
     """Turns revolutions into estimates; one instance per wheel, deterministic, keeps its own warm start.
 

@@ -17,7 +17,12 @@ from typing import Final
 import numpy as np
 
 from gateway.estimators.determination import DETERMINED
-from gateway.estimators.estimator import Estimate, Status, TireConditions
+from gateway.estimators.estimator import (
+    Estimate,
+    Status,
+    TireConditions,
+    sign_not_determined,
+)
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
@@ -94,7 +99,7 @@ def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, 
     assert conditions.load_n is not None
     force, force_std = side.value * conditions.load_n, side.std * conditions.load_n
     if not abs(force) > DETERMINED * force_std:
-        return Estimate.invalid(NAMES[1], Reason(Code.SIGN_NOT_DETERMINED, errors=abs(force) / force_std))
+        return Estimate.invalid(NAMES[1], sign_not_determined(force, force_std))
     if pull.status is not Status.INVALID and abs(pull.value) > _LATERAL_SLIP * abs(side.value) + DETERMINED * pull.std:
         return Estimate.invalid(NAMES[1], Reason(Code.SLIP_NOT_LATERAL, ratio=abs(pull.value / side.value)))
     # A moment that turns the tire against its side force.

@@ -19,7 +19,13 @@ from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators.belt_laminate import BeltLaminate, coupling_law
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
 from gateway.estimators.disagreement import disagreement_std
-from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import (
+    Estimate,
+    Revolution,
+    Status,
+    TireConditions,
+    sign_not_determined,
+)
 from gateway.estimators.lateral_shape import (
     CIRCUMFERENTIAL,
     DEFINITIONS,
@@ -486,8 +492,7 @@ def _estimates(
         )
     ]
     if not has_sign:
-        line, line_std = values_rad[_LINE], stds_rad[_LINE]
-        chance = Reason(Code.SIGN_NOT_DETERMINED, errors=abs(line) / line_std if line_std > 0.0 else math.nan)
+        chance = sign_not_determined(values_rad[_LINE], stds_rad[_LINE])
         made = [
             Estimate.invalid(estimate.name, chance) if estimate.name in _SIGN_OF_LINE else estimate for estimate in made
         ]

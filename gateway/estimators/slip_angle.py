@@ -15,8 +15,17 @@ from typing import Final
 
 import numpy as np
 
-from gateway.estimators.estimator import Estimate, Status, TireConditions
-from gateway.estimators.lateral_shape import ORDERS, LateralEstimator, LateralSteps
+from gateway.estimators.estimator import (
+    Estimate,
+    Status,
+    TireConditions,
+    sign_not_determined,
+)
+from gateway.estimators.lateral_shape import (
+    ORDERS,
+    LateralEstimator,
+    LateralSteps,
+)
 from gateway.estimators.slip_calibration import SlipCalibration
 from gateway.reasons import Code, Reason
 from gateway.signal.lateral_deformation import chord_row, lateral_waveform
@@ -122,7 +131,7 @@ class SlipAngleEstimator(LateralEstimator):
             )
         status, reasons = _status(scatter, count, law, outside)
         direction = math.copysign(1.0, apparent) if abs(apparent) > _SIGNIFICANT * std else 0.0
-        unsigned = () if direction else (Reason(Code.SIGN_NOT_DETERMINED, errors=abs(apparent) / std if std else 0.0),)
+        unsigned = () if direction else (sign_not_determined(apparent, std),)
         # The asymmetry is a property of the waveform; which zero was learnt does not matter to it.
         settled = law is not None or count >= REFERENCE_SETTLED
         asymmetry_status, asymmetry_reasons = (

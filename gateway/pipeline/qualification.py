@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable
 from typing import Final
 
@@ -72,8 +71,9 @@ def _possible(estimate: Estimate) -> Estimate:
     beyond = max(least - estimate.value, estimate.value - greatest)
     if not beyond > 0.0 or beyond <= _BEYOND * estimate.std:
         return estimate
-    errors = beyond / estimate.std if estimate.std > 0.0 else math.inf
-    return _provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=errors))
+    if not estimate.std > 0.0:
+        return _provisional(estimate, Reason(Code.NOT_POSSIBLE_AT_ALL))
+    return _provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=beyond / estimate.std))
 
 
 def _provisional(estimate: Estimate, why: Reason) -> Estimate:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from pathlib import Path
 
 import pytest
 
+import treadlink
+from gateway.estimators.registry import ESTIMATORS
 from gateway.reasons import Code, Reason
 from gateway.views.wording import as_json, fields, joined, text
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
+GOLDEN = Path(__file__).parents[1] / "golden" / "data"
+NO_NUMBER = re.compile(r"\b(nan|inf)\b [a-z]")
 
 
 def test_only_wording_reads_templates() -> None:
@@ -66,3 +71,19 @@ def test_zero_has_no_sign() -> None:
 @pytest.mark.parametrize(("error", "shown"), [(3.4, "3.4 times"), (1.1e4, "more than 10 times")])
 def test_large_relative_error_has_no_size(error: float, shown: str) -> None:
     assert shown in text(Reason(Code.NOT_DETERMINED, relative_error=error))
+
+
+def test_no_reason_of_a_drive_says_that_a_number_is_none() -> None:
+    estimates = treadlink.simulate("slip", duration_s=2.5, faults=["drop:rate=0.05"]).estimates(
+        # The numbers of the slower ones have the same reasons as those of the others.
+        [name for name in ESTIMATORS if name not in ("forward", "ring-modal", "ring-paper")]
+    )
+    texts = {*estimates.reasons.tolist()}
+    assert any(text(Reason(Code.SIGN_WITHOUT_ERROR)) in said for said in texts)
+    assert [said for said in texts if NO_NUMBER.search(said)] == []
+
+
+def test_no_stored_result_says_that_a_number_is_none() -> None:
+    stored = [line for path in GOLDEN.glob("*.json") for line in path.read_text(encoding="utf-8").splitlines()]
+    assert len(stored) > 10_000
+    assert [line for line in stored if "reason" in line and NO_NUMBER.search(line)] == []
