@@ -67,16 +67,17 @@ def live(
       can:INTERFACE:CHANNEL?dbc=FILE          signals of the vehicle, beside the wheels; can:FILE.blf a log of them
       nmea:/dev/ttyACM0  nmea:localhost:2947  position and ground speed of a GNSS receiver or gpsd; nmea:FILE.nmea a log
 
-    Keys: space pauses, m sets a mark in the recording, a acknowledges alarms, tab or 1 to 8 select a wheel, z zooms the
-    waveform, t shows trends, ? shows help, q quits. A summary is printed at the end.
+    Keys: space pauses, m sets a mark in the recording, r describes the run and records it, a acknowledges alarms, tab
+    or 1 to 8 select a wheel, z zooms the waveform, t shows trends, ? shows help, q quits. A summary is printed at the
+    end.
     """
-    from gateway.cli.session_setup import chosen_split, start_session
+    from gateway.cli.session_setup import chosen_split, is_terminal, start_session
 
     if split is not None and record is None:
         raise click.UsageError("--split needs --record.")
-    if run and record is None and not web and not any(uri.startswith("web:") for uri in publish):
+    has_form = web or any(uri.startswith("web:") for uri in publish) or (not plain and is_terminal())
+    if run and record is None and not has_form:
         raise click.UsageError("--test, --driver, --tire, --comment and --tag are for a recording: give --record.")
-
     with stop_request() as stop:
         session = start_session(
             sources,
@@ -114,10 +115,21 @@ class _Stoppable:
         self._live = live
         self._stop = stop
         self.mark = live.mark
+        self.start_recording = live.start_recording
         self.acknowledge = live.acknowledge
         self.results = live.results
         self.pause = live.pause
         self.request_stop = live.request_stop
+
+    @property
+    def may_record(self) -> bool:
+        """Whether a recording can be begun."""
+        return self._live.may_record
+
+    @property
+    def run_form(self) -> dict[str, str]:
+        """Fields of the form that describes the run, with what is stated."""
+        return self._live.run_form
 
     def snapshot(self) -> SessionSnapshot:
         """Return the latest state; the screen leaves when it has ended."""

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 import click
 
 from gateway.nearest_name import did_you_mean
-from gateway.recording.run_description import KEYS, MAX_TEXT_CHARS, RunDescription, RunFilter, TireIdentity
-
-# Key of --tire -> field, and factor to SI; None for a text.
-_TIRE_KEYS: Final[dict[str, tuple[str, float | None, float]]] = {
-    "maker": ("maker", None, 0.0),
-    "dot": ("dot", None, 0.0),
-    "wear_mm": ("wear_m", 1e-3, 60.0),
-    "run_in_km": ("run_in_m", 1e3, 1e6),
-}
+from gateway.recording.run_description import (
+    KEYS,
+    MAX_TEXT_CHARS,
+    RunDescription,
+    RunFilter,
+    TireIdentity,
+    parse_tire,
+)
 
 
 def run_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -74,28 +72,10 @@ def checked_texts(context: click.Context, option: click.Parameter, values: tuple
 
 
 def _tire(text: str) -> tuple[str, TireIdentity]:
-    position, colon, entries = text.partition(":")
-    if not colon or not position.strip():
-        raise click.BadParameter(f"'{text}' is not POSITION:KEY=VALUE. Give for example FL:maker=Acme,dot=3524.")
-    values: dict[str, Any] = {}
-    for entry in entries.split(","):
-        key, equals, value = (part.strip() for part in entry.partition("="))
-        if key not in _TIRE_KEYS or not value:
-            fault = f"a tire has no key '{key}'" if equals and value else f"'{entry}' is not KEY=VALUE"
-            raise click.BadParameter(f"{fault}. {did_you_mean(key, _TIRE_KEYS)}Keys: {', '.join(_TIRE_KEYS)}.")
-        name, factor, largest = _TIRE_KEYS[key]
-        values[name] = value[:MAX_TEXT_CHARS] if factor is None else _number(entry, value, largest) * factor
-    return position.strip(), TireIdentity(**values)
-
-
-def _number(entry: str, text: str, largest: float) -> float:
     try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value <= largest:
-        raise click.BadParameter(f"'{entry}' is no number from 0 to {largest:g}.")
-    return value
+        return parse_tire(text)
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from error
 
 
 def _filter(_context: click.Context, _option: click.Parameter, values: tuple[str, ...]) -> RunFilter:

@@ -258,7 +258,8 @@ class PageSink(Sink):
     def _encoded_state(self, snapshot: SessionSnapshot) -> tuple[int, bytes]:
         if self._state[0] != self._number:
             control = self._session()
-            state = page_state(snapshot, may_record=control is not None and control.may_record)
+            form = control.run_form if control is not None and control.may_record else None
+            state = page_state(snapshot, run_form=form)
             self._state = self._number, encoded(state)
         return self._state
 
@@ -311,10 +312,12 @@ class PageSink(Sink):
         if asked.get("acknowledge") is True:
             await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged")
         if isinstance(asked.get("record"), bool):
-            is_start = asked["record"]
+            is_start, given = asked["record"], asked.get("run")
+            fields = given.items() if isinstance(given, dict) else ()
+            form = {str(name): clean(value) for name, value in fields if isinstance(value, str)}
             await self._control(
                 page,
-                lambda control: control.start_recording() if is_start else control.stop_recording(),
+                lambda control: control.start_recording(form) if is_start else control.stop_recording(),
                 "recording started" if is_start else "recording finished",
             )
         page.news.set()

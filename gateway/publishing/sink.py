@@ -178,11 +178,16 @@ class SessionControl(Protocol):
         """Note that the user has seen the alarms that stand."""
         ...
 
-    def start_recording(self) -> None:
-        """Begin a recording; does nothing while one runs.
+    @property
+    def run_form(self) -> dict[str, str]:
+        """Fields of the form that describes the run, with what is stated."""
+        ...
+
+    def start_recording(self, form: Mapping[str, str] = ...) -> None:
+        """Begin a recording, described by the fields of a form; does nothing while one runs.
 
         Raises:
-            RecordingError: it cannot be begun.
+            TreadlinkError: it cannot be begun, or the form is wrong.
         """
         ...
 

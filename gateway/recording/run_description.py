@@ -7,6 +7,7 @@ its bytes, and with them its identity, stay as they were.
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 from collections.abc import Callable, Mapping
@@ -17,6 +18,7 @@ from typing import Any, Final, NamedTuple
 
 from gateway.bounded_input import read_bounded
 from gateway.errors import RecordingError
+from gateway.nearest_name import did_you_mean
 from gateway.recording.regular_file import open_regular
 
 MAX_TEXT_CHARS: Final = 2000
@@ -235,6 +237,79 @@ def _not_written(path: Path, error: OSError) -> RecordingError:
     return RecordingError(
         f"the note cannot be written to '{path}': {error.strerror}", "Check the folder's permissions and space."
     )
+
+
+FORM_FIELDS: Final = ("test", "driver", "tire", "comment", "tags")
+"""Fields of the form that asks for the description of a run, in their order."""
+
+# Key of a tire in options and forms -> field, and factor to SI with the largest value; None for a text.
+TIRE_KEYS: Final[Mapping[str, tuple[str, float | None, float]]] = {
+    "maker": ("maker", None, 0.0),
+    "dot": ("dot", None, 0.0),
+    "wear_mm": ("wear_m", 1e-3, 60.0),
+    "run_in_km": ("run_in_m", 1e3, 1e6),
+}
+
+
+def parse_tire(text: str) -> tuple[str, TireIdentity]:
+    """Return position and tire of `FL:maker=Acme,dot=3524,wear_mm=1.5,run_in_km=300`.
+
+    Raises:
+        ValueError: it is none; the text says why.
+    """
+    position, colon, entries = text.partition(":")
+    if not colon or not position.strip():
+        raise ValueError(f"'{text}' is not POSITION:KEY=VALUE. Give for example FL:maker=Acme,dot=3524.")
+    values: dict[str, Any] = {}
+    for entry in entries.split(","):
+        key, equals, value = (part.strip() for part in entry.partition("="))
+        if key not in TIRE_KEYS or not value:
+            fault = f"a tire has no key '{key}'" if equals and value else f"'{entry}' is not KEY=VALUE"
+            raise ValueError(f"{fault}. {did_you_mean(key, TIRE_KEYS)}Keys: {', '.join(TIRE_KEYS)}.")
+        name, factor, largest = TIRE_KEYS[key]
+        values[name] = value[:MAX_TEXT_CHARS] if factor is None else _tire_number(entry, value, largest) * factor
+    return position.strip(), TireIdentity(**values)
+
+
+def _tire_number(entry: str, text: str, largest: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= largest:
+        raise ValueError(f"'{entry}' is no number from 0 to {largest:g}.")
+    return value
+
+
+def form_of(run: RunDescription) -> dict[str, str]:
+    """Return the fields of a form with what is stated of a run; tires are added to those stated."""
+    comment = " ".join(run.comment.split())
+    return {"test": run.test, "driver": run.driver, "tire": "", "comment": comment, "tags": ", ".join(run.tags)}
+
+
+def filled_in(run: RunDescription, fields: Mapping[str, str]) -> RunDescription:
+    """Return a description with what a form says instead; fields that it lacks stay, its tires are added.
+
+    Raises:
+        RecordingError: a tire is wrong.
+    """
+    stated: dict[str, Any] = {
+        name: fields[name].strip()[:MAX_TEXT_CHARS] for name in ("test", "driver", "comment") if name in fields
+    }
+    if "tags" in fields:
+        stated["tags"] = tuple(dict.fromkeys(tag for part in fields["tags"].split(",") if (tag := _text(part.strip()))))
+    run = replace(run, **stated)
+    for text in filter(None, (part.strip() for part in fields.get("tire", "").split(";"))):
+        try:
+            position, tire = parse_tire(text)
+        except ValueError as error:
+            raise RecordingError(f"tire: {error}") from error
+        if tire.wear_m is not None:
+            raise RecordingError(
+                "the wear of a tire changes estimates that have begun", "Give it with --tire, or in the vehicle file."
+            )
+        run = run.overridden_by(RunDescription(tires={position: tire}))
+    return run
 
 
 class RunFilter(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Final, TypeVar
 
@@ -19,6 +19,7 @@ from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.pipeline.wheel_setup import CorrectionTable
 from gateway.reasons import Code, Notice, Reason
+from gateway.recording.run_description import NO_DESCRIPTION, RunDescription, filled_in, form_of
 from gateway.security.guard import Guard
 from gateway.session.bounded_buffer import Buffer
 from gateway.session.computer_watch import ComputerWatch
@@ -35,6 +36,7 @@ _logger = logging.getLogger(__name__)
 _Item = TypeVar("_Item")
 
 # Between the readers and the core: half a minute or more of any link.
+_NO_FORM: Final[Mapping[str, str]] = {}
 _QUEUE_ITEMS: Final = 8192
 _QUEUE_BYTES: Final = 32 << 20
 # Results and notices that a view has not fetched yet; the oldest are dropped, and dropped results counted.
@@ -71,7 +73,8 @@ class LiveSession:
         effects: Sequence[CorrectionTable] = (),
         publication: Publication | None = None,
         signals: SignalDecoder | None = None,
-        open_recorder: Callable[[], Recorder] | None = None,
+        open_recorder: Callable[[RunDescription], Recorder] | None = None,
+        run: RunDescription = NO_DESCRIPTION,
         latency_s: float = LATENCY_S,
         control: ControlSocket | None = None,
     ) -> None:
@@ -91,6 +94,7 @@ class LiveSession:
             publication: live outputs; the caller closes them after the session.
             signals: decodes the vehicle's bus and receivers; None for receivers only.
             open_recorder: opens a new recording for `start_recording`; None when none may be begun.
+            run: description of the run, until a form states another.
             latency_s: longest time that a result may wait.
             control: serves the links to other commands; the session closes it.
         """
@@ -125,6 +129,7 @@ class LiveSession:
         self._taken_ns: dict[int, int] = {}
         self._recording = RecordingStage(recorder, clock, disk) if recorder is not None else None
         self._open_recorder = open_recorder
+        self._run_description = run
         # Held while a recording is begun or ended; the core takes the change over in its next round.
         self._recording_lock = threading.Lock()
         self._core_recording = self._recording
@@ -174,19 +179,29 @@ class LiveSession:
         """Whether `start_recording` can begin a recording."""
         return self._may_record
 
-    def start_recording(self) -> None:
+    @property
+    def run_form(self) -> dict[str, str]:
+        """Fields of the form that describes the run, with what is stated."""
+        return form_of(self._run_description)
+
+    def start_recording(self, form: Mapping[str, str] = _NO_FORM) -> None:
         """Begin a recording now; does nothing while one runs. Its first item for each open link is the link's opening.
 
+        Args:
+            form: fields that describe the run, as `run_form` has them.
+
         Raises:
-            RecordingError: no recording may be begun, or the file cannot be made.
+            TreadlinkError: no recording may be begun, the form is wrong, or the file cannot be made.
         """
         with self._recording_lock:
             if self._recording is not None and self._recording.is_writing:
                 return
             if self._open_recorder is None or not self._may_record:
                 raise RecordingError("this session begins no recording", "A replay is recorded already.")
+            described = filled_in(self._run_description, form)
             self._close_recording()
-            recorder = self._open_recorder()
+            recorder = self._open_recorder(described)
+            self._run_description = described
             stage = RecordingStage(recorder, self._clock, disk_watch_of(recorder))
             now_ns = self._clock.now_ns()
             for link in self._snapshot.links:

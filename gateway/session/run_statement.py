@@ -16,13 +16,7 @@ def stated_run(vehicle: VehicleConfig | None, given: RunDescription) -> RunDescr
     """
     if vehicle is None:
         return given
-    positions = [wheel.position for wheel in vehicle.wheel]
-    for position in given.tires:
-        if position not in positions:
-            raise ConfigError(
-                f"a tire is given at '{position}', but the vehicle has no such wheel",
-                f"{did_you_mean(position, positions)}It has: {', '.join(positions)}.",
-            )
+    check_tires(vehicle, given)
     table = vehicle.test
     tires = {wheel.position: _identity(vehicle.tire_of(wheel)) for wheel in vehicle.wheel}
     stated = RunDescription(
@@ -33,6 +27,21 @@ def stated_run(vehicle: VehicleConfig | None, given: RunDescription) -> RunDescr
         {position: tire for position, tire in tires.items() if tire != TireIdentity()},
     )
     return stated.overridden_by(given)
+
+
+def check_tires(vehicle: VehicleConfig | None, run: RunDescription) -> None:
+    """Check that tires of a run are at wheels of the vehicle.
+
+    Raises:
+        ConfigError: one is not.
+    """
+    positions = [wheel.position for wheel in vehicle.wheel] if vehicle is not None else list(run.tires)
+    for position in run.tires:
+        if position not in positions:
+            raise ConfigError(
+                f"a tire is given at '{position}', but the vehicle has no such wheel",
+                f"{did_you_mean(position, positions)}It has: {', '.join(positions)}.",
+            )
 
 
 def with_given_wear(vehicle: VehicleConfig | None, given: RunDescription) -> VehicleConfig | None:

@@ -30,7 +30,7 @@ from gateway.session.latency import Latency
 from gateway.session.live import LiveSession
 from gateway.session.publication import Publication
 from gateway.session.recording_stage import disk_watch_of
-from gateway.session.run_statement import stated_run, with_given_wear
+from gateway.session.run_statement import check_tires, stated_run, with_given_wear
 from gateway.session.signal_decoding import open_decoder
 from gateway.views.session_summary import ResultSummary
 
@@ -132,6 +132,11 @@ def open_session(
         ]
         open_recorder = partial(_open_recorder, clock=clock, vehicle=vehicle, uris=uris, dbc_text=dbc_text, run=stated)
         recorder = open_recorder(record, split) if record is not None else None
+
+        def begun(described: RunDescription) -> RecordingWriter | SplitWriter:
+            check_tires(vehicle, described)
+            return open_recorder(folder, None, run=described)
+
         folder = Path() if record is None else record.parent if record.suffix == ".mcap" else record
         summary = ResultSummary()
         live = LiveSession(
@@ -147,7 +152,8 @@ def open_session(
             effects=effects,
             publication=publish([wheel.position for wheel in vehicle.wheel] if vehicle is not None else []),
             signals=signals,
-            open_recorder=None if all(is_replay) else lambda: open_recorder(folder, None),
+            open_recorder=None if all(is_replay) else begun,
+            run=stated,
             latency_s=latency_s,
             control=ControlSocket(links),
         )

@@ -44,10 +44,14 @@ class Session:
     def acknowledge(self) -> None:
         self.asked.append("acknowledge")
 
-    def start_recording(self) -> None:
+    @property
+    def run_form(self) -> dict[str, str]:
+        return {"test": "wet braking", "driver": "", "tire": "", "comment": "", "tags": "wet"}
+
+    def start_recording(self, form) -> None:
         if self.failure is not None:
             raise self.failure
-        self.asked.append("start")
+        self.asked.append(f"start {form}" if form else "start")
 
     def stop_recording(self) -> None:
         self.asked.append("stop")
@@ -181,7 +185,7 @@ def test_mark_and_recording_reach_the_session_and_failures_the_page(served, item
     with guest(served) as connection:
         for wish in (
             {"mark": " pothole\x1b[2J "},
-            {"record": True},
+            {"record": True, "run": {"test": "a\x1bb", "tags": 7}},
             {"record": False},
             {"acknowledge": True},
             {"mark": ""},
@@ -202,7 +206,13 @@ def test_mark_and_recording_reach_the_session_and_failures_the_page(served, item
             connection.send(rubbish)
         connection.send(json.dumps({"mark": "x" * 999}))
         assert len(next_of(connection, "said")["text"]) < 250
-    assert served.session.asked[:5] == ["mark pothole [2J", "start", "stop", "acknowledge", "mark mark"]
+    assert served.session.asked[:5] == [
+        "mark pothole [2J",
+        "start {'test': 'a b'}",
+        "stop",
+        "acknowledge",
+        "mark mark",
+    ]
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1"])
@@ -342,8 +352,13 @@ def test_browser_shows_wheels_plots_trends_and_marks(browser, served, items) -> 
         tab.call("Input.dispatchKeyEvent", type=kind, key="Enter", code="Enter", windowsVirtualKeyCode=13, text="\r")
     tab.until("said.innerText === 'mark set: pothole'")
     tab.value("document.querySelector('#record').click()")
+    tab.until("document.querySelector('#run').elements.test.value === 'wet braking'")
+    tab.value("document.querySelector('#run').elements.driver.focus()")
+    tab.call("Input.insertText", text="Ada")
+    tab.value("document.querySelector('#run button').click()")
     tab.until("said.innerText === 'recording started'")
-    assert served.session.asked == ["mark pothole", "start"]
+    form = {"test": "wet braking", "driver": "Ada", "tire": "", "comment": "", "tags": "wet"}
+    assert served.session.asked == ["mark pothole", f"start {form}"]
     assert tab.errors == []
 
 

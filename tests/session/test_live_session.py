@@ -14,6 +14,7 @@ from gateway.io.source import Chunk, LinkEvent, LinkEventKind
 from gateway.pipeline.results import WheelState
 from gateway.reasons import Code
 from gateway.recording.reader import RecordingReader
+from gateway.recording.run_description import RunDescription, TireIdentity
 from gateway.recording.writer import RecordingWriter
 from gateway.session.alarms import AlarmName
 from gateway.session.core import SessionCore
@@ -287,8 +288,8 @@ def started_in(folder, items, may_record=True):
             release.wait(TIMEOUT_S)
             yield from items[len(items) // 2 :]
 
-    def opened():
-        return RecordingWriter(folder, start_ns=1)
+    def opened(run):
+        return RecordingWriter(folder, start_ns=1, run=run)
 
     live = LiveSession(
         [Waiting(items)],
@@ -297,9 +298,33 @@ def started_in(folder, items, may_record=True):
         patient=[True],
         summary=ResultSummary(),
         open_recorder=opened if may_record else None,
+        run=RunDescription("wet braking", "Ada", tags=("wet",)),
     )
     live.start()
     return live, release
+
+
+def test_form_describes_the_recording_as_the_options_do(demo, tmp_path):
+    live, release = started_in(tmp_path, demo[0])
+    assert live.run_form == {"test": "wet braking", "driver": "Ada", "tire": "", "comment": "", "tags": "wet"}
+    for wrong, words in (
+        ({"tire": "FL"}, "POSITION:KEY=VALUE"),
+        ({"tire": "FL:colour=red"}, "no key 'colour'"),
+        ({"tire": "FL:wear_mm=1"}, "changes estimates"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            live.start_recording(wrong)
+    assert not list(tmp_path.iterdir()), "a wrong form records nothing"
+    form = {"driver": "", "comment": " gusts ", "tags": "wet, night,", "tire": "FL:maker=Acme,dot=3524; FR:dot=3525"}
+    live.start_recording(form)
+    until(lambda: live.snapshot().recording)
+    live.stop_recording()
+    (path,) = tmp_path.iterdir()
+    tires = {"FL": TireIdentity("Acme", "3524"), "FR": TireIdentity("", "3525")}
+    assert RecordingReader(path).info.run == RunDescription("wet braking", "", "gusts", ("wet", "night"), tires)
+    assert live.run_form["comment"] == "gusts", "the next recording is asked with it"
+    release.set()
+    live.close()
 
 
 def test_recording_begins_and_ends_during_the_session(demo, tmp_path):

@@ -35,5 +35,5 @@ def test_signals_of_the_car_are_apart_from_the_numbers(made) -> None:
     assert not {"vehicle speed", "vehicle speed age", "car wheel speed"} & {
         shown.label for shown in shown_numbers(wheel, reading)
     }
-    (shown,) = page_state(made.snapshot(wheels=(wheel,)), may_record=False)["wheels"]
+    (shown,) = page_state(made.snapshot(wheels=(wheel,)), run_form=None)["wheels"]
     assert [text for text, _ in shown["car"]] == [text for text, _ in car_runs(reading)]

@@ -7,6 +7,7 @@ import textwrap
 
 import pytest
 
+from gateway.errors import RecordingError
 from gateway.pipeline.results import Alarm, AlarmRecord
 from gateway.reasons import Code, Reason
 from gateway.views.console.screen import ConsoleApp
@@ -22,6 +23,7 @@ class FakeSession:
     def __init__(self, snapshot):
         self.state = snapshot
         self.marks = []
+        self.recordings = []
         self.pauses = []
         self.stopped = False
         self.new_results = []
@@ -35,6 +37,14 @@ class FakeSession:
 
     def mark(self, text):
         self.marks.append(text)
+
+    may_record = True
+    run_form = {"test": "", "driver": "Ada", "tire": "", "comment": "old", "tags": ""}  # noqa: RUF012
+
+    def start_recording(self, form):
+        if form["tire"] == "wrong":
+            raise RecordingError("tire: wrong", "Give another.")
+        self.recordings.append(dict(form))
 
     def acknowledge(self):
         record = AlarmRecord("FL", "load", LOAD, 1, 1.0, 1.0, 2.0, is_standing=True, is_acknowledged=True)
@@ -201,6 +211,30 @@ async def test_mark_has_text_and_time_of_its_key(session):
         assert len(session.marks) == 2
         assert app.view.selected == 1
         assert not has(screen(app), "text of the mark")
+
+
+async def test_record_key_asks_for_the_run_first(session):
+    session.change(recording="")
+    app = ConsoleApp(session)
+    async with app.run_test(size=(100, 24)) as pilot:
+        await drawn(app, pilot)
+        await pilot.press("r")
+        assert has(screen(app), "record, test: Enter leaves it out")
+        await pilot.press(*"wet 3", "enter")
+        assert has(screen(app), "record, driver: Enter keeps 'Ada', - clears it")
+        await pilot.press("enter", "enter", "minus", "enter", *"qm", "enter")
+        assert session.recordings == [{"test": "wet 3", "driver": "Ada", "tire": "", "comment": "", "tags": "qm"}]
+        await pilot.press("r", "enter", "enter", *"wrong", "enter", "enter", "enter")
+        assert has(screen(app), "not recorded: tire: wrong. Give another.")
+        await pilot.press("enter")
+        assert not has(screen(app), "not recorded")
+        await pilot.press("r", "x", "escape", "m", "enter")
+        assert len(session.recordings) == 1
+        assert len(session.marks) == 1
+        session.change(recording="drive.mcap")
+        await drawn(app, pilot)
+        await pilot.press("r")
+        assert not has(screen(app), "record, test")
 
 
 async def test_acknowledged_alarms_come_last_and_say_so(session):

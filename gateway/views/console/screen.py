@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import ClassVar, Final, Protocol
 
 from textual.app import App, ComposeResult
@@ -9,6 +10,7 @@ from textual.binding import Binding, BindingType
 from textual.events import Resize
 from textual.widgets import Input
 
+from gateway.errors import TreadlinkError
 from gateway.pipeline.results import RevolutionResult, SessionSnapshot
 from gateway.views.console.board import Board
 from gateway.views.console.page import ViewState, compose
@@ -16,6 +18,7 @@ from gateway.views.console.waveform import Zoom
 
 DRAW_INTERVAL_S: Final = 0.1
 _SHORT_MARK: Final = "mark"
+_CLEARED: Final = "-"
 
 
 class ShownSession(Protocol):
@@ -31,6 +34,24 @@ class ShownSession(Protocol):
 
     def mark(self, text: str) -> None:
         """Put a mark into the recording and among the notices."""
+        ...
+
+    @property
+    def may_record(self) -> bool:
+        """Whether a recording can be begun."""
+        ...
+
+    @property
+    def run_form(self) -> dict[str, str]:
+        """Fields of the form that describes the run, with what is stated."""
+        ...
+
+    def start_recording(self, form: Mapping[str, str]) -> None:
+        """Begin a recording, described by the fields of a form; does nothing while one runs.
+
+        Raises:
+            TreadlinkError: it cannot be begun, or the form is wrong.
+        """
         ...
 
     def acknowledge(self) -> None:
@@ -82,6 +103,7 @@ class ConsoleApp(App[None]):
         Binding("space", "pause"),
         Binding("m", "mark"),
         Binding("a", "acknowledge"),
+        Binding("r", "record"),
         Binding("z", "zoom"),
         Binding("t", "trend"),
         Binding("comma", "quantity(-1)"),
@@ -98,10 +120,12 @@ class ConsoleApp(App[None]):
         self._live = session.snapshot()
         self._frozen: SessionSnapshot | None = None
         self._mark_at_s = 0.0
+        self._form: dict[str, str] | None = None
+        self._asked: list[str] = []
         self._leaving = False
         self.view = ViewState(addresses=addresses)
         self._board = WheelBoard()
-        self._input = MarkInput(placeholder="text of the mark; Enter sets it, Escape cancels")
+        self._input = MarkInput()
 
     def compose(self) -> ComposeResult:
         """Put the board on the screen and, hidden below it, the input line of a mark."""
@@ -199,21 +223,61 @@ class ConsoleApp(App[None]):
     def action_mark(self) -> None:
         """Ask for the text of a mark; it gets the time of this key press."""
         self._mark_at_s = self._session.snapshot().elapsed_s
-        self._input.value = ""
-        self._input.display = True
-        self._input.focus()
+        self._open_input("text of the mark; Enter sets it, Escape cancels")
+
+    def action_record(self) -> None:
+        """Ask for the description of the run, field by field, and begin a recording; none while one runs."""
+        if self._live.recording or not self._session.may_record:
+            return
+        self._form = self._session.run_form
+        self._asked = list(self._form)
+        self._ask_next()
+
+    def _ask_next(self) -> None:
+        if self._form is not None and self._asked:
+            name = self._asked[0]
+            stated = self._form[name]
+            keeps = f"Enter keeps '{stated}', {_CLEARED} clears it" if stated else "Enter leaves it out"
+            self._open_input(f"record, {name}: {keeps}, Escape cancels")
 
     def action_acknowledge(self) -> None:
         """Acknowledge the alarms that stand."""
         self._session.acknowledge()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Set the mark, with the time of its key press."""
+        """Set the mark, with the time of its key press; or take a field of the form, and record after the last."""
+        if self._form is not None:
+            if not self._asked:  # what went wrong was read
+                self._close_input()
+                return
+            name, answer = self._asked.pop(0), event.value.strip()
+            if answer:
+                self._form[name] = "" if answer == _CLEARED else answer
+            if self._asked:
+                self._ask_next()
+            else:
+                self._begin_recording(self._form)
+            return
         text = event.value.strip() or _SHORT_MARK
         self._close_input()
         self._session.mark(f"{text} (key pressed at {self._mark_at_s:.1f} s)")
 
+    def _begin_recording(self, form: Mapping[str, str]) -> None:
+        try:
+            self._session.start_recording(form)
+        except TreadlinkError as error:
+            self._open_input(f"not recorded: {error}. {error.remedy}".strip())
+        else:
+            self._close_input()
+
+    def _open_input(self, placeholder: str) -> None:
+        self._input.value = ""
+        self._input.placeholder = placeholder
+        self._input.display = True
+        self._input.focus()
+
     def _close_input(self) -> None:
+        self._form = None
         self._input.display = False
         self._board.focus()
 

@@ -27,6 +27,7 @@ _VERIFIED: Final = "verified"
 _HELP: Final = (
     ("space", "pause: a replay stops; of a live hub only the view freezes"),
     ("m", "mark an event in the recording at the time of the key press"),
+    ("r", "record: asks for test, driver, tire, comment and tags, then begins"),
     ("a", "acknowledge the alarms that stand; the recording has when"),
     ("tab  1-8  arrows", "switch wheel"),
     ("z", "waveform: whole revolution or ±90° around the contact"),

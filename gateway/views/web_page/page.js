@@ -295,7 +295,19 @@
     byId("mark-text").value = "";
   });
   byId("acknowledge").addEventListener("click", () => ask({ acknowledge: true }));
-  byId("record").addEventListener("click", (event) => ask({ record: event.currentTarget.dataset.on !== "true" }));
+  const run = byId("run");
+  byId("record").addEventListener("click", (event) => {
+    if (event.currentTarget.dataset.on === "true") return ask({ record: false });
+    for (const [name, text] of Object.entries(state.run)) run.elements[name].value = text;
+    run.hidden = !run.hidden;
+    return run.elements.test.focus();
+  });
+  run.addEventListener("reset", () => { run.hidden = true; });
+  run.addEventListener("submit", (event) => {
+    event.preventDefault();
+    run.hidden = true;
+    ask({ record: true, run: Object.fromEntries(new FormData(run)) });
+  });
   byId("quantity").addEventListener("change", (event) => { quantity = event.currentTarget.value; askForTrend(); });
   byId("minutes").addEventListener("change", showTrend);
   const dark = matchMedia("(prefers-color-scheme: dark)");

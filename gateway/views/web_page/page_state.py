@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -36,8 +36,13 @@ _CELLS: Final = 1000
 _NAME_CELLS: Final = 60
 
 
-def page_state(snapshot: SessionSnapshot, *, may_record: bool) -> JsonObject:
-    """Return the state of the session with everything in words."""
+def page_state(snapshot: SessionSnapshot, *, run_form: Mapping[str, str] | None) -> JsonObject:
+    """Return the state of the session with everything in words.
+
+    Args:
+        snapshot: of the session.
+        run_form: fields that describe the next recording, None where none may be begun.
+    """
     alarmed = {alarm.position for alarm in snapshot.alarms}
     rolling = sum(wheel.state is WheelState.ROLLING for wheel in snapshot.wheels)
     return {
@@ -47,7 +52,8 @@ def page_state(snapshot: SessionSnapshot, *, may_record: bool) -> JsonObject:
         "ended": snapshot.ended,
         "recording": clean(snapshot.recording),
         "recorded": file_size(snapshot.recorded_bytes),
-        "may_record": may_record,
+        "may_record": run_form is not None,
+        "run": dict(run_form or {}),
         "alarms": [
             clean(f"{alarm.position}: {reason_text(alarm.reason)}{' (acknowledged)' * snapshot.is_acknowledged(alarm)}")
             for alarm in snapshot.alarms
