@@ -127,7 +127,8 @@ class Quantity:
         possible: least and greatest value that a tire, a sensor or a road can have.
         origin: value at which what the powers scale is zero.
         is_steady: whether it is of the tire or the sensor, so that driving does not change it.
-        memory_revolutions: of the running average that it is made of; 0 for none.
+        memory_revolutions: of the running average that it is, and whose drift is behind; 0 for none.
+        scatter_memory_revolutions: of another running average that its scatter comes from; 0 for none.
         label: name on screens; from `name` where it is empty.
         shown_unit: unit on screens, with its factor, where it is not the usual one of the unit in the name.
         is_in_state: whether the state of a wheel that live outputs publish has it.
@@ -149,6 +150,7 @@ class Quantity:
     origin: float = 0.0
     is_steady: bool = False
     memory_revolutions: int = 0
+    scatter_memory_revolutions: int = 0
     label: str = ""
     shown_unit: tuple[str, float] | None = None
     is_in_state: bool = False
@@ -163,6 +165,11 @@ class Quantity:
     def column(self) -> str:
         """Name in tables that have the conditions too."""
         return f"estimated_{self.name}" if self.is_stated_too else self.name
+
+    @property
+    def correlated_revolutions(self) -> int:
+        """Memory of the average that revolutions share the scatter of; 0 where each has its own."""
+        return self.memory_revolutions or self.scatter_memory_revolutions
 
     @property
     def is_radius_times_angle(self) -> bool:

@@ -30,6 +30,8 @@ _POSITIVE: Final = (0.0, inf)
 # Memories of the running averages of the radial and of the lateral axis.
 _AVERAGE: Final = 50
 _LATERAL_AVERAGE: Final = 100
+_FORCE_AVERAGE: Final = 16
+_LONG_AVERAGE: Final = 500
 # A lateral slope dy/dx with y = a / Omega^2 and x = R theta.
 _SLOPE: Final = {Basis.RADIUS: -1.0, Basis.RATE: -2.0, Basis.GAIN: -1.0, Basis.AXES: 1.0}
 _LATERAL_SHIFT: Final = {Basis.RATE: -2.0, Basis.GAIN: -1.0, Basis.AXES: 1.0}
@@ -117,6 +119,7 @@ def _slope(
     memory: int = 0,
     compared: str = "",
     rests_on: frozenset[Basis] = _SIGNED,
+    scatter_memory: int = 0,
 ) -> Quantity:
     return Quantity(
         name,
@@ -126,6 +129,7 @@ def _slope(
         powers=_SLOPE,
         rests_on=rests_on,
         memory_revolutions=memory,
+        scatter_memory_revolutions=scatter_memory,
         compared=compared,
     )
 
@@ -340,6 +344,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 is_drawn=True,
                 shifted_by=_BY_RADIUS_AND_LOAD | {Statement.THICKNESS, Statement.REFERENCE},
             ),
+            scatter_memory_revolutions=_AVERAGE,
         ),
         Quantity(
             "wear_number",
@@ -348,6 +353,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
             is_steady=True,
+            scatter_memory_revolutions=_AVERAGE,
         ),
         Quantity(
             "wear_drift_mm",
@@ -380,6 +386,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 is_drawn=True,
                 shifted_by=_BY_RADIUS | {Statement.CALIBRATION},
             ),
+            scatter_memory_revolutions=_AVERAGE,
         ),
         Quantity(
             "load_by_angle_n",
@@ -395,6 +402,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             powers={Basis.RADIUS: 2.0, Basis.PRESSURE: 1.0},
             rests_on=_BY_PRESSURE,
             possible=_POSITIVE,
+            scatter_memory_revolutions=_AVERAGE,
         ),
         Quantity(
             "pressure_number",
@@ -412,6 +420,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "F of the asymmetric balance of the free belt",
             "forward",
             rests_on=_FORCE,
+            scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
             "axle_torque_nm",
@@ -419,6 +428,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "M of the asymmetric balance of the free belt",
             "drives the vehicle forward",
             rests_on=_FORCE,
+            scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
             "longitudinal_ratio",
@@ -427,6 +437,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "forward",
             rests_on=_FORCE,
             possible=(-2.0, 2.0),
+            scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
             "rolling_resistance",
@@ -434,6 +445,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "(M / R - F) / Q",
             rests_on=_FORCE,
             possible=_POSITIVE,
+            scatter_memory_revolutions=_LONG_AVERAGE,
         ),
         Quantity(
             "damping_loss",
@@ -441,6 +453,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "work of the dampings in a turn / (2 pi R Q)",
             "energy lost",
             rests_on=_FORCE,
+            scatter_memory_revolutions=_LONG_AVERAGE,
         ),
     ),
     "ply-steer": (
@@ -526,6 +539,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "the same of the mean slope",
             "pulls the tire to the left",
             rests_on=_LOCKED,
+            scatter_memory=_LONG_AVERAGE,
         ),
         Quantity(
             "slip_direction",
@@ -561,6 +575,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers=_LATERAL_SHIFT,
             rests_on=_SIGNED,
+            scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
             "belt_yaw_rad",
@@ -569,6 +584,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "rear of the belt to the left",
             powers=_SLOPE,
             rests_on=_SIGNED,
+            scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
             "side_force_n",
@@ -577,6 +593,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             _TO_THE_LEFT,
             powers=_LATERAL_SHIFT,
             rests_on=_BY_PRESSURE,
+            scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
         Quantity(
             "aligning_moment_nm",
@@ -585,6 +602,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             "about z, turns the tire to the left",
             powers=_LATERAL_SHIFT,
             rests_on=_BY_PRESSURE,
+            scatter_memory_revolutions=_FORCE_AVERAGE,
         ),
     ),
     "friction": (

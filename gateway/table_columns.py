@@ -201,7 +201,9 @@ def conventions(names: Iterable[str]) -> dict[str, str]:
         "powers": {name: dict(quantity.powers) for name, quantity in declared.items() if quantity.powers},
         "signs": {name: quantity.sign for name, quantity in declared.items() if quantity.sign},
         "memory_revolutions": {
-            name: quantity.memory_revolutions for name, quantity in declared.items() if quantity.memory_revolutions
+            name: quantity.correlated_revolutions
+            for name, quantity in declared.items()
+            if quantity.correlated_revolutions
         },
     }
     return CONVENTIONS | {key: json.dumps(value, ensure_ascii=False) for key, value in about.items()}

@@ -130,7 +130,7 @@ class Estimates(ColumnTable):
             mean.add(value, std, scatter_std)
         if not mean.count:
             raise KeyError(f"no revolution of {wheels[0]} has a valid '{name}'")
-        return mean_estimate(mean, quantity_of(name).memory_revolutions)
+        return mean_estimate(mean, quantity_of(name).correlated_revolutions)
 
     def compare(self, other: Estimates) -> Comparison:
         """Return the differences of another recording, as `treadlink compare` prints them; the distance is left out.

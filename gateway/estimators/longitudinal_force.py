@@ -135,6 +135,12 @@ class _Track:
         tilted = self.solution.response @ corrected_orders(self._tilted)
         return self.solution.noise(self._mean_std) + self.solution.common() + np.multiply.outer(tilted, tilted)
 
+    @property
+    def scatter(self) -> FloatArray:
+        """Covariance of the forces by the scatter of the averaged revolutions, (4, 4)."""
+        assert self.solution is not None
+        return self.solution.noise(self._std * math.sqrt(self._weight_square))
+
     def tire(self) -> TirePrior:
         """Return the tire's own unknowns."""
         assert self.solution is not None
@@ -247,7 +253,9 @@ class LongitudinalForceEstimator(BlockEstimator):
         )
         pull_std = math.hypot(math.sqrt(pull_variance), tilt, _EXTENSION_STD * pull)
         torque_std = math.hypot(math.sqrt(torque_variance), _EXTENSION_STD * torque)
-        ratio = _signed(NAMES[2], pull, pull_std, 1.0, doubts)
+        scatter = self._now.scatter
+        pull_scatter, torque_scatter = (_root(scatter[force, force]) for force in (Force.LONGITUDINAL, Force.TORQUE))
+        ratio = _signed(NAMES[2], pull, pull_std, pull_scatter, 1.0, doubts)
         losses = self._losses(doubts)
         load = conditions.load_n
         if load is None or not positive(load):
@@ -257,8 +265,17 @@ class LongitudinalForceEstimator(BlockEstimator):
         lever = load * conditions.radius_m
         lever_relative = math.hypot(relative, conditions.radius_std_m / conditions.radius_m)
         return (
-            _signed(NAMES[0], load * pull, load * math.hypot(pull_std, pull * relative), load, doubts),
-            _signed(NAMES[1], lever * torque, lever * math.hypot(torque_std, torque * lever_relative), lever, doubts),
+            _signed(
+                NAMES[0], load * pull, load * math.hypot(pull_std, pull * relative), load * pull_scatter, load, doubts
+            ),
+            _signed(
+                NAMES[1],
+                lever * torque,
+                lever * math.hypot(torque_std, torque * lever_relative),
+                lever * torque_scatter,
+                lever,
+                doubts,
+            ),
             ratio,
             *losses,
         )
@@ -271,10 +288,16 @@ class LongitudinalForceEstimator(BlockEstimator):
         resistance = float(_RESISTANCE @ forces)
         variance = float(_RESISTANCE @ covariance @ _RESISTANCE)
         extension = _EXTENSION_LOSS_STD * float(forces[Force.LONGITUDINAL])
+        std = math.hypot(math.sqrt(max(variance, 0.0)), tilt, extension)
+        scatter = self._tire.scatter
         return (
-            _positive(NAMES[3], resistance, math.hypot(math.sqrt(max(variance, 0.0)), tilt, extension), doubts),
+            _positive(NAMES[3], resistance, std, _root(float(_RESISTANCE @ scatter @ _RESISTANCE)), doubts),
             _positive(
-                NAMES[4], float(forces[Force.LOSS]), math.sqrt(float(covariance[Force.LOSS, Force.LOSS])), doubts
+                NAMES[4],
+                float(forces[Force.LOSS]),
+                math.sqrt(float(covariance[Force.LOSS, Force.LOSS])),
+                _root(scatter[Force.LOSS, Force.LOSS]),
+                doubts,
             ),
         )
 
@@ -298,22 +321,28 @@ def _tilted(
     return result
 
 
-def _signed(name: str, value: float, std: float, unit: float, doubts: tuple[Reason, ...]) -> Estimate:
+def _root(variance: float) -> float:
+    return math.sqrt(max(variance, 0.0))
+
+
+def _signed(
+    name: str, value: float, std: float, scatter_std: float, unit: float, doubts: tuple[Reason, ...]
+) -> Estimate:
     """Return a force, valid where it is known to a share of the load, or to a third of itself."""
     if not (math.isfinite(value) and math.isfinite(std)):
         return Estimate.invalid(name, Reason(Code.NOT_FINITE))
     if std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
         doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
-    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts)
+    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 
-def _positive(name: str, value: float, std: float, doubts: tuple[Reason, ...]) -> Estimate:
+def _positive(name: str, value: float, std: float, scatter_std: float, doubts: tuple[Reason, ...]) -> Estimate:
     """Return a loss, valid where it is known to a third of itself."""
     if not (math.isfinite(value) and math.isfinite(std)):
         return Estimate.invalid(name, Reason(Code.NOT_FINITE))
     if not value > DETERMINED * std:
         doubts = (*doubts, Reason(Code.NOT_DETERMINED, relative_error=abs(std / value) if value else math.inf))
-    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts)
+    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 
 def _all_invalid(reason: Reason) -> tuple[Estimate, ...]:

@@ -32,6 +32,10 @@ _USEFUL_LEVER: Final = 0.1
 _USUAL_LOAD_N: Final = 3000.0
 
 
+_Displacement = tuple[float, float, float]
+"""Value, standard error and its scattering part."""
+
+
 class SideForceEstimator(LateralEstimator):
     """Shift and yaw of the belt, side force and aligning moment; no estimates without a lateral axis.
 
@@ -64,22 +68,22 @@ class SideForceEstimator(LateralEstimator):
         lever = np.array([1.0, 1.0 / conditions.radius_m])
         shift, yaw = (values * lever).tolist()
         shift_std, yaw_std = (np.sqrt(variance) * lever).tolist()
+        scatters = tuple((np.sqrt(np.maximum(np.diagonal(covariance), 0.0)) * lever).tolist())
         count = steps.effective_counts[row]
         doubts: tuple[Reason, ...] = ()
         if count < SETTLED_REVOLUTIONS * (1.0 - 1e-9):
             doubts = (Reason(Code.NOT_SETTLED, revolutions=count, needed=SETTLED_REVOLUTIONS),)
         return (
-            _plain(NAMES[0], shift, shift_std, doubts),
-            _plain(NAMES[1], yaw, yaw_std, doubts),
-            *_forces(conditions, half, (shift, yaw), (shift_std, yaw_std), doubts),
+            _plain(NAMES[0], shift, shift_std, scatters[0], doubts),
+            _plain(NAMES[1], yaw, yaw_std, scatters[1], doubts),
+            *_forces(conditions, half, ((shift, shift_std, scatters[0]), (yaw, yaw_std, scatters[1])), doubts),
         )
 
 
 def _forces(
     conditions: TireConditions,
     half_angle_rad: float,
-    displacements: tuple[float, float],
-    stds: tuple[float, float],
+    displacements: tuple[_Displacement, _Displacement],
     doubts: tuple[Reason, ...],
 ) -> tuple[Estimate, Estimate]:
     calibration = conditions.tire.side_force_calibration
@@ -90,10 +94,10 @@ def _forces(
     load = conditions.load_n or _USUAL_LOAD_N
     unit = _USEFUL_LEVER * load * conditions.radius_m
     return (
-        _force(NAMES[2], calibration.side, displacements[0], stds[0], load, doubts),
+        _force(NAMES[2], calibration.side, displacements[0], load, doubts),
         Estimate.invalid(NAMES[3], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
         if calibration.moment is None
-        else _force(NAMES[3], calibration.moment, displacements[1], stds[1], unit, doubts),
+        else _force(NAMES[3], calibration.moment, displacements[1], unit, doubts),
     )
 
 
@@ -105,17 +109,16 @@ def _turned(centre_rad: float) -> FloatArray:
     return result
 
 
-def _plain(name: str, value: float, std: float, doubts: tuple[Reason, ...]) -> Estimate:
+def _plain(name: str, value: float, std: float, scatter_std: float, doubts: tuple[Reason, ...]) -> Estimate:
     if not (math.isfinite(value) and math.isfinite(std)):
         return Estimate.invalid(name, Reason(Code.NOT_FINITE))
-    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts)
+    return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 
-def _force(
-    name: str, law: LinearLaw, displacement: float, error: float, unit: float, doubts: tuple[Reason, ...]
-) -> Estimate:
+def _force(name: str, law: LinearLaw, displacement: _Displacement, unit: float, doubts: tuple[Reason, ...]) -> Estimate:
     """Return a force, valid where it is known to a share of the load, or to a third of itself."""
-    value, std = law.force(displacement, error)
+    shift, error, scatter = displacement
+    value, std = law.force(shift, error)
     if math.isfinite(std) and std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
         doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
-    return _plain(name, value, std, doubts)
+    return _plain(name, value, std, abs(law.factor) * scatter, doubts)

@@ -138,7 +138,7 @@ class SlipAngleEstimator(LateralEstimator):
             (Status.VALID, ()) if settled and math.isfinite(scatter) else (status, reasons)
         )
         return (
-            Estimate(NAMES[0], apparent, std, status, reasons),
+            Estimate(NAMES[0], apparent, std, status, reasons, scatter if math.isfinite(scatter) else 0.0),
             Estimate(NAMES[1], direction, math.nan, status, (*reasons, *unsigned)),
             Estimate(NAMES[2], asymmetry, math.nan, asymmetry_status, asymmetry_reasons),
             self._left_right(),
@@ -182,5 +182,7 @@ def _slip(name: str, law: SlipCalibration, slope_rad: tuple[float, float], outsi
     if not math.isfinite(std):
         unknown = Reason(Code.SCATTER_UNKNOWN, needed=_LEAST_STEPS + 1)
         return Estimate(name, value, std, Status.PROVISIONAL, (unknown,))
+    constant_std = law.slip_at(slope_rad[0], 0.0)[1]
+    scatter_std = math.sqrt(max(std * std - constant_std * constant_std, 0.0))
     status = Status.PROVISIONAL if outside else Status.VALID
-    return Estimate(name, value, std, status, (Reason(Code.ZERO_SLIP_GIVEN), *outside))
+    return Estimate(name, value, std, status, (Reason(Code.ZERO_SLIP_GIVEN), *outside), scatter_std)

@@ -179,7 +179,7 @@ def _number(value: float | None) -> float:
 def _mean(name: str, mean: WeightedMean) -> tuple[float, float]:
     if not mean.count:
         return _UNKNOWN
-    estimate = mean_estimate(mean, quantity_of(name).memory_revolutions)
+    estimate = mean_estimate(mean, quantity_of(name).correlated_revolutions)
     return estimate.value, estimate.std
 
 

@@ -100,6 +100,7 @@ def test_apparent_slip_error_is_the_scatter() -> None:
     values = [e[NAMES[0]].value for e in found[10:58]]
     assert found[57][NAMES[0]].std == pytest.approx(np.std(values, ddof=1), rel=0.35)
     assert found[57][NAMES[0]].status is Status.VALID
+    assert found[57][NAMES[0]].scatter_std == found[57][NAMES[0]].std
 
 
 def test_slip_angle_follows_from_the_belts_share() -> None:
@@ -109,6 +110,9 @@ def test_slip_angle_follows_from_the_belts_share() -> None:
     errors = [(e[SLIP_NAME].value - math.radians(1.0)) / e[SLIP_NAME].std for e in found[LEFT]]
     assert np.abs(errors).max() < 3.5
     assert {e[SLIP_NAME].status for e in found[LEFT]} == {Status.VALID}
+    straight = found[57][SLIP_NAME]
+    assert straight.scatter_std < straight.std
+    assert straight.scatter_std == pytest.approx(np.std([e[SLIP_NAME].value for e in found[10:58]], ddof=1), rel=0.35)
 
 
 def test_constant_slip_is_measured_with_a_calibration() -> None:

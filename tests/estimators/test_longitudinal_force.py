@@ -13,7 +13,12 @@ from gateway.estimators.asymmetric_rows import Force, U, asymmetric_rows, free_b
 from gateway.estimators.asymmetric_solve import solve_asymmetric
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.lateral_shape import LATERAL
-from gateway.estimators.longitudinal_force import LongitudinalForceEstimator
+from gateway.estimators.longitudinal_force import (
+    HORIZON_REVOLUTIONS,
+    NAMES,
+    TIRE_HORIZON_REVOLUTIONS,
+    LongitudinalForceEstimator,
+)
 from gateway.estimators.revolution_block import extended
 from gateway.estimators.sensor_claims import Tilt
 from gateway.physics.asymmetric_belt import asymmetric_shape, curvature_from_signal
@@ -26,6 +31,7 @@ from gateway.physics.rolling_ring import (
     loaded_belt,
     solve_rolling_ring,
 )
+from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, codes_of
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.synchronous_average import RunningAverage
@@ -56,8 +62,9 @@ def estimates(
     conditions: TireConditions = CONDITIONS,
     waves_m: np.ndarray | float = 0.0,
     lateral_mps2: np.ndarray | float = math.nan,
+    seed: int = 3,
 ) -> dict[str, Estimate]:
-    rng = np.random.default_rng(3)
+    rng = np.random.default_rng(seed)
     average, estimator = RunningAverage(), LongitudinalForceEstimator()
     last: tuple[Estimate, ...] = ()
     for _ in range(revolutions):
@@ -159,6 +166,17 @@ def test_noisy_revolutions_give_force_within_errors(torque_nm: float) -> None:
     assert force.status is Status.VALID
     assert force.std < 0.01 * LOAD_N + 0.03 * abs(force.value)
     assert math.copysign(1.0, force.value) == math.copysign(1.0, torque_nm)
+
+
+def test_scattering_part_is_what_repeated_drives_scatter() -> None:
+    """Eight drives: their scatter is known to 27 %."""
+    drives = [estimates(ring(60.0), noise_mps2=2.0, seed=seed) for seed in range(8)]
+    for name in NAMES[:3]:
+        values, stated = np.array([(drive[name].value, drive[name].scatter_std) for drive in drives]).T
+        assert 0.5 < float(np.std(values, ddof=1)) / math.sqrt(float(np.mean(stated**2))) < 1.6, name
+        assert all(drive[name].scatter_std < drive[name].std for drive in drives), name
+        assert quantity_of(name).correlated_revolutions == HORIZON_REVOLUTIONS
+    assert quantity_of("rolling_resistance").correlated_revolutions == TIRE_HORIZON_REVOLUTIONS
 
 
 def test_waves_of_tread_blocks_are_in_the_errors() -> None:

@@ -13,10 +13,11 @@ from gateway.estimators.belt_displacement import displacement_rows
 from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.friction_use import FrictionUseEstimator, share_of_trail
 from gateway.estimators.lateral_shape import ORDERS
-from gateway.estimators.side_force import SideForceEstimator
+from gateway.estimators.side_force import HORIZON_REVOLUTIONS, NAMES, SideForceEstimator
 from gateway.estimators.side_force_calibration import LinearLaw, SideForceCalibration, fit_linear_law
 from gateway.estimators.tire_data import TireData
 from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lateral_belt
+from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, codes_of
 from gateway.signal.lateral_deformation import lateral_coefficients
 from tests.testkit.exact_ring import RADIUS_M, on_grid, solution
@@ -49,8 +50,8 @@ def calibration() -> SideForceCalibration:
     )
 
 
-def follow(slip_deg: float, conditions: TireConditions, revolutions: int = 16) -> dict[str, Estimate]:
-    rng = np.random.default_rng(5)
+def follow(slip_deg: float, conditions: TireConditions, revolutions: int = 16, seed: int = 5) -> dict[str, Estimate]:
+    rng = np.random.default_rng(seed)
     estimator = SideForceEstimator()
     last: tuple[Estimate, ...] = ()
     for _ in range(revolutions):
@@ -89,6 +90,16 @@ def test_calibrated_force_is_within_errors(slip_deg: float) -> None:
     assert abs(force.value - truth.side_force_n) < 3.0 * force.std
     assert abs(moment.value - truth.aligning_moment_nm) < 3.0 * moment.std
     assert force.std < 150.0
+
+
+def test_scattering_part_is_what_repeated_drives_scatter() -> None:
+    """Eight drives: their scatter is known to 27 %."""
+    conditions = replace(CONDITIONS, tire=TireData(side_force_calibration=calibration()))
+    drives = [follow(1.0, conditions, seed=seed) for seed in range(8)]
+    for name in NAMES:
+        values, stated = np.array([(drive[name].value, drive[name].scatter_std) for drive in drives]).T
+        assert 0.5 < float(np.std(values, ddof=1)) / math.sqrt(float(np.mean(stated**2))) < 1.6, name
+        assert quantity_of(name).correlated_revolutions == HORIZON_REVOLUTIONS
 
 
 def test_force_needs_a_calibration() -> None:

@@ -183,7 +183,7 @@ class WheelRow:
         """Return the means over the valid revolutions by quantity, with their uncertainty."""
         named = {name.removeprefix(RENAMED): collected.valid for name, collected in self._estimates.items()}
         return {
-            name: mean_estimate(mean, quantity_of(name).memory_revolutions)
+            name: mean_estimate(mean, quantity_of(name).correlated_revolutions)
             for name, mean in named.items()
             if mean.count
         }
