@@ -17,7 +17,8 @@ ROOT = Path(__file__).parents[1]
 FOUNDATION = {
     "gateway", "gateway.types", "gateway.constants", "gateway.errors", "gateway.clock", "gateway.reasons",
     "gateway.plugins", "gateway.quantity", "gateway.quantity_catalogue", "gateway.table_columns", "gateway.worker_pool",
-    "gateway.bounded_input", "gateway.nearest_name", "gateway.uri_parts", "gateway.compiled", "gateway.wheel_position",
+    "gateway.bounded_input", "gateway.nearest_name", "gateway.optional_packages", "gateway.uri_parts",
+    "gateway.compiled", "gateway.wheel_position",
     "gateway.writing_lock",
 }  # fmt: skip
 # What each layer may import besides itself and the foundation; docs/contributing/architecture.md draws it.

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.errors import OutputError
+from gateway.optional_packages import require_packages
 from gateway.quantity_catalogue import unit_of as quantity_unit
 from gateway.table_columns import REVOLUTION_COLUMNS, Column
 
@@ -208,10 +208,9 @@ def require_pandas() -> Any:
     Raises:
         OutputError: it is not installed; the remedy names the extra.
     """
-    try:
-        import pandas
-    except ImportError as error:
-        raise OutputError("this needs the package pandas", "Install it: pip install 'treadlink[pandas]'") from error
+    require_packages("this", "pandas", "pandas")
+    import pandas
+
     return pandas
 
 
@@ -221,10 +220,9 @@ def require_pyarrow() -> Any:
     Raises:
         OutputError: it is not installed; the remedy names the extra.
     """
-    try:
-        import pyarrow
-    except ImportError as error:
-        raise OutputError("this needs the package pyarrow", "Install it: pip install 'treadlink[parquet]'") from error
+    require_packages("this", "parquet", "pyarrow")
+    import pyarrow
+
     return pyarrow
 
 

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Final, Self
 
 from gateway import __version__
-from gateway.errors import OutputError
+from gateway.optional_packages import require_packages
 from gateway.table_columns import CONVENTIONS, Column
 from gateway.views.output_file import OutputFile
 from gateway.views.tables.table_sinks import Cell, arrow_schema
@@ -23,20 +23,7 @@ FORMAT: Final = "1"
 
 def require_campaign_packages() -> None:
     """Raise OutputError, naming the extra to install, when a package of campaigns is missing."""
-    missing = []
-    try:
-        import pyarrow  # noqa: F401 - only whether it is installed
-    except ImportError:
-        missing.append("pyarrow")
-    try:
-        import psutil  # noqa: F401
-    except ImportError:
-        missing.append("psutil")
-    if missing:
-        raise OutputError(
-            f"a campaign needs the package{'s' if len(missing) > 1 else ''} {' and '.join(missing)}",
-            "Install: pip install 'treadlink[campaign]'",
-        )
+    require_packages("a campaign", "campaign", "pyarrow", "psutil")
 
 
 class PartFile:

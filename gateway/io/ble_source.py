@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -14,7 +14,16 @@ from gateway.io.ble_hub import Sighting
 from gateway.io.ble_link import BleLink, BleSettings, find
 from gateway.io.ble_radio import BLE_ERRORS, explain, radio
 from gateway.io.reconnect import Backoff, ReconnectingSource
-from gateway.io.source import LinkEvent, LinkEventKind, LinkItem, Source, SourceAddress, rate_option, silence_option
+from gateway.io.source import (
+    LinkEvent,
+    LinkEventKind,
+    LinkItem,
+    Source,
+    SourceAddress,
+    number_option,
+    rate_option,
+    silence_option,
+)
 from gateway.reasons import Code, Reason
 
 _MAX_SCAN_S: Final = 120.0
@@ -108,7 +117,7 @@ def open_ble(address: SourceAddress, clock: Clock) -> Source:
     settings = BleSettings(
         target=address.target.rstrip("/"),
         adapter=options.get("adapter", ""),
-        scan_s=_number(options, "scan", 10.0, 0.1, _MAX_SCAN_S),
+        scan_s=number_option(options, "scan", 10.0, 0.1, _MAX_SCAN_S),
         by_socket=options.get("notify") == "socket",
     )
     return BleSource(settings, clock, rate_hz=rate_option(options), silence_s=silence_option(options))
@@ -143,16 +152,3 @@ async def _listen(seconds: float, adapter: str, seen: dict[str, Sighting]) -> No
 
     async with radio().scanner(adapter).listen(hear):
         await asyncio.sleep(seconds)
-
-
-def _number(options: Mapping[str, str], name: str, default: float, low: float, high: float) -> float:
-    text = options.get(name)
-    if text is None:
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not low <= value <= high:
-        raise SourceError(f"{name}={text} is not allowed", f"Give a number from {low:g} to {high:g}.")
-    return value

@@ -376,46 +376,35 @@ def positive_option(name: str, text: str, *, or_max: bool = False) -> float:
 
 RATES_HZ: Final = (2000.0, 25600.0)
 """Lowest and highest sampling rate that a hub can be asked for."""
+_MAX_SILENCE_S: Final = 3600.0
 
 
-def rate_option(options: Mapping[str, str]) -> float | None:
-    """Return the sampling rate in Hz to set on a hub, None without the option `rate`.
+def number_option(options: Mapping[str, str], name: str, default: float, low: float, high: float) -> float:
+    """Return the number of an option, its default where it is not given.
 
     Raises:
-        SourceError: it is no number of the range.
+        SourceError: it is no number from `low` to `high`.
     """
-    text = options.get("rate")
+    text = options.get(name)
     if text is None:
-        return None
-    low, high = RATES_HZ
+        return default
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not low <= value <= high:
-        raise SourceError(f"rate={text} is not allowed", f"Give a number from {low:g} to {high:g}.")
+        raise SourceError(f"{name}={text} is not allowed", f"Give a number from {low:g} to {high:g}.")
     return value
 
 
-_MAX_SILENCE_S: Final = 3600.0
+def rate_option(options: Mapping[str, str]) -> float | None:
+    """Return the sampling rate in Hz to set on a hub, None without the option `rate`; errors as `number_option`."""
+    return number_option(options, "rate", 0.0, *RATES_HZ) or None
 
 
 def silence_option(options: Mapping[str, str], default_s: float = 6.0) -> float:
-    """Return the time in s without a byte after which a link counts as lost, 0 for never.
-
-    Raises:
-        SourceError: it is no number of the range.
-    """
-    text = options.get("silence")
-    if text is None:
-        return default_s
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value <= _MAX_SILENCE_S:
-        raise SourceError(f"silence={text} is not allowed", f"Give a number from 0 to {_MAX_SILENCE_S:g}.")
-    return value
+    """Return the time in s without a byte after which a link counts as lost, 0 for never; errors likewise."""
+    return number_option(options, "silence", default_s, 0.0, _MAX_SILENCE_S)
 
 
 def open_source(uri: str, clock: Clock) -> Source:

@@ -17,7 +17,7 @@ import numpy as np
 
 from gateway.closure.result import Curves, Law, Spectra, Trend, Unexplained
 from gateway.constants import AXIS_NAMES
-from gateway.errors import OutputError
+from gateway.optional_packages import require_packages
 from gateway.types import FloatArray
 from gateway.views.numbers import split_name
 from gateway.views.report.quantities import recorded_axes
@@ -65,20 +65,7 @@ _OPENING: Final = re.compile(r"<svg [^>]*?viewBox=\"([^\"]*)\"[^>]*>")
 
 def require_report_packages() -> None:
     """Raise OutputError, naming the extra to install, when a package of the report is missing."""
-    missing = []
-    try:
-        import jinja2  # noqa: F401 - only whether it is installed
-    except ImportError:
-        missing.append("jinja2")
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        missing.append("matplotlib")
-    if missing:
-        are = "which is not installed" if len(missing) == 1 else "which are not installed"
-        raise OutputError(
-            f"the HTML report needs {' and '.join(missing)}, {are}", "Install it with: pip install 'treadlink[plot]'."
-        )
+    require_packages("the HTML report", "plot", "jinja2", "matplotlib")
 
 
 def report_style() -> AbstractContextManager[None]:

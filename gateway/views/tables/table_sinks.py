@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import IO, Any, Final, Protocol
 
-from gateway.errors import OutputError
+from gateway.optional_packages import require_packages
 from gateway.table_columns import Column
 from gateway.views.text import escaped
 
@@ -109,12 +109,7 @@ def arrow_schema(
 
 def require_pyarrow() -> None:
     """Raise OutputError, naming the extra to install, when Parquet's package is missing."""
-    try:
-        import pyarrow.parquet  # noqa: F401 - checks only that it is installed
-    except ImportError as error:
-        raise OutputError(
-            "Parquet needs the package pyarrow", "Install it: pip install 'treadlink[parquet]'"
-        ) from error
+    require_packages("Parquet", "parquet", "pyarrow")
 
 
 class ParquetSink:
