@@ -30,10 +30,10 @@ from gateway.estimators.weak_form import fit_waveforms
 from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import stiffness_terms
 from gateway.physics.rolling_ring import solve_rolling_ring
-from gateway.signal.angle_resampling import fit_phase, resample_revolution
+from gateway.signal.angle_resampling import fit_phase, resample_revolutions
 from gateway.signal.contact_edges import find_contact_edges
 from gateway.signal.order_spectrum import ORDER_COUNT, order_coefficients
-from gateway.signal.speed_normalisation import normalise_radial
+from gateway.signal.speed_normalisation import normalise_revolutions
 from gateway.signal.synchronous_average import RunningAverage
 
 LOAD_N, PRESSURE_PA = 5000.0, 2.1e5
@@ -84,12 +84,12 @@ def turns() -> tuple[list[Turn], np.ndarray, np.ndarray]:
 def print_stages(found: list[Turn], samples: np.ndarray, centres: np.ndarray) -> None:
     axes = np.stack([samples] * 3, axis=1)
     phase = fit_phase(centres[1], centres[2], centres[0])
-    wave = resample_revolution(axes, phase)[0]
-    clean = normalise_radial(wave, phase).radial_mps2
+    waves = resample_revolutions([axes], [phase])[:, 0]
+    (clean,) = normalise_revolutions(waves, [phase]).radial_mps2
     average, revolutions = RunningAverage(), itertools.cycle([turn.revolution for turn in found])
     rows = {
-        "resample, 3 axes": microseconds(lambda: resample_revolution(axes, phase)),
-        "gravity and drift": microseconds(lambda: normalise_radial(wave, phase)),
+        "resample, 3 axes": microseconds(lambda: resample_revolutions([axes], [phase])),
+        "gravity and drift": microseconds(lambda: normalise_revolutions(waves, [phase])),
         "orders": microseconds(lambda: order_coefficients(clean)),
         "contact edges": microseconds(lambda: find_contact_edges(clean, phase.samples)),
         "running average": microseconds(lambda: extended(average, next(revolutions))),

@@ -22,9 +22,9 @@ from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rolling_ring
 from gateway.quantity_catalogue import RING_NUMBERS
 from gateway.signal import contact_edges as contact
-from gateway.signal.angle_resampling import GRID_SIZE, fit_phase, resample_revolution
+from gateway.signal.angle_resampling import GRID_SIZE, fit_phase, resample_revolutions
 from gateway.signal.order_spectrum import order_coefficients
-from gateway.signal.speed_normalisation import normalise_radial
+from gateway.signal.speed_normalisation import normalise_revolutions
 from gateway.signal.synchronous_average import RunningAverage
 from gateway.types import FloatArray
 
@@ -103,7 +103,7 @@ def sampled(solution: RingSolution, revolutions: int, seed: int) -> tuple[FloatA
 
 def revolution_of(samples: FloatArray, start: float, end: float, previous: float) -> Revolution:
     phase = fit_phase(start, end, previous)
-    wave = normalise_radial(resample_revolution(samples[:, np.newaxis], phase)[0], phase).radial_mps2
+    (wave,) = normalise_revolutions(resample_revolutions([samples[:, np.newaxis]], [phase])[:, 0], [phase]).radial_mps2
     omega_radps = 2.0 * math.pi * RATE_HZ / phase.samples
     return waveform_revolution(wave, samples=phase.samples, omega_radps=omega_radps)
 

@@ -39,14 +39,8 @@ STAGES: Final = {
         "gateway.pipeline.contact_timing:ContactTimer.time",
         "gateway.pipeline.contact_timing:ContactTimer.renew",
     ),
-    "resampling": (
-        "gateway.signal.angle_resampling:resample_revolution",
-        "gateway.signal.angle_resampling:resample_revolutions",
-    ),
-    "gravity and speed": (
-        "gateway.signal.speed_normalisation:normalise_radial",
-        "gateway.signal.speed_normalisation:normalise_revolutions",
-    ),
+    "resampling": ("gateway.signal.angle_resampling:resample_revolutions",),
+    "gravity and speed": ("gateway.signal.speed_normalisation:normalise_revolutions",),
     "clipping": ("gateway.signal.clipping:is_clipped",),
     "revolution": (
         "gateway.pipeline.revolution:revolution_in_angle",
@@ -64,10 +58,7 @@ STAGES: Final = {
         "gateway.pipeline.timebase:HostClock.host_ns",
         "gateway.pipeline.wheels:Pipeline._stamp",
     ),
-    "running average": (
-        "gateway.signal.synchronous_average:RunningAverage.update",
-        "gateway.signal.synchronous_average:RunningAverage.update_block",
-    ),
+    "running average": ("gateway.signal.synchronous_average:RunningAverage.update_block",),
     "evidence": (
         "gateway.estimators.signal_evidence:assess",
         "gateway.estimators.signal_evidence:assess_block",

@@ -157,25 +157,15 @@ class PlySteerEstimator(BlockEstimator):
 
     name = "ply-steer"
 
-    def __init__(
-        self, offset_std_mps2: float = OFFSET_STD_MPS2, horizon_revolutions: float = HORIZON_REVOLUTIONS
-    ) -> None:
-        """Start empty.
-
-        Args:
-            offset_std_mps2: least standard error of the constant in the lateral mean (zero-g offset, camber); what is
-                stated about the sensor's zero may be larger.
-            horizon_revolutions: memory of the average.
-        """
-        self._offset_std_mps2 = offset_std_mps2
-        self._average = LateralAverage(horizon_revolutions, RollCalibration(offset_std_mps2))
-        self._followed: _Followed | None = None
-        self._renewed: _Renewed | None = None
+    def __init__(self) -> None:
+        self._average = LateralAverage(HORIZON_REVOLUTIONS, RollCalibration(OFFSET_STD_MPS2))
+        super().__init__()
 
     def reset(self) -> None:
         """Forget the average and the roll calibration."""
         self._average.reset()
-        self._followed = self._renewed = None
+        self._followed: _Followed | None = None
+        self._renewed: _Renewed | None = None
 
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Take revolutions and return the estimates after each."""
@@ -183,7 +173,7 @@ class PlySteerEstimator(BlockEstimator):
         count = self._average.count
         if taken:
             expected = block.conditions[taken[0]].claims.zero_g_std_mps2
-            self._average.roll.expect_offset(max(self._offset_std_mps2, expected))
+            self._average.roll.expect_offset(max(OFFSET_STD_MPS2, expected))
         steps = self._average.update(block, taken) if taken else None
         results: list[tuple[Estimate, ...]] = [()] * len(block)
         measured: list[_Measured] = []

@@ -124,12 +124,15 @@ CANDIDATES: Final = (
 )
 
 
-def car_tire_ring(pressure_pa: float, radius_m: float = RADIUS_M) -> RingParameters:
+_SPEED_MPS: Final = 60.0 / 3.6
+
+
+def car_tire_ring(pressure_pa: float) -> RingParameters:
     """Return a car tire's ring at a pressure: the ring paper's numbers at 2.1 bar, sidewall half pressure-borne."""
-    nominal = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=radius_m, pressure_pa=_NUMBERS_AT_PA)
+    nominal = RingParameters.from_numbers(*TABLE_3_NUMBERS, radius_m=RADIUS_M, pressure_pa=_NUMBERS_AT_PA)
     share = 0.5 + 0.5 * pressure_pa / _NUMBERS_AT_PA
     return RingParameters(
-        radius_m=radius_m,
+        radius_m=RADIUS_M,
         tension_width_m=nominal.tension_width_m,
         bending_stiffness_nm2=nominal.bending_stiffness_nm2,
         radial_stiffness_npm2=share * nominal.radial_stiffness_npm2,
@@ -137,9 +140,9 @@ def car_tire_ring(pressure_pa: float, radius_m: float = RADIUS_M) -> RingParamet
     )
 
 
-def roll_car_tire(load_n: float, pressure_pa: float, speed_mps: float = 60.0 / 3.6) -> RingSolution:
+def roll_car_tire(load_n: float, pressure_pa: float) -> RingSolution:
     """Return the paper's tire size rolling under load."""
-    return solve_rolling_ring(car_tire_ring(pressure_pa), load_n, pressure_pa, speed_mps / RADIUS_M, nodes=_NODES)
+    return solve_rolling_ring(car_tire_ring(pressure_pa), load_n, pressure_pa, _SPEED_MPS / RADIUS_M, nodes=_NODES)
 
 
 def table_points() -> tuple[Points, FloatArray]:

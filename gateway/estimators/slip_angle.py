@@ -53,16 +53,6 @@ _LEAST_STEPS: Final = 3
 _LEAST_OF_SIDE: Final = 3
 
 
-def slip_asymmetry(left_mps2: FloatArray, right_mps2: FloatArray) -> float:
-    """Return the asymmetry of two lateral waveforms at equal left and right slip.
-
-    It is rms(left + right) / rms(left - right): 0 for mirror images, larger with more ply steer and conicity.
-    """
-    together = float(np.sqrt(np.mean(np.square(left_mps2 + right_mps2))))
-    apart = float(np.sqrt(np.mean(np.square(left_mps2 - right_mps2))))
-    return together / apart if apart > 0.0 else math.nan
-
-
 def lateral_asymmetry(waveform: FloatArray) -> float:
     """Return (max + min) / (max - min) of a lateral waveform: +1 or -1 when it has extrema of one sign only."""
     high, low = float(waveform.max()), float(waveform.min())

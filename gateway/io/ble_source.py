@@ -13,7 +13,7 @@ from gateway.errors import SourceError
 from gateway.io.ble_hub import Sighting
 from gateway.io.ble_link import BleLink, BleSettings, find
 from gateway.io.ble_radio import BLE_ERRORS, explain, radio
-from gateway.io.reconnect import Backoff, ReconnectingSource
+from gateway.io.reconnect import ReconnectingSource
 from gateway.io.source import (
     LinkEvent,
     LinkEventKind,
@@ -42,13 +42,12 @@ class BleSource(ReconnectingSource):
         clock: Clock,
         *,
         rate_hz: float | None = None,
-        backoff: Backoff | None = None,
         silence_s: float = 6.0,
     ) -> None:
         """Name the hub; nothing is opened yet."""
         self._settings = settings
         link = f"ble:{settings.target}"
-        super().__init__(link, self._fresh_link, clock, backoff, rate_hz=rate_hz, silence_s=silence_s)
+        super().__init__(link, self._fresh_link, clock, rate_hz=rate_hz, silence_s=silence_s)
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield chunks and events until stopped or closed, then an event that it was disconnected on request.

@@ -106,14 +106,13 @@ class CanBusSource:
         make_bus: Callable[[], can.BusABC],
         clock: Clock,
         dbc_text: str | None,
-        backoff: Backoff | None = None,
     ) -> None:
         """Name the bus; nothing is opened yet."""
         self.dbc_text = dbc_text
         self._link = link
         self._make_bus = make_bus
         self._clock = clock
-        self._backoff = backoff or Backoff()
+        self._backoff = Backoff()
         self._closed = threading.Event()
 
     @property

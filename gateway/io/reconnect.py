@@ -97,7 +97,6 @@ class ReconnectingSource:
         link: str,
         make_link: Callable[[], Link],
         clock: Clock,
-        backoff: Backoff | None = None,
         *,
         rate_hz: float | None = None,
         silence_s: float = 0.0,
@@ -108,7 +107,6 @@ class ReconnectingSource:
             link: name in chunks and events.
             make_link: makes a new connection for every attempt.
             clock: stamps arrivals and paces the attempts.
-            backoff: pauses between attempts.
             rate_hz: sampling rate to set on the hub, None to leave it.
             silence_s: a connection without a byte for this long counts as lost; 0 for never. After openings that
                 bring no byte it doubles up to a minute, for hubs that take long to start.
@@ -121,7 +119,7 @@ class ReconnectingSource:
         self._name = link
         self._make_link = make_link
         self._clock = clock
-        self._backoff = backoff if backoff is not None else Backoff()
+        self._backoff = Backoff()
         self._closed = threading.Event()
         self._using = threading.Lock()
         self._current: Link | None = None

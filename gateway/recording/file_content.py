@@ -6,7 +6,7 @@ import hashlib
 import os
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -45,9 +45,7 @@ class FileContent:
         return (present.st_size, present.st_mtime_ns) == (self.size_bytes, self.modified_ns)
 
 
-def read_content(
-    path: Path, stop: threading.Event | None = None, on_bytes: Callable[[int], None] | None = None
-) -> FileContent | None:
+def read_content(path: Path, stop: threading.Event | None = None) -> FileContent | None:
     """Read a file and return its identity; None when `stop` is set meanwhile.
 
     Raises:
@@ -60,8 +58,6 @@ def read_content(
                 if stop is not None and stop.is_set():
                     return None
                 digest.update(block)
-                if on_bytes is not None:
-                    on_bytes(len(block))
             status = path.stat()
     except OSError as error:
         raise RecordingError(

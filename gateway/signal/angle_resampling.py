@@ -142,25 +142,6 @@ def _acceleration(before: float, after: float) -> float:
     return 4.0 * math.pi * (1.0 / after - 1.0 / before) / (before + after)
 
 
-def resample_revolution(samples_mps2: FloatArray, phase: Phase, n: int = GRID_SIZE) -> FloatArray:
-    """Resample one revolution on the angle grid.
-
-    Args:
-        samples_mps2: (m, axes) samples uniform in time; row i is sample position i. `MARGIN_SAMPLES` rows on either
-            side of the revolution avoid an end effect.
-        phase: phase of the revolution, in positions of these rows.
-        n: grid size, even.
-
-    Returns:
-        (axes, n) in the unit of the samples. An axis with values that are not finite stays not finite.
-
-    Raises:
-        ValueError: the samples do not cover the revolution, or `n` is odd or below 8.
-    """
-    result: FloatArray = resample_revolutions([samples_mps2], [phase], n)[0]
-    return result
-
-
 def resample_revolutions(
     samples_mps2: Sequence[NDArray[Any]],
     phases: Sequence[Phase],
@@ -168,17 +149,18 @@ def resample_revolutions(
     scale: Scale | None = None,
     out: FloatArray | None = None,
 ) -> FloatArray:
-    """Resample revolutions on the angle grid; each as `resample_revolution` does, whatever the others are.
+    """Resample revolutions on the angle grid, each as if it were alone.
 
     Args:
-        samples_mps2: for each revolution (m, axes) samples, m may differ.
+        samples_mps2: for each revolution (m, axes) samples uniform in time, m may differ; row i is sample position i.
+            `MARGIN_SAMPLES` rows on either side of the revolution avoid an end effect.
         phases: phase of each, in positions of its rows.
         n: grid size, even.
         scale: converts the samples to accelerations, None when they are.
         out: C-contiguous array for the result, if there is one.
 
     Returns:
-        (revolutions, axes, n).
+        (revolutions, axes, n). An axis with values that are not finite stays not finite.
 
     Raises:
         ValueError: the samples do not cover a revolution, or `n` is odd or below 8.

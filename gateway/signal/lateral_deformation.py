@@ -18,18 +18,17 @@ import numpy as np
 
 from gateway.types import ComplexArray, FloatArray
 
-LOWEST_ORDER: Final = 1
 HIGHEST_ORDER: Final = 40
 
 
-def trusted_orders(order_max: int, lowest: int = LOWEST_ORDER, highest: int = HIGHEST_ORDER) -> range:
-    """Return the orders that are integrated: from `lowest` to `highest`, limited by the sampling.
+def trusted_orders(order_max: int) -> range:
+    """Return the orders that are integrated: from 1 to HIGHEST_ORDER, limited by the sampling.
 
     Truncation at order 40 / 30 / 20 changes a tire's steepest slope by up to 0.0013 / 0.003 / 0.012 deg and the noise
     hardly at all, since low orders dominate it. Omitting order 1 would halve the variance of the noise but bias the
     mean slope in the first half of the contact by 0.02 to 0.05 deg, so it is kept. A yawed sensor adds gravity to it.
     """
-    return range(lowest, min(highest, order_max) + 1)
+    return range(1, min(HIGHEST_ORDER, order_max) + 1)
 
 
 def lateral_coefficients(waveforms: FloatArray, orders: range) -> FloatArray:

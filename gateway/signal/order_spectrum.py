@@ -24,7 +24,7 @@ _USABLE_BAND: Final = 0.56
 def highest_order(samples_per_revolution: float) -> int:
     """Return the highest order that the sampling carries, at most 60.
 
-    The quintic interpolation of `resample_revolution` is within 0.5 % up to 0.56 of the Nyquist order (0.28 cycles per
+    The quintic interpolation of `resample_revolutions` is within 0.5 % up to 0.56 of the Nyquist order (0.28 cycles per
     sample).
     """
     return max(0, min(ORDER_COUNT - 1, math.floor(_USABLE_BAND * samples_per_revolution / 2.0)))

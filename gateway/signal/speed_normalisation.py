@@ -28,25 +28,15 @@ _IS_DC, _BY_CONTACT, _BY_STEADY_VALUE, _AS_IT_IS = 0.0, 1.0, 2.0, 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class NormalisedRadial:
-    """One revolution of the radial axis, reduced to steady free rolling.
+class NormalisedRevolutions:
+    """Revolutions of the radial axis, reduced to steady free rolling.
 
     Attributes:
-        radial_mps2: (n,) without gravity, at the revolution's mean speed, with the steady value restored.
-        constant_mps2: constant added to an AC-coupled signal to restore its steady value; 0 when DC-coupled.
-        belt_angle_rad: (n,) angle of the belt's normal from the vertical, used to remove gravity.
-        used_belt_angle: False when that is only the material angle, because the waveform gave no closed belt.
+        radial_mps2: (k, n) without gravity, at the mean speed of each, with the steady value restored.
+        constant_mps2: (k,) constant added to an AC-coupled signal to restore its steady value; 0 when DC-coupled.
+        belt_angle_rad: (k, n) angle of the belt's normal from the vertical, used to remove gravity.
+        used_belt_angle: (k,) False when that is only the material angle, because the waveform gave no closed belt.
     """
-
-    radial_mps2: FloatArray
-    constant_mps2: float
-    belt_angle_rad: FloatArray
-    used_belt_angle: bool
-
-
-@dataclass(frozen=True, slots=True)
-class NormalisedRevolutions:
-    """Several revolutions, as in NormalisedRadial: (k, n), (k,), (k, n), (k,)."""
 
     radial_mps2: FloatArray
     constant_mps2: FloatArray
@@ -54,15 +44,15 @@ class NormalisedRevolutions:
     used_belt_angle: BoolArray
 
 
-def normalise_radial(
+def normalise_revolutions(
     radial_mps2: FloatArray,
-    phase: Phase,
+    phases: Sequence[Phase],
     *,
     ac_coupled: bool = False,
-    steady_mps2: float | None = None,
+    steady_mps2: FloatArray | None = None,
     gravity_mps2: float = STANDARD_GRAVITY_MPS2,
-) -> NormalisedRadial:
-    """Remove gravity and the angular acceleration within the revolution; restore an AC-coupled signal's steady value.
+) -> NormalisedRevolutions:
+    """Remove gravity and the angular acceleration within a revolution; restore an AC-coupled signal's steady value.
 
     Gravity acts at the belt's angle psi = integral of kappa R dtheta, where kappa R is the signal over its mean. In the
     contact the belt lies flat, so gravity is constant there. Where the waveform does not close into a belt (AC-coupled
@@ -75,40 +65,14 @@ def normalise_radial(
     With neither, the signal stays AC and the speed is not corrected, because that needs the steady value.
 
     Args:
-        radial_mps2: (n,) radial axis on the angle grid, positive inward.
-        phase: phase of the revolution.
-        ac_coupled: True when the sensor does not pass the steady value.
-        steady_mps2: R Omega^2 at the revolution's mean speed, used for AC-coupled signals only.
-        gravity_mps2: acceleration of gravity; 0 for data without it.
-
-    Returns:
-        The normalised waveform, with the constant and the angle used. NaN in, NaN out.
-    """
-    steady = np.array([steady_mps2]) if steady_mps2 is not None else None
-    rows = normalise_revolutions(
-        radial_mps2[np.newaxis], [phase], ac_coupled=ac_coupled, steady_mps2=steady, gravity_mps2=gravity_mps2
-    )
-    return NormalisedRadial(
-        rows.radial_mps2[0], float(rows.constant_mps2[0]), rows.belt_angle_rad[0], bool(rows.used_belt_angle[0])
-    )
-
-
-def normalise_revolutions(
-    radial_mps2: FloatArray,
-    phases: Sequence[Phase],
-    *,
-    ac_coupled: bool = False,
-    steady_mps2: FloatArray | None = None,
-    gravity_mps2: float = STANDARD_GRAVITY_MPS2,
-) -> NormalisedRevolutions:
-    """Normalise revolutions, each as `normalise_radial` does.
-
-    Args:
         radial_mps2: (k, n) radial axis of each on the angle grid, positive inward.
         phases: phase of each.
         ac_coupled: True when the sensor does not pass the steady value.
         steady_mps2: (k,) R Omega^2 at the mean speed of each, used for AC-coupled signals only.
         gravity_mps2: acceleration of gravity; 0 for data without it.
+
+    Returns:
+        The normalised waveforms, with the constants and the angles used. NaN in, NaN out.
     """
     interiors: list[slice | None] | None = None
     if ac_coupled and steady_mps2 is None:

@@ -19,12 +19,12 @@ from gateway.physics.rolling_ring import RingParameters, RingSolution, solve_rol
 from gateway.physics.rolling_ring.sensor_waveform import waveform_orders
 from gateway.physics.tread_pattern import EdgeWaves
 from gateway.reasons import Code, codes_of
-from gateway.signal.angle_resampling import fit_phase, resample_revolution
+from gateway.signal.angle_resampling import fit_phase
 from gateway.signal.segmentation import find_contacts, refine_contact
-from gateway.signal.speed_normalisation import normalise_radial
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, solution
 from tests.testkit.revolution_data import CONDITIONS, exact_wave, make_revolution, settled
+from tests.testkit.single_revolution import normalise_radial, resample_revolution
 
 OMEGA = omega_at(65.0)
 # 5 mg/rtHz after a hundred revolutions, over R omega^2.

@@ -21,11 +21,11 @@ from gateway.physics.reference_tire import TABLE_3_NUMBERS
 from gateway.physics.ring_series import signal_orders, signal_waveform, stiffness_terms
 from gateway.quantity_catalogue import RING_NUMBERS, RING_RATIOS
 from gateway.reasons import Code, Reason, codes_of
-from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
-from gateway.signal.speed_normalisation import normalise_radial
+from gateway.signal.angle_resampling import angle_grid, fit_phase
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, cosine_orders, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
+from tests.testkit.single_revolution import normalise_radial, resample_revolution
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 ORDERS = np.arange(1.0, 61.0)

@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.signal.angle_resampling import angle_grid, fit_phase, resample_revolution
+from gateway.signal.angle_resampling import angle_grid, fit_phase
 from gateway.signal.contact_edges import EDGE_MODEL_STD_RAD, contact_interior, find_contact_edges
 from gateway.signal.edge_distance import EdgePlace, edge_among_waves, edge_distance, model_std_rad
-from gateway.signal.speed_normalisation import normalise_radial
 from tests.testkit.exact_ring import BASE_RING, omega_at, on_grid, sampled, solution
+from tests.testkit.single_revolution import normalise_radial, resample_revolution
 
 MEASURED = Path(__file__).parents[2] / ".." / "shared" / "measured" / "innerliner_drum_80kmh.csv"
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.signal.angle_resampling import Phase, angle_grid, fit_phase, resample_revolution
-from gateway.signal.speed_normalisation import normalise_radial
+from gateway.signal.angle_resampling import Phase, angle_grid, fit_phase
 from tests.testkit.exact_ring import RADIUS_M, cosine_orders, omega_at, on_grid, sampled, solution
+from tests.testkit.single_revolution import normalise_radial, resample_revolution
 
 
 def steady_phase(samples: float = 1024.0) -> Phase:

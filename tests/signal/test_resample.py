@@ -13,9 +13,9 @@ from gateway.signal.angle_resampling import (
     angle_grid,
     elapsed_angles,
     fit_phase,
-    resample_revolution,
 )
 from gateway.signal.order_spectrum import order_coefficients
+from tests.testkit.single_revolution import resample_revolution
 
 
 def tone(order: int, samples: float, start: float, rows: int) -> np.ndarray:

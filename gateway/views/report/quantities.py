@@ -140,14 +140,14 @@ def plain(value: float, std: float = math.nan) -> str:
     return round_to_error(float(value), float(std)).joined()
 
 
-def significant(value: float, digits: int = 3) -> str:
+def significant(value: float) -> str:
     """Return a number without a standard error with three significant digits, and all digits before its point."""
     if not math.isfinite(value):
         return MISSING
     decade = math.floor(math.log10(abs(value))) if value else 0
     if not -4 < decade < 9:
-        return f"{value:.{digits - 1}e}"
-    return f"{value:.{max(digits - 1 - decade, 0)}f}"
+        return f"{value:.2e}"
+    return f"{value:.{max(2 - decade, 0)}f}"
 
 
 def ratio(part: float, whole: float) -> float:
