@@ -21,31 +21,11 @@ from gateway.reasons import Code, Notice, Reason, codes_of
 from gateway.session.core import SessionCore
 from gateway.views.wording import notice_text
 from tests.reliability.streams import simulated
+from tools.reliability.sensors import SCENARIO
 
 ROOT = Path(__file__).parents[2]
 SPEED_MPS = 65.0 / 3.6
 HALF_ANGLE_RAD = 0.2383
-
-SCENARIO = """
-[scenario]
-seed = 5
-duration_s = {duration}
-[motion]
-speed_kmh = 65
-[tire]
-radius_mm = 320
-[[hub]]
-hub = 0
-[[wheel]]
-position = "W1"
-wheel = 0
-sensor_id = "0000a001"
-{faulty}
-[[wheel]]
-position = "W2"
-wheel = 1
-sensor_id = "0000a002"
-"""
 
 
 @dataclass(frozen=True)

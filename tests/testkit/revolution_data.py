@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -50,6 +52,30 @@ def make_revolution(
         faults=faults,
         period_std_s=period_std_s,
     )
+
+
+def plain_revolution(points: int = 8, **changes: Any) -> Revolution:
+    """Return a revolution without a signal, for what only passes its numbers on."""
+    values = {
+        "index": 0,
+        "start_s": 0.0,
+        "period_s": 0.1,
+        "omega_radps": 20.0 * math.pi,
+        "omega_dot_radps2": 0.0,
+        "radial_mps2": np.zeros(points),
+        "axes_mps2": np.zeros((3, points)),
+        "orders_mps2": np.zeros(61, dtype=np.complex128),
+        "order_max": 60,
+        "leading_edge_rad": -0.2,
+        "trailing_edge_rad": 0.2,
+        "leading_edge_std_rad": 0.001,
+        "trailing_edge_std_rad": 0.001,
+        "noise_mps2": 1.0,
+        "missing_fraction": 0.0,
+        "saturated": False,
+        "ac_coupled": False,
+    }
+    return Revolution(**values | changes)
 
 
 def settled(revolution: Revolution, count: int = 10) -> AngleAverage:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.pipeline.results import (
     Alarm,
     LinkSnapshot,
@@ -18,6 +18,7 @@ from gateway.pipeline.results import (
     WheelState,
 )
 from gateway.reasons import Code, Notice, Reason
+from tests.testkit.revolution_data import plain_revolution
 
 RADIUS_M = 0.32
 NUMBERS = {"Bs": (3.0833e-3, 1.2e-5), "Cw": (0.1953, 0.0012), "Rs": (2.974, 0.031), "Ts": (2.529, 0.099)}
@@ -33,24 +34,18 @@ def _curve(omega_radps: float, n: int = 512) -> np.ndarray:
 
 def _result(position="FL", index=12, speed_kmh=65.0, status=Status.VALID, reasons=(), load_n=5000.0, faults=(), **kw):
     omega = speed_kmh / 3.6 / RADIUS_M
-    revolution = Revolution(
+    revolution = plain_revolution(
         index=index,
         start_s=100.0 + 0.1 * index,
         period_s=2.0 * math.pi / omega,
         omega_radps=omega,
-        omega_dot_radps2=0.0,
         radial_mps2=_curve(omega),
         axes_mps2=np.full((3, 512), np.nan),
-        orders_mps2=np.zeros(61, dtype=complex),
-        order_max=60,
         leading_edge_rad=-0.2398,
         trailing_edge_rad=0.2358,
         leading_edge_std_rad=0.0017,
         trailing_edge_std_rad=0.0018,
         noise_mps2=20.0,
-        missing_fraction=0.0,
-        saturated=False,
-        ac_coupled=False,
         faults=faults,
     )
     kinematic = (

@@ -4,12 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.pipeline.results import AlarmRecord, LinkSnapshot, RevolutionResult, WheelCounters, WheelSnapshot
 from gateway.reasons import Code, Reason
 from gateway.signal.effect_correction import CorrectedEffect, CorrectionTable
 from gateway.views.session_summary import ResultSummary, effects_line, removed_line, summary_lines
 from gateway.views.wording import text
+from tests.testkit.revolution_data import plain_revolution
 
 LOST = Reason(Code.SAMPLES_LOST)
 FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
@@ -19,26 +20,8 @@ OUTSIDE = Reason(Code.EFFECTS_OUTSIDE_LOADS, load_n=6500.0, low_n=4000.0, high_n
 def result(
     position: str, period_s: float, *estimates: Estimate, missing: float = 0.0, faults: tuple[Reason, ...] = ()
 ) -> RevolutionResult:
-    revolution = Revolution(
-        index=0,
-        start_s=0.0,
-        period_s=period_s,
-        omega_radps=2 * math.pi / period_s,
-        omega_dot_radps2=0.0,
-        radial_mps2=np.zeros(4),
-        axes_mps2=np.zeros((3, 4)),
-        orders_mps2=np.zeros(61, dtype=np.complex128),
-        order_max=60,
-        leading_edge_rad=-0.2,
-        trailing_edge_rad=0.2,
-        leading_edge_std_rad=0.001,
-        trailing_edge_std_rad=0.001,
-        noise_mps2=1.0,
-        missing_fraction=missing,
-        saturated=False,
-        ac_coupled=False,
-        faults=faults,
-    )
+    omega = 2 * math.pi / period_s
+    revolution = plain_revolution(period_s=period_s, omega_radps=omega, missing_fraction=missing, faults=faults)
     return RevolutionResult(position, 0, revolution, TireConditions(0.5 / math.pi), estimates)
 
 

@@ -1,22 +1,21 @@
 import csv
 import gc
 import json
-import math
 import sys
 import tracemalloc
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from gateway.errors import OutputError
-from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.pipeline.results import RevolutionResult
 from gateway.reasons import Code, Reason
 from gateway.views.tables.result_table import COLUMNS_FIXED_AFTER_ROWS, TableFormat, iso_utc, open_table
 from gateway.views.text import escaped
 from gateway.views.wording import joined, text
+from tests.testkit.revolution_data import plain_revolution
 
 FEW = Reason(Code.NOT_SETTLED, revolutions=3.0, needed=8.0)
 UNKNOWN = Reason(Code.UNKNOWN_ESTIMATOR, estimator='says; "none"')
@@ -30,24 +29,14 @@ TS = Estimate.invalid("Ts", UNKNOWN)
 def result(
     index: int = 0, position: str = "FL", estimates: tuple[Estimate, ...] = (SPEED, BS, TS), **conditions: Any
 ) -> RevolutionResult:
-    revolution = Revolution(
+    revolution = plain_revolution(
         index=index,
         start_s=1.5 + index,
-        period_s=0.1,
-        omega_radps=20 * math.pi,
         omega_dot_radps2=2.0,
-        radial_mps2=np.zeros(8),
-        axes_mps2=np.zeros((3, 8)),
-        orders_mps2=np.zeros(61, dtype=np.complex128),
-        order_max=60,
-        leading_edge_rad=-0.2,
         trailing_edge_rad=0.21,
-        leading_edge_std_rad=0.001,
         trailing_edge_std_rad=0.002,
-        noise_mps2=1.0,
         missing_fraction=0.25,
         saturated=index % 2 == 1,
-        ac_coupled=False,
         faults=FAULTS if index == 0 else (),
     )
     return RevolutionResult(position, START_NS + index, revolution, TireConditions(0.32, **conditions), estimates)

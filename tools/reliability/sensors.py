@@ -31,10 +31,10 @@ _CASES: dict[str, str] = {
     "pressure stuck from 2 s": "defect = {pressure_stuck_from_s = 2}\ntemperature_degc = [[0, 20], [20, 45]]",
     "wheels swapped": "",
 }
-_SCENARIO = """
+SCENARIO = """
 [scenario]
 seed = 5
-duration_s = 20
+duration_s = {duration}
 [motion]
 speed_kmh = 65
 [tire]
@@ -66,7 +66,7 @@ def report() -> Iterator[str]:
     with tempfile.TemporaryDirectory() as folder:
         for name, faulty in _CASES.items():
             path = Path(folder) / "s.toml"
-            path.write_text(_SCENARIO.format(faulty=faulty))
+            path.write_text(SCENARIO.format(duration=20, faulty=faulty))
             source = open_source(f"sim:{path}?speed=max", ManualClock())
             toml = source.vehicle_toml or ""
             if name == "wheels swapped":
