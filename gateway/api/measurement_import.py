@@ -27,7 +27,7 @@ def import_measurement(
     """Convert a measurement file to a recording and open it, as `treadlink import`.
 
     Args:
-        files: CSV, MATLAB, HDF5, MDF, TDMS, UFF or Parquet; several in the order of time are one measurement.
+        files: CSV, MATLAB, HDF5, MDF, TDMS, UFF, IDE or Parquet; several in the order of time are one measurement.
         import_map: meaning of the columns: a TOML file, or its tables as a dictionary; None for one CSV or MF4 file of
             samples that `Recording.export` has written.
         out: new .mcap file, or a folder for it; None for the name of the first file with .mcap in the current folder.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.api.column_table import ColumnTable, TextArray, TimeArray, column, require_pandas, text_array, utc_array
 from gateway.constants import AXIS_NAMES
+from gateway.errors import OutputError
 from gateway.estimators.estimator import Revolution
 from gateway.pipeline.mean_revolution import MeanOfRevolutions, MeanRevolution
 from gateway.pipeline.results import RevolutionResult
@@ -24,6 +25,7 @@ from gateway.views.wording import joined
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray
 
 IndexArray = NDArray[np.int64]
 
@@ -306,6 +308,34 @@ class AngleWaveforms(ColumnTable):
         )
         frame.attrs.update({"unit": "m/s^2", "axis": axis, **self.metadata})
         return frame
+
+    def to_xarray(self) -> xarray.DataArray:
+        """Return the waveforms as a DataArray of (revolution, axis, angle_rad) in m/s^2.
+
+        Number, start, speed and usability of a revolution are coordinates; the axis `normalised` is the radial one
+        without gravity, at the mean speed.
+
+        Raises:
+            OutputError: xarray is not installed.
+        """
+        try:
+            import xarray
+        except ImportError as error:
+            raise OutputError("this needs the package xarray", "Install it: pip install 'treadlink[xarray]'") from error
+        axes = (*AXIS_NAMES, "normalised")
+        of_revolution = ("device_start_s", "omega_radps", "usable")
+        return xarray.DataArray(
+            np.stack([self[f"{axis}_mps2"] for axis in axes], axis=1),
+            dims=("revolution", "axis", "angle_rad"),
+            coords={
+                "revolution": self.revolution,
+                "axis": list(axes),
+                "angle_rad": ("angle_rad", self.angle_rad, {"units": "rad", "long_name": "angle of the sensor"}),
+                **{name: ("revolution", self[name], {"units": self.units[name]}) for name in of_revolution},
+            },
+            name="specific_force",
+            attrs={"units": "m/s^2", **self.metadata},
+        )
 
     @classmethod
     def of(cls, results: Iterable[RevolutionResult], *, recording: str, wheel: str) -> Self:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 def import_(files: tuple[Path, ...], map_path: Path | None, out: Path | None, guess: bool, force: bool) -> None:
     """Convert the measurement FILE to a recording.
 
-    FILE is CSV, MATLAB (MAT), HDF5, MDF (MF4), TDMS, UFF or Parquet. Several files, in the order of time, are one
+    FILE is CSV, MATLAB (MAT), HDF5, MDF (MF4), TDMS, UFF, IDE or Parquet. Several files, in the order of time, are one
     measurement. The import map states the meaning of the columns; --guess writes a first one. A CSV or MF4 file of
     samples that `treadlink export` has written needs none: its wheels come back. A recording is never
     overwritten; --force overwrites a map.

@@ -53,6 +53,7 @@ class FileFormat(StrEnum):
 
     CSV = "csv"
     HDF5 = "hdf5"
+    IDE = "ide"
     MAT = "mat"
     MF4 = "mf4"
     PARQUET = "parquet"
@@ -67,6 +68,7 @@ SUFFIXES: Final[dict[str, FileFormat]] = {
     ".dat": FileFormat.CSV,
     ".h5": FileFormat.HDF5,
     ".hdf5": FileFormat.HDF5,
+    ".ide": FileFormat.IDE,
     ".mat": FileFormat.MAT,
     ".mdf": FileFormat.MF4,
     ".mf4": FileFormat.MF4,

@@ -276,10 +276,24 @@ def _columns(
             block, fault = first_rows
             seen.append(_Seen(name, block.values[:, 0], unit_of(name, stated), block.where, fault))
     rows = _main_rows(seen)
+    seen = _own_time(reader, facts, [column for column in seen if len(column.values) == rows]) + seen
     skipped += [
         (column.name, f"{len(column.values)} rows, others {rows}") for column in seen if len(column.values) != rows
     ]
     return [column for column in seen if len(column.values) == rows], skipped, remedies
+
+
+def _own_time(reader: ColumnReader, facts: FileFacts, columns: Sequence[_Seen]) -> list[_Seen]:
+    """Return the file's own time base of columns; its times are those of a column beside it."""
+    name = facts.time_column
+    if name is None or not columns or any(column.name == name for column in columns):
+        return []
+    beside = next((column for column in columns if column.says_acceleration), columns[0])
+    try:
+        block = reader.sample([beside.name, name])
+    except ImportDataError:  # the import says why, if the map states that time
+        return []
+    return [] if block is None else [_Seen(name, block.values[:, 1], "s", block.where)]
 
 
 class _Unreadable(NamedTuple):
@@ -702,7 +716,7 @@ def _axis_lines(prefix: str, group: Sequence[_Axis], missed: Sequence[str]) -> l
     ordered = _ordered(group)
     only_lateral = len(ordered) == 2 and _ROLES["lateral"].search(ordered[1].seen.name)
     for name, axis in zip(("radial", "lateral") if only_lateral else _AXES, ordered, strict=False):
-        lines += [f"[{prefix}.{name}]", f"column = {_quoted(axis.seen.name)}{_reason(name, axis, missed)}"]
+        lines += [f"[{prefix}.{name}]", f"column = {_quoted(axis.seen.name)}{_reason(name, axis, missed, len(group))}"]
         unit = axis.unit or group[0].unit
         why = axis.why or ("as the radial axis" if unit else "? neither the file nor the magnitude says it")
         lines.append(f"unit = {_quoted(unit or 'g')}   # {why}")
@@ -728,11 +742,13 @@ def _ordered(group: Sequence[_Axis]) -> list[_Axis]:
     return [group[0], *sorted(group[1:3], key=lambda axis: (bool(sideways.search(axis.seen.name)), -axis.swing))]
 
 
-def _reason(name: str, axis: _Axis, missed: Sequence[str]) -> str:
+def _reason(name: str, axis: _Axis, missed: Sequence[str], count: int) -> str:
     """Return the comment that says why a column is an axis, with ? where that is not certain."""
     doubts = [axis.doubt if name == "radial" else axis.seen.fault]
     if name == "radial" and missed:
         doubts.append("not read: " + ", ".join(f"'{column}'" for column in missed))
+    if name == "radial" and count > len(_AXES):
+        doubts.append(f"{count} columns may be axes")
     if _ROLES[name].search(axis.seen.name):
         why = "by its name"
     elif name != "radial":

@@ -54,6 +54,7 @@ class _Parser:
 _PARSERS: Final = {
     FileFormat.MAT: _Parser("gateway.importing.mat_columns", "MatColumns", "MATLAB", "scipy.io"),
     FileFormat.HDF5: _Parser("gateway.importing.hdf5_columns", "Hdf5Columns", "HDF5", "h5py", "h5py", "formats"),
+    FileFormat.IDE: _Parser("gateway.importing.ide_columns", "IdeColumns", "IDE", "idelib", "idelib", "formats"),
     FileFormat.MF4: _Parser("gateway.importing.mdf_columns", "MdfColumns", "MDF", "asammdf", "asammdf", "formats"),
     FileFormat.PARQUET: _Parser(
         "gateway.importing.parquet_columns", "ParquetColumns", "Parquet", "pyarrow.parquet", "pyarrow", "parquet"

@@ -49,7 +49,23 @@ from gateway.writing_lock import is_being_written
 
 # Those of `import`, which is a layer above, and the first bytes of its formats that have some.
 MEASUREMENT_SUFFIXES: Final = frozenset(
-    {".csv", ".txt", ".tsv", ".dat", ".mat", ".h5", ".hdf5", ".mf4", ".mdf", ".parquet", ".pq", ".tdms", ".uff", ".unv"}
+    {
+        ".csv",
+        ".txt",
+        ".tsv",
+        ".dat",
+        ".mat",
+        ".h5",
+        ".hdf5",
+        ".mf4",
+        ".mdf",
+        ".parquet",
+        ".pq",
+        ".tdms",
+        ".uff",
+        ".unv",
+        ".ide",
+    }
 )
 _MEASUREMENT_MAGICS: Final = (b"\x89HDF\r\n", b"MATLAB ", b"MDF     ", b"UnFinMF ", b"PAR1")
 REPAIR_REMEDY: Final = "`treadlink repair` recovers what is left of it."

@@ -73,6 +73,16 @@ def test_tables_are_drawn_with_an_axis_for_each_unit(recording):
         recording["FL"].revolutions().plot("x")
 
 
+def test_waveforms_are_an_array_with_named_axes(recording):
+    pytest.importorskip("xarray")
+    table = recording["FL"].angle()
+    array = table.to_xarray()
+    assert dict(array.sizes) == {"revolution": len(table), "axis": 4, "angle_rad": len(table.angle_rad)}
+    np.testing.assert_array_equal(array.sel(axis="radial"), table.radial_mps2)
+    np.testing.assert_array_equal(array.usable, table.usable)
+    assert (array.attrs["units"], array.attrs["wheel"], array.omega_radps.attrs["units"]) == ("m/s^2", "FL", "rad/s")
+
+
 def test_estimates_are_drawn_by_wheel_without_invalid_ones(recording):
     pytest.importorskip("matplotlib")
     estimates = recording.estimates()

@@ -77,6 +77,14 @@ def test_columns_of_one_name_are_told_apart_by_their_number(tmp_path: Path) -> N
     assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").samples == len(WHEEL.times_s)
 
 
+def test_radial_axis_of_more_than_three_columns_is_marked(tmp_path: Path) -> None:
+    columns = {**named(" (1)"), "acc z (2)": np.roll(AXES["acc z"], 40)}
+    text = guess_map(write_csv(tmp_path / "run.csv", columns))
+    line = line_of(text, f'column = "{chosen(text)["radial"]}"')
+    assert "# ? " in line
+    assert "4 columns may be axes" in line
+
+
 @pytest.mark.parametrize("largest", [0, 2])
 def test_column_that_is_the_length_of_three_others_is_no_axis(tmp_path: Path, largest: int) -> None:
     axes = np.roll(np.column_stack(list(AXES.values())), largest, axis=1).round(4)

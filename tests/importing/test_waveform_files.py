@@ -1,4 +1,4 @@
-"""TDMS and UFF files made by the libraries of these formats: names, units, steps, start, and what is refused."""
+"""TDMS, UFF and IDE files made by the libraries of these formats: names, units, steps, start, and what is refused."""
 
 from __future__ import annotations
 
@@ -56,6 +56,45 @@ def write_uff(path: Path, *, binary: bool) -> Path:
     return path
 
 
+def write_ide(path: Path) -> Path:
+    """Write blocks of counts with their times in ticks of 1/32768 s, as the sensors do, by the schema of idelib."""
+    schema = pytest.importorskip("ebmlite").loadSchema("mide_ide.xml")
+    count_g, middle, block, ticks_hz = 0.01, 1 << 15, 480, 32768
+    counts = np.round(AXES_G / count_g + middle).astype("<u2")
+    parts = [
+        {"SubChannelID": k, "SubChannelName": f"{axis} (300g)", "SubChannelLabel": "Acceleration",
+         "SubChannelUnits": "g", "SubChannelSensorRef": 0}
+        for k, axis in enumerate("XYZ")
+    ]  # fmt: skip
+    channel = {
+        "ChannelID": 8, "ChannelName": "Accelerometer", "ChannelFormat": "<HHH", "TimeCodeScale": f"1/{ticks_hz}",
+        "ChannelCalibrationIDRef": 1, "SubChannel": parts,
+    }  # fmt: skip
+    sensors = {"SensorList": {"Sensor": [{"SensorID": 0, "SensorName": "Accelerometer"}]}}
+    calibration = {"CalID": 1, "CalReferenceValue": float(middle), "PolynomialCoef": [count_g, 0.0]}
+    elements = [
+        {"EBML": {"EBMLVersion": 1, "DocType": "mide", "DocTypeVersion": 2, "DocTypeReadVersion": 2}},
+        {"CalibrationList": {"UnivariatePolynomial": [calibration]}},
+        {
+            "RecordingProperties": {
+                "RecorderInfo": {"RecorderSerial": 7},
+                **sensors,
+                "ChannelList": {"Channel": [channel]},
+            }
+        },
+        {"TimeBaseUTC": int(START.astype("datetime64[s]").astype(np.int64))},
+    ]
+    for first in range(0, len(counts), block):
+        rows = counts[first : first + block]
+        begin, end = (int((first + k) / 9600.0 * ticks_hz) for k in (0, len(rows) - 1))
+        elements.append(
+            {"ChannelDataBlock": {"ChannelIDRef": 8, "StartTimeCodeAbsMod": begin, "EndTimeCodeAbsMod": end,
+                                  "ChannelDataPayload": rows.tobytes()}}
+        )  # fmt: skip
+    path.write_bytes(b"".join(schema.encodes(element) for element in elements))
+    return path
+
+
 def named(x: str, y: str, z: str, time: str) -> str:
     return simple_map(
         sampling=f'time_column = "{time}"',
@@ -94,9 +133,23 @@ def test_uff_in_both_forms(tmp_path: Path, binary: bool) -> None:
 def test_first_map_of_a_tdms_file_imports_as_it_is(tmp_path: Path) -> None:
     path = write_tdms(tmp_path / "run.tdms")
     text = guess_map(path)
-    assert 'time_column = "time"' in text
+    assert 'time_column = "time"   # 9600 Hz in its first rows' in text
     assert "rig/note: contains text" in text
     assert import_file(path, parse_map(text, "map"), tmp_path / "out.mcap").samples == len(AXES_G)
+
+
+def test_ide_recording_has_its_calibration_times_and_start(tmp_path: Path) -> None:
+    pytest.importorskip("idelib")
+    path = write_ide(tmp_path / "run.ide")
+    text = guess_map(path)
+    assert 'column = "Accelerometer/Z (300g)"   # mean' in text
+    assert "Hz in its first rows" in text
+    report = import_file(path, parse_map(text, "map"), tmp_path / "out.mcap")
+    assert report.rate_hz == pytest.approx(9600.0, rel=1e-4)
+    assert (report.samples, report.start_is_file_date) == (len(AXES_G), False)
+    decoded = Decoded(report.recording)
+    assert decoded.items[0].host_ns == int(START.astype("datetime64[s]").astype(np.int64)) * 10**9
+    assert np.abs(np.sort(decoded.samples_mps2) - np.sort(WHEEL.axes_mps2)).max() < 0.2
 
 
 def test_channels_of_different_steps_are_refused(tmp_path: Path) -> None:
@@ -105,7 +158,9 @@ def test_channels_of_different_steps_are_refused(tmp_path: Path) -> None:
         import_file(path, parse_map(named("rig/x", "rig/y", "rig/z", "time"), "map"), tmp_path / "out.mcap")
 
 
-@pytest.mark.parametrize(("name", "content"), [("a.tdms", b""), ("a.tdms", b"TDSm" + bytes(40)), ("a.uff", b"x" * 99)])
+@pytest.mark.parametrize(
+    ("name", "content"), [("a.tdms", b""), ("a.tdms", b"TDSm" + bytes(40)), ("a.uff", b"x" * 99), ("a.ide", b"x" * 99)]
+)
 def test_damaged_file_is_an_error_that_names_it(tmp_path: Path, name: str, content: bytes) -> None:
     path = tmp_path / name
     path.write_bytes(content)
