@@ -65,8 +65,8 @@ def diagnose(
         raise ValueError(f"folds must be 2 to 20, not {folds}")
     if jobs < 1:
         raise ValueError(f"jobs must be at least 1, not {jobs}")
-    given = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
-    paths = [_path(recording) for recording in given]
+    sources = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
+    paths = [_path(recording) for recording in sources]
     check_distinct(paths)
     if not paths:
         raise TreadlinkError("there is no recording to diagnose", "Give at least one.")

@@ -35,17 +35,17 @@ def import_measurement(
     Raises:
         TreadlinkError: the map has faults, the measurement does not match it, or `out` exists.
     """
-    given = paths(files)
-    target = Path(f"{given[0].stem}.mcap") if out is None else Path(out)
+    file_paths = paths(files)
+    target = Path(f"{file_paths[0].stem}.mcap") if out is None else Path(out)
     if import_map is None:
-        if len(given) > 1:
+        if len(file_paths) > 1:
             raise ImportDataError("several files need an import map", "Give one file, or a map.")
-        return open_recording(import_exported(given[0], target).recording)
+        return open_recording(import_exported(file_paths[0], target).recording)
     if isinstance(import_map, Mapping):
         import_map = parse_map(document_text(import_map, _MAP), _MAP)
     elif not isinstance(import_map, ImportMap):
         import_map = load_map(Path(import_map))
-    report = import_file(given, import_map, target)
+    report = import_file(file_paths, import_map, target)
     return open_recording(report.recording)
 
 

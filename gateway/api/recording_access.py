@@ -179,14 +179,14 @@ def path_of(config: Config | None) -> Path | None:
     return Path(config) if isinstance(config, str | Path) else None
 
 
-def paths(given: PathLike | Sequence[PathLike]) -> list[Path]:
+def paths(one_or_several: PathLike | Sequence[PathLike]) -> list[Path]:
     """Return one or several paths as a list."""
-    return [Path(path) for path in ([given] if isinstance(given, str | Path) else given)]
+    return [Path(path) for path in ([one_or_several] if isinstance(one_or_several, str | Path) else one_or_several)]
 
 
-def several_names(given: str | Sequence[str]) -> tuple[str, ...]:
+def several_names(one_or_several: str | Sequence[str]) -> tuple[str, ...]:
     """Return one or several names of estimators as a tuple."""
-    return (given,) if isinstance(given, str) else tuple(given)
+    return (one_or_several,) if isinstance(one_or_several, str) else tuple(one_or_several)
 
 
 def chosen_vehicle(config: Config | None, provided: Sequence[str | None], origin: str) -> VehicleConfig | None:

@@ -68,11 +68,11 @@ def calibrate(
     Raises:
         TreadlinkError: a recording cannot be read or is given twice, or no wheel can be used.
     """
-    given = paths(recordings)
-    check_distinct(given)
+    file_paths = paths(recordings)
+    check_distinct(file_paths)
     fallback = chosen_vehicle(config, (), "calibrate") if config is not None else None
     left_out: list[str] = []
-    points = [point for path in given for point in recording_points(path, fallback, wheels, left_out.append)]
+    points = [point for path in file_paths for point in recording_points(path, fallback, wheels, left_out.append)]
     if not points:
         raise no_points_error(wheels)
     return TireCalibration(points, fit_load_calibration(points), reference_numbers(points, ESTIMATOR), left_out)

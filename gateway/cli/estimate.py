@@ -62,8 +62,8 @@ def estimate(
     from gateway.views.output_file import check_outputs
     from gateway.views.tables.result_table import TableFormat
 
-    given = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
-    outputs = {kind: path for kind, path in given.items() if path is not None}
+    table_paths = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
+    outputs = {kind: path for kind, path in table_paths.items() if path is not None}
     if coverage is not None and not outputs:
         raise click.UsageError("--coverage adds columns to a table: give --csv, --json or --parquet too.")
     read = (*recordings, config_path, *effects_paths, key_file or default_key_file())

@@ -49,9 +49,9 @@ def new(identities: tuple[str, ...], path: Path | None, replace: bool, show: boo
     """
     names = list(dict.fromkeys(map(parse_identity, identities)))
     with key_file_to_change(_path(path)) as file:
-        made = {name: file.make(name, replace=replace) for name in names}
+        new_keys = {name: file.make(name, replace=replace) for name in names}
         _save(file, names)
-    for name, key in made.items():
+    for name, key in new_keys.items():
         click.echo(f"{name} {key.secret.hex()}" if show else f"{name}  check value {key.check_value()}")
 
 

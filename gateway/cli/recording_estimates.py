@@ -99,12 +99,12 @@ def estimate_recording(
     wheels = summary.wheels(estimation.wheels)
     notices = estimation.notices([wheel.position for wheel in wheels])
     lines += [f"  {clean(notice_text(notice))}" for notice in notices]
-    for known in recording.effects:
-        effect_names = [effect.name for effect in known.effects]
+    for corrections in recording.effects:
+        effect_names = [effect.name for effect in corrections.effects]
         for wheel_summary in wheels:
-            if wheel_summary.position == known.position:
+            if wheel_summary.position == corrections.position:
                 lines.append(clean(f"  {effects_line(wheel_summary, effect_names)}"))
-                lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, known),) if line]
+                lines += [clean(f"  {line}") for line in (removed_line(wheel_summary, corrections),) if line]
     comparisons = check.comparisons() if check is not None else ()
     alarms = estimation.alarms()
     for alarm in alarms:

@@ -229,7 +229,7 @@ def series_estimates(
         scatters = np.nan_to_num(scatters, posinf=0.0)
     sound = np.concatenate([determined, ratio_fits], axis=1) & (all_values > 0.0) & np.isfinite(errors)
     rows = list(zip(all_values.tolist(), errors.tolist(), scatters.tolist(), sound.tolist(), strict=True))
-    made = []
+    estimates = []
     for index, (lacking, width) in enumerate(zip(missing, widths, strict=True)):
         revolution_doubts = doubts[index]
         if lacking:
@@ -243,10 +243,10 @@ def series_estimates(
             numbers = _estimates(fitted, index, rows[index], range(_COUNT), doubted, noted)
             if reason is not None and code is Code.SCALE_BY_WIDTH and numbers[_CW].status is not Status.INVALID:
                 numbers[_CW] = numbers[_CW]._replace(reasons=(*numbers[_CW].reasons, reason))
-        made.append(
+        estimates.append(
             (*numbers, *_estimates(fitted, index, rows[index], range(_COUNT, len(_NAMES)), revolution_doubts, notes))
         )
-    return made
+    return estimates
 
 
 def _estimates(

@@ -90,8 +90,8 @@ def _friction(pull: Estimate, side: Estimate | None) -> Estimate:
 
 
 def _sliding(conditions: TireConditions, pull: Estimate, side: Estimate | None, half_angle_rad: float) -> Estimate:
-    given: Mapping[str, Estimate] = conditions.given.get("side-force", {})
-    moment = given.get("aligning_moment_nm")
+    side_estimates: Mapping[str, Estimate] = conditions.given.get("side-force", {})
+    moment = side_estimates.get("aligning_moment_nm")
     if side is None or moment is None:
         return Estimate.invalid(NAMES[1], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
     if moment.status is Status.INVALID:

@@ -98,8 +98,8 @@ class LoadEstimator(BlockEstimator):
                     return Estimate.invalid(NAMES[2], Reason(Code.UNKNOWN_ESTIMATOR, estimator=reference.estimator))
                 self._numbers = make_estimator(reference.estimator)
             assumed = replace(conditions, load_n=load, load_std_n=0.0, tire=self._without_width(conditions.tire))
-            made = self._numbers.update(block.revolutions[index], block.averages.at(index), assumed)
-            numbers = {estimate.name: estimate for estimate in made}
+            estimates = self._numbers.update(block.revolutions[index], block.averages.at(index), assumed)
+            numbers = {estimate.name: estimate for estimate in estimates}
         width = numbers.get("Cw")
         if width is None:
             return Estimate.invalid(NAMES[2], Reason(Code.NUMBER_MISSING, estimator=reference.estimator, number="Cw"))

@@ -22,9 +22,9 @@ _MAX_DEPTH: Final = 4
 class _RefusedFieldError(Exception):
     """A field of an estimate has a value that it cannot have."""
 
-    def __init__(self, field: str, given: object) -> None:
+    def __init__(self, field: str, value: object) -> None:
         super().__init__(field)
-        self.reason = Reason(Code.PLUGIN_FIELD_REFUSED, field=field, given=short_text(repr(given)))
+        self.reason = Reason(Code.PLUGIN_FIELD_REFUSED, field=field, given=short_text(repr(value)))
 
 
 class PluginEstimator:
@@ -111,32 +111,32 @@ def _checked_estimate(estimate: Estimate) -> Estimate:
         return Estimate.invalid(estimate.name, refused.reason)
 
 
-def _number(field: str, given: object) -> float:
-    if isinstance(given, bool) or not isinstance(given, numbers.Real):
-        raise _RefusedFieldError(field, given)
+def _number(field: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise _RefusedFieldError(field, value)
     try:
-        return float(given)
+        return float(value)
     except (OverflowError, ValueError) as error:
-        raise _RefusedFieldError(field, given) from error
+        raise _RefusedFieldError(field, value) from error
 
 
-def _reasons(given: object) -> tuple[Reason, ...]:
-    if not isinstance(given, tuple) or len(given) > _MAX_REASONS:
-        raise _RefusedFieldError("reasons", given)
-    return tuple(_reason(item, _MAX_DEPTH) for item in given)
+def _reasons(values: object) -> tuple[Reason, ...]:
+    if not isinstance(values, tuple) or len(values) > _MAX_REASONS:
+        raise _RefusedFieldError("reasons", values)
+    return tuple(_reason(item, _MAX_DEPTH) for item in values)
 
 
-def _reason(given: object, depth: int) -> Reason:
-    if not isinstance(given, Reason) or not isinstance(given.code, Code):
-        raise _RefusedFieldError("reasons", given)
-    return Reason(given.code, **{name: _value(value, depth) for name, value in given.values})
+def _reason(item: object, depth: int) -> Reason:
+    if not isinstance(item, Reason) or not isinstance(item.code, Code):
+        raise _RefusedFieldError("reasons", item)
+    return Reason(item.code, **{name: _value(value, depth) for name, value in item.values})
 
 
-def _value(given: object, depth: int) -> Value:
-    if isinstance(given, str):
-        return short_text(given)
-    if depth > 0 and isinstance(given, Reason):
-        return _reason(given, depth - 1)
-    if depth > 0 and isinstance(given, tuple) and len(given) <= _MAX_REASONS:
-        return tuple(_value(item, depth - 1) for item in given)
-    return _number("reasons", given)
+def _value(value: object, depth: int) -> Value:
+    if isinstance(value, str):
+        return short_text(value)
+    if depth > 0 and isinstance(value, Reason):
+        return _reason(value, depth - 1)
+    if depth > 0 and isinstance(value, tuple) and len(value) <= _MAX_REASONS:
+        return tuple(_value(item, depth - 1) for item in value)
+    return _number("reasons", value)

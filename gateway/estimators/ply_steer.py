@@ -473,7 +473,7 @@ def _estimates(
     """
     roll, unusable, claims = measured.followed.roll, measured.unusable, conditions.claims
     doubt = unusable or _doubt(measured.followed, claims)
-    made = [
+    estimates = [
         Estimate(name, value, std, Status.VALID, estimate_notes, scatter)
         if sound and doubt is None
         else _doubted(name, value, std, estimate_notes, doubt)
@@ -483,10 +483,11 @@ def _estimates(
     ]
     if not has_sign:
         chance = sign_not_determined(values_rad[_LINE], stds_rad[_LINE])
-        made = [
-            Estimate.invalid(estimate.name, chance) if estimate.name in _SIGN_OF_LINE else estimate for estimate in made
+        estimates = [
+            Estimate.invalid(estimate.name, chance) if estimate.name in _SIGN_OF_LINE else estimate
+            for estimate in estimates
         ]
-    *of_contact, ahead = made
+    *of_contact, ahead = estimates
     return (*of_contact, _roll_estimate(roll, conditions, unusable), ahead, _offset_estimate(roll, claims, unusable))
 
 

@@ -87,13 +87,13 @@ def plugin_fault(plugin: Plugin, loaded: object) -> Reason | None:
     """Return why the object of a plug-in makes no estimator, None when it does."""
     if not callable(loaded):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="a class of estimators")
-    made = loaded()
-    if fault := missing_members(made, ("update", "reset")):
+    estimator = loaded()
+    if fault := missing_members(estimator, ("update", "reset")):
         return fault
-    name = getattr(made, "name", "")
+    name = getattr(estimator, "name", "")
     if name != plugin.name:
         return Reason(Code.PLUGIN_NAME_DIFFERS, name=str(name))
-    quantities = getattr(made, "quantities", None)
+    quantities = getattr(estimator, "quantities", None)
     if not _are_quantities(quantities):
         return Reason(Code.PLUGIN_WRONG_TYPE, expected="an estimator with a tuple `quantities` of `Quantity`")
     taken = declare(plugin.name, quantities)

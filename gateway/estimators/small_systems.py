@@ -35,8 +35,8 @@ def solve_lower(factors: FloatArray, right: FloatArray, *, transposed: bool = Fa
         numpy.linalg.LinAlgError: a factor is singular.
     """
     solved = np.empty(right.shape)
-    for index, one in enumerate(right):
-        if not solved_lower(factors[min(index, len(factors) - 1)], one, transposed, solved[index]):
+    for index, element in enumerate(right):
+        if not solved_lower(factors[min(index, len(factors) - 1)], element, transposed, solved[index]):
             raise np.linalg.LinAlgError("a triangular factor is singular")
     return solved
 
@@ -77,8 +77,8 @@ def least_squares(matrices: FloatArray, right: FloatArray) -> FloatArray:
 
 def _fitted_by_lapack(matrix: FloatArray, right: FloatArray, out: FloatArray) -> bool:
     """Set x of least |matrix x - right|^2, (n, k); return whether the columns are independent."""
-    _, found, info = dgels(matrix, right)
-    out[:] = found[: matrix.shape[1]]
+    _, solution, info = dgels(matrix, right)
+    out[:] = solution[: matrix.shape[1]]
     # Of a matrix of zeros LAPACK says nothing.
     return not info and bool(matrix.any())
 

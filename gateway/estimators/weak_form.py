@@ -209,10 +209,10 @@ class WeakFormEstimator(BlockEstimator):
                 else:
                     self._renewed, is_new = renewed, True
         doubts = [doubt_about(*both) for both in zip(block.revolutions, block.averages.effective_counts, strict=True)]
-        made = series_estimates(self.name, fitted, block.conditions, doubts, noise_scatters=True)
+        estimates = series_estimates(self.name, fitted, block.conditions, doubts, noise_scatters=True)
         for index, reason in refused.items():
-            made[index] = all_invalid(reason)
-        return made
+            estimates[index] = all_invalid(reason)
+        return estimates
 
     def _follow(
         self, block: RevolutionBlock, series: _Series, fitted: FittedSeries, first: int, *, is_new: bool

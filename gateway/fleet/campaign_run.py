@@ -275,9 +275,9 @@ class CampaignRun:
 
     def _follow_renamed(self, paths: Sequence[Path]) -> None:
         """Give contents whose path is not among the files any more the path at which they were found."""
-        given = {path_key(path) for path in paths}
+        stated_keys = {path_key(path) for path in paths}
         for content in self._seen.values():
-            self.dataset.follow(content, given)
+            self.dataset.follow(content, stated_keys)
 
 
 def run_order(work: Callable[..., Estimated], order: EstimationOrder, on_bytes: Callable[[int], None]) -> Estimated:

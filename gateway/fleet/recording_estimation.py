@@ -134,8 +134,8 @@ def estimate_names(estimators: Sequence[str]) -> tuple[str, ...]:
     estimate_columns: dict[str, None] = {}
     for tire in (_EVERYTHING_STATED, TireData()):
         for axes in (0.0, math.nan):
-            made = TireEstimates(replace(UNKNOWN_WHEEL, tire=tire), estimators)
-            (result,) = made.take_block(RevolutionArrays([_unusable(axes)]), [0.0], [0], [()])
+            estimation = TireEstimates(replace(UNKNOWN_WHEEL, tire=tire), estimators)
+            (result,) = estimation.take_block(RevolutionArrays([_unusable(axes)]), [0.0], [0], [()])
             estimate_columns |= dict.fromkeys(distinct_name(estimate.name, taken) for estimate in result.estimates)
     return tuple(estimate_columns)
 

@@ -255,9 +255,9 @@ def _write_failure(order: DiagnosisOrder, reason: Reason) -> TireOutcome:
     return TireOutcome(text(reason))
 
 
-def _tires(root: Path, given: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
+def _tires(root: Path, paths: Collection[Path]) -> dict[tuple[str, str, str], list[dict[str, Any]]]:
     """Return the rows of the given recordings by (vehicle, position, sensor)."""
-    given_paths = {str(path).encode("utf-8", "backslashreplace").decode() for path in given}
+    given_paths = {str(path).encode("utf-8", "backslashreplace").decode() for path in paths}
     tires: dict[tuple[str, str, str], list[dict[str, Any]]] = defaultdict(list)
     for vehicle, row in _recording_rows(root):
         if row["path"] in given_paths and row["revolutions_valid"]:

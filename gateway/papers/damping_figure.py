@@ -108,7 +108,7 @@ def _eq_11(figure: Figure) -> str:
         signal_axes.plot(_ORDERS, -1e3 * scale * row.imag, label=label)
     signal_axes.set(xlabel="mode number n", ylabel="sine coefficient of s / Ω², mm", xlim=(0, 30))
     signal_axes.legend(fontsize=8.0)
-    given, free = damping_bound(torque_known=True), damping_bound(torque_known=False)
+    bound, free = damping_bound(torque_known=True), damping_bound(torque_known=False)
     fitted = {load: fitted_dampings(load) for load in (2000.0, 5000.0, 8000.0)}
     listed = "; ".join(
         f"{load:.0f} N: {radial:.2f} and {tangential:+.2f}" for load, (radial, tangential) in fitted.items()
@@ -117,8 +117,8 @@ def _eq_11(figure: Figure) -> str:
     return (
         f"Eq. 11 with c_n = c_v + c_w n², c_v = c_w and a radial loss of {_LOSS:.0%} (rolling resistance "
         f"{resistance:.1%} at 5000 N). The phase of c_v falls off faster with the order, by n², so noise alone "
-        f"parts them: the Cramér-Rao bound of a revolution at {NOISE_MG_PER_RTHZ:.0f} mg/√Hz is {given.radial:.1%} of "
-        f"c_w and {given.tangential:.0%} of c_v (correlation {given.correlation:+.2f}) where the driving torque is "
+        f"parts them: the Cramér-Rao bound of a revolution at {NOISE_MG_PER_RTHZ:.0f} mg/√Hz is {bound.radial:.1%} of "
+        f"c_w and {bound.tangential:.0%} of c_v (correlation {bound.correlation:+.2f}) where the driving torque is "
         f"known. Where it is not, {free.radial:.1%} and {free.tangential:.0%}, and the torque is bound to "
         f"{free.torque_nm:.0f} N m. The linear ring of Eq. 11 does not reach that bound on a loaded belt: it fits c_w "
         f"and c_v as these multiples of the truth: {listed}. So c_v is not determined by Eq. 11, whatever the number "

@@ -75,9 +75,9 @@ def measured_figures(
 
 def _titled(draw: Callable[..., str], *arguments: object) -> Draw:
     """Return a drawing function with its data and its title."""
-    made = partial(draw, *arguments)
-    made.__doc__ = draw.__doc__
-    return made
+    drawing = partial(draw, *arguments)
+    drawing.__doc__ = draw.__doc__
+    return drawing
 
 
 def _waveform(tires: Sequence[MeasuredTire]) -> tuple[MeasuredTire, Waveforms]:

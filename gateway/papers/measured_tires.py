@@ -187,10 +187,10 @@ def _numbers(
     estimator: str, revolution: Revolution, average: AngleAverage, conditions: TireConditions
 ) -> tuple[FloatArray, FloatArray]:
     """Return the four numbers of an average and their errors; NaN where invalid."""
-    made = {
+    numbers = {
         estimate.name: (estimate.value, estimate.std)
         for estimate in make_estimator(estimator).update(revolution, average, conditions)
         if estimate.status is not Status.INVALID
     }
-    values, stds = np.array([made.get(number, _UNKNOWN) for number in RING_NUMBERS], np.float64).T
+    values, stds = np.array([numbers.get(number, _UNKNOWN) for number in RING_NUMBERS], np.float64).T
     return values, stds

@@ -161,7 +161,9 @@ class _Series:
         # Always on, because what it measures decides how far the other estimates hold.
         self.calibration = SelfCalibrationEstimator()
         calibrations = {self.calibration.name: self.calibration}
-        common = {made.name: made for made in (other.estimators if other else ()) if rests_on_times_alone(made.name)}
+        common = {
+            shared.name: shared for shared in (other.estimators if other else ()) if rests_on_times_alone(shared.name)
+        }
         present: dict[str, Estimator] = {**calibrations, **common}
         self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
         self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
@@ -270,7 +272,7 @@ class TireEstimates:
         averages = self._take_in(arrays)
         stated = [self.conditions(end_us) for end_us in ends_us]
         measured = series.calibration.measure(RevolutionBlock(revolutions, arrays, averages, stated))
-        given = [Given() for _ in revolutions]
+        earlier = [Given() for _ in revolutions]
         evidences = [
             assess(
                 measurement,
@@ -286,7 +288,7 @@ class TireEstimates:
         self.evidence = evidences[-1]
         conditions = [
             evidence.applied_to(condition, by_others)
-            for evidence, condition, by_others in zip(evidences, stated, given, strict=True)
+            for evidence, condition, by_others in zip(evidences, stated, earlier, strict=True)
         ]
         block = RevolutionBlock(revolutions, arrays, averages, conditions)
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
@@ -294,42 +296,42 @@ class TireEstimates:
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
         for estimator in series.estimators:
             if estimator is series.calibration:
-                made = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
+                raw_estimates = series.calibration.estimates(stated_block, [evidence.unsure for evidence in evidences])
             elif isinstance(estimator, BlockEstimator):
-                made = estimator.update_block(block)
+                raw_estimates = estimator.update_block(block)
             else:
-                made = [
+                raw_estimates = [
                     estimator.update(revolution, averages.at(index), conditions[index])
                     for index, revolution in enumerate(revolutions)
                 ]
             name = estimator.name
             drift, status, signed = series.drifts[name], series.statuses[name], self._signed.get(name)
-            for index, raw in enumerate(made):
+            for index, raw in enumerate(raw_estimates):
                 final = qualified(raw, evidences[index], doubts[index], revolutions[index].uncorrected)
                 if signed:
                     final = noted(final, signed, _SIGN_UNVERIFIED)
                 if drift.applies:
                     final = drift.widened(final)
                 final = status.steadied(final, losses[index])
-                given[index].add(name, final)
+                earlier[index].add(name, final)
                 estimates[index] += final
         results = []
         for index, revolution in enumerate(revolutions):
-            final = self._finished(estimates[index], given[index], ends_us[index])
+            final = self._finished(estimates[index], earlier[index], ends_us[index])
             results.append(
                 RevolutionResult(self._setup.position, hosts_ns[index], revolution, conditions[index], final)
             )
         self.last = results[-1]
         return results
 
-    def _finished(self, estimates: list[Estimate], given: Given, end_us: float) -> tuple[Estimate, ...]:
+    def _finished(self, estimates: list[Estimate], earlier: Given, end_us: float) -> tuple[Estimate, ...]:
         """Return the estimates of a revolution with distinct names, and with the doubt of an old pressure.
 
         A name that an earlier estimator has used is prefixed with the estimator's: `ring-paper:Bs`.
         """
         if len({estimate.name for estimate in estimates}) < len(estimates):
             estimates, taken = [], set[str]()
-            for estimator, named in given.items():
+            for estimator, named in earlier.items():
                 for name, estimate in named.items():
                     distinct = estimate._replace(name=f"{estimator}:{name}") if name in taken else estimate
                     estimates.append(distinct)

@@ -58,11 +58,11 @@ class _Sensor:
     ) -> list[tuple[Doubt, ...]]:
         """Return what is against each revolution's estimates, by the samples of its radial axis."""
         faults = self.health.revolutions(revolutions)
-        made: list[tuple[Doubt, ...]] = []
+        doubts_of_each: list[tuple[Doubt, ...]] = []
         for revolution, radial, fault in zip(revolutions, counts, faults, strict=True):
             limits = tuple(self.limits.doubts(revolution, radial, radius_m))
-            made.append(limits if fault is None else (Doubt(Basis.SAMPLES, fault), *limits))
-        return made
+            doubts_of_each.append(limits if fault is None else (Doubt(Basis.SAMPLES, fault), *limits))
+        return doubts_of_each
 
 
 class _Decided(NamedTuple):

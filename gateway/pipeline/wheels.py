@@ -157,11 +157,11 @@ class Pipeline:
                 if self.limit.admits(link, hub_number, number):
                     newest = router.hub(link, hub_number), router.slow(link, hub_number, number, tick, message, host_ns)
                 continue
-            found = sources.get((hub_number, number)) or self._source(link, hub_number, number)
-            if found is not None:
-                tick_us = found.hub.unwrap(tick)
-                found.take(message, tick_us)
-                newest = found.hub, tick_us
+            entry = sources.get((hub_number, number)) or self._source(link, hub_number, number)
+            if entry is not None:
+                tick_us = entry.hub.unwrap(tick)
+                entry.take(message, tick_us)
+                newest = entry.hub, tick_us
         longest_us = _GATHERED_SHARE * self._hold_s * 1e6
         is_due = False
         for source in sources.values():

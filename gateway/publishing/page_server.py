@@ -206,8 +206,8 @@ class PageSink(Sink):
         # A name that a foreign site has pointed at this computer is refused, whatever its page asks for.
         if self._is_local and not _is_loopback(urlsplit(f"//{host}").hostname or ""):
             return connection.respond(HTTPStatus.FORBIDDEN, "This page is for this computer only.\n")
-        given = parse_qs(parts.query).get("token", [""])[0]
-        if self._token and not hmac.compare_digest(given.encode(), self._token.encode()):
+        token = parse_qs(parts.query).get("token", [""])[0]
+        if self._token and not hmac.compare_digest(token.encode(), self._token.encode()):
             return connection.respond(
                 HTTPStatus.FORBIDDEN, "Open the address that treadlink printed: its token fails.\n"
             )

@@ -198,8 +198,8 @@ def _orders(
     reverse: Collection[Path],
     key_file: Path | None,
 ) -> list[ReadOrder]:
-    given, reversed_paths = set(map(os.path.realpath, paths)), set(map(os.path.realpath, reverse))
-    unknown = [path for path in reverse if os.path.realpath(path) not in given]
+    real_paths, reversed_paths = set(map(os.path.realpath, paths)), set(map(os.path.realpath, reverse))
+    unknown = [path for path in reverse if os.path.realpath(path) not in real_paths]
     if unknown:
         raise RecordingError(
             f"'{unknown[0]}' is given as reverse but is not among the recordings", "Give it as a recording too."

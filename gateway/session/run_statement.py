@@ -8,15 +8,15 @@ from gateway.nearest_name import did_you_mean
 from gateway.recording.run_description import RunDescription, TireIdentity
 
 
-def stated_run(vehicle: VehicleConfig | None, given: RunDescription) -> RunDescription:
+def stated_run(vehicle: VehicleConfig | None, statement: RunDescription) -> RunDescription:
     """Return what the vehicle file states of the run, overridden by what the session's options give.
 
     Raises:
         ConfigError: the options give a tire at a position that the vehicle does not have.
     """
     if vehicle is None:
-        return given
-    check_tires(vehicle, given)
+        return statement
+    check_tires(vehicle, statement)
     table = vehicle.test
     tires = {wheel.position: _identity(vehicle.tire_of(wheel)) for wheel in vehicle.wheel}
     stated = RunDescription(
@@ -26,7 +26,7 @@ def stated_run(vehicle: VehicleConfig | None, given: RunDescription) -> RunDescr
         table.tags or (),
         {position: tire for position, tire in tires.items() if tire != TireIdentity()},
     )
-    return stated.overridden_by(given)
+    return stated.overridden_by(statement)
 
 
 def check_tires(vehicle: VehicleConfig | None, run: RunDescription) -> None:
@@ -44,9 +44,9 @@ def check_tires(vehicle: VehicleConfig | None, run: RunDescription) -> None:
             )
 
 
-def with_given_wear(vehicle: VehicleConfig | None, given: RunDescription) -> VehicleConfig | None:
+def with_given_wear(vehicle: VehicleConfig | None, statement: RunDescription) -> VehicleConfig | None:
     """Return the vehicle with the wear that the session's options give, which the estimates use."""
-    wear_mm = {position: tire.wear_m * 1e3 for position, tire in given.tires.items() if tire.wear_m is not None}
+    wear_mm = {position: tire.wear_m * 1e3 for position, tire in statement.tires.items() if tire.wear_m is not None}
     if vehicle is None or not wear_mm:
         return vehicle
     wheels = tuple(

@@ -119,8 +119,8 @@ def open_session(
         keys = command_keys(key_file) if guard is not None else {}
         texts = [getattr(source, "dbc_text", None) for source in sources]
         is_replay = [parse_source_uri(uri).scheme == "replay" for uri in uris]
-        given = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
-        signals = open_decoder(vehicle, config_path, given, [text for text in texts if text not in given])
+        stated_texts = [text for text, recorded in zip(texts, is_replay, strict=True) if not recorded]
+        signals = open_decoder(vehicle, config_path, stated_texts, [text for text in texts if text not in stated_texts])
         dbc_text = signals.dbc_text or next(filter(None, texts), None)
         # The policy `warn` is for a time in which not every hub signs yet.
         may_be_unsigned = guard is not None and not guard.requires

@@ -368,8 +368,8 @@ class StatementWatch:
         hello = wheel.hello
         if hello is None or not len(blocks.first):
             return
-        for place in blocks.row[chosen(blocks.first) & (blocks.axes == hello.axes)].tolist():
-            for code, values in wheel.content.block(hello, counts[place]):
+        for row in blocks.row[chosen(blocks.first) & (blocks.axes == hello.axes)].tolist():
+            for code, values in wheel.content.block(hello, counts[row]):
                 self._find(source, code, 1, **values)
         other = blocks.axes[blocks.axes != hello.axes]
         if len(other):

@@ -102,9 +102,9 @@ class RepeatedSamples:
         differences = np.zeros((self._channels, _LARGEST), dtype=np.int64)
         for counts in self._waiting:
             steps = np.abs(np.diff(counts.astype(np.int32), axis=0))
-            for channel, one in enumerate(steps.T):
-                differences[channel] += np.bincount(one, minlength=_LARGEST)
-        self._one_step = np.array([_step_counts(one) for one in differences]) + 1
+            for channel, column in enumerate(steps.T):
+                differences[channel] += np.bincount(column, minlength=_LARGEST)
+        self._one_step = np.array([_step_counts(column) for column in differences]) + 1
         for counts in self._waiting:
             self._count(counts, self._one_step)
         self._waiting.clear()

@@ -102,8 +102,8 @@ def _normalised_by_numpy(
     gain = _inverse_square_speed(phases, n)
     constant = np.zeros((count, 1))
     ac_coupled = interiors is not None or steady_mps2 is not None
-    given = np.array([interior is not None for interior in interiors or [slice(0)] * count])
-    closed = given.copy()
+    has_interior = np.array([interior is not None for interior in interiors or [slice(0)] * count])
+    closed = has_interior.copy()
     shape = radial_mps2 - gravity_mps2 * _cosine(n)
     angle, corrected = np.empty((2, count, n))
     for _ in range(_ITERATIONS if gravity_mps2 else 1):
@@ -134,8 +134,8 @@ def _normalised_by_numpy(
             shape += radial_mps2
     if ac_coupled:
         shape += constant
-        shape[~given] -= constant[~given]
-        gain[~given] = 1.0
+        shape[~has_interior] -= constant[~has_interior]
+        gain[~has_interior] = 1.0
     shape *= gain
     return NormalisedRevolutions(shape, constant[:, 0], angle, closed)
 

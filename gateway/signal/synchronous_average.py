@@ -542,11 +542,11 @@ class RunningAverage:
         state, floor = self._state, self._floor
         count, weight_square, order_noise, edges = state.count, state.weight_square, state.order_noise, state.edges
         scalars = []
-        for omega, both, stds, own in zip(omega_radps, edges_rad, edges_std_rad, noise_mps2, strict=True):
+        for omega, both, stds, sample_noise in zip(omega_radps, edges_rad, edges_std_rad, noise_mps2, strict=True):
             count += 1
             weight = max(1.0 / count, floor)
             weight_square = (1.0 - weight) ** 2 * weight_square + weight * weight
-            noise = own * math.sqrt(2.0 / self._n) / (omega * omega) if math.isfinite(own) else 0.0
+            noise = sample_noise * math.sqrt(2.0 / self._n) / (omega * omega) if math.isfinite(sample_noise) else 0.0
             order_noise += weight * (noise * noise - order_noise)
             if math.isfinite(both[0] + both[1] + stds[0] + stds[1]):
                 edges = edges.and_then(both, stds, floor)
