@@ -48,6 +48,7 @@ from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
 from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
 from gateway.closure.laws.law_search import LawsFound, propose_laws
+from gateway.closure.laws.unseen_recordings import tested_elsewhere
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, trends_of
@@ -138,7 +139,9 @@ def _diagnose(
     first_findings = findings_of(posterior, effects, errors.rms_of)
     if exact is not None:
         first_findings = confirmed(apart_from(first_findings, exact.parameters), exact.absent)
-    findings = doubted(beside_more(first_findings, best.fit, data), tuple(effects.values()), campaign, over)
+    without = {name: posterior.without(name).fit for name in best.names}
+    tested = tested_elsewhere(beside_more(first_findings, best.fit, data), best.fit, without, data)
+    findings = doubted(tested, tuple(effects.values()), campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)
     if changes:

@@ -9,6 +9,7 @@ import numpy as np
 
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel, Parameter
+from gateway.closure.effects.local_changes import LocalChange
 from gateway.closure.inference import criteria
 from gateway.closure.laws.library import library
 from gateway.closure.model.baseline_registry import angle_effects
@@ -46,7 +47,7 @@ def known_effects(
                 f"{origin}: the catalogue has no effect '{corrected.name}' for this baseline model",
                 "Create the file again with `treadlink diagnose --save-effects`, or install the plug-in it came from.",
             )
-        if any(effect is other for other, _ in effects):
+        if any(effect.name == other.name for other, _ in effects):
             raise TreadlinkError(f"{origin}: effect '{corrected.name}' stands twice", _AGAIN)
         given = {parameter.name: parameter for parameter in corrected.parameters}
         names = [parameter.name for parameter in effect.parameters]
@@ -60,7 +61,8 @@ def known_effects(
                 )
         for parameter in effect.parameters:
             _check_range(effect, parameter, given[parameter.name], origin)
-        effects.append((effect, np.array([given[name].value for name in names])))
+        used = effect.held() if isinstance(effect, LocalChange) else effect
+        effects.append((used, np.array([given[name].value for name in names])))
     return effects
 
 

@@ -1,4 +1,6 @@
-"""A late axis and a long sensor, planted by interpolation in time and by means over points, are no filter and no tire.
+"""A late axis, a long sensor and one with friction are no filter and no tire.
+
+They are planted by interpolation in time, by means over points, and by the rate law of Dahl, which has no sharp turns.
 
 Load and speed change together, so that a length, locked to the angle, and a filter, locked to frequency, are rivals.
 """
@@ -17,8 +19,8 @@ from tests.closure.test_effect_gain import sensor
 
 GROUPS = (conditions(60.0, load_n=4500.0), conditions(90.0, load_n=3600.0))
 DEPTH_M = 0.004
-LATE_S, LENGTH_M, CORNER_HZ = 90e-6, 0.022, 531.0
-_POINTS = 65
+LATE_S, LENGTH_M, CORNER_HZ, FRICTION_MPS2 = 90e-6, 0.022, 531.0, 4.0
+_POINTS, _HALVINGS, PRESLIDING = 65, 30, 30.0
 
 
 def at(signal: FloatArray, theta: FloatArray, angle: FloatArray) -> FloatArray:
@@ -52,6 +54,22 @@ def slow(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatA
     return at(read, theta, theta + here.omega_radps * math.sqrt(2.0) / (2.0 * math.pi * CORNER_HZ))
 
 
+def rubbing(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
+    """An element held by friction that grows towards its limit with the element's own way (Dahl), way by way."""
+    read = sensor(DEPTH_M, 0.0)(signal, theta, here)
+    axis, force, moved = read[CIRCUMFERENTIAL].tolist(), 0.0, float(read[CIRCUMFERENTIAL, 0])
+    for number in range(2 * len(axis)):
+        change = axis[number % len(axis)] - moved - force
+        limit, low, high = math.copysign(FRICTION_MPS2, change), 0.0, abs(change) + 2.0 * FRICTION_MPS2
+        for _ in range(_HALVINGS):
+            way = 0.5 * (low + high)
+            held = limit + (force - limit) * math.exp(-way * PRESLIDING / FRICTION_MPS2)
+            low, high = (way, high) if way + abs(held - force) < abs(change) else (low, way)
+        moved, force = moved + math.copysign(way, change), held
+        read[CIRCUMFERENTIAL, number % len(axis)] = moved
+    return read
+
+
 def below(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> FloatArray:
     """A late axis of a sensor below the neutral layer, whose circumferential axis is not gravity alone."""
     return late(sensor(DEPTH_M, 0.0)(signal, theta, here), theta, here)
@@ -63,10 +81,17 @@ def below(signal: FloatArray, theta: FloatArray, here: GroupConditions) -> Float
         (below, "circumferential delay", LATE_S),
         (long, "sensor length", LENGTH_M),
         (slow, "anti-alias filter", 1.0 / CORNER_HZ),
+        (rubbing, "circumferential hysteresis", FRICTION_MPS2),
     ],
 )
 def test_cause_is_identified_beside_its_rivals(plant: Plant, name: str, size: float) -> None:
-    rivals = ("circumferential delay", "sensor length", "anti-alias filter", "mounting offset")
+    rivals = (
+        "circumferential delay",
+        "sensor length",
+        "anti-alias filter",
+        "circumferential hysteresis",
+        "mounting offset",
+    )
     found, _ = searched(campaign_of(GROUPS, plant, noise_mps2=0.5), among(*rivals))
     identified = set(found.identified()) - {"mounting offset"}
     assert identified == {name}

@@ -288,6 +288,7 @@ class AxisDelay(SignalEffect):
     )
     start_values = ((5e-5,),)
     stage = Stage.ELECTRIC
+    scaling = "the same time at every speed: the angle grows with omega"
 
     def __init__(self, axis: int, rank: int) -> None:
         """Take the axis and the place in the catalogue."""

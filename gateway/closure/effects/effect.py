@@ -119,6 +119,7 @@ class Parameter:
         whole: True for a whole number. Start values and scans try its values; a fit keeps the one that it starts from.
         by_gain: True where the value is in proportion to the gain of an axis, which nothing else in the signal shows:
             the gain's standard error is a part of the reported one.
+        equation_share: error of the value by the effect's equation, as a share of it, a part of the reported one.
         other_stds: further prior standard deviations, each as likely as `prior_std`, which is the widest: 0 for an
             amplitude that may be zero while others of the effect are not, a small one where some products are far
             better than others. They count in the evidence; a fit uses `prior_std`.
@@ -138,6 +139,7 @@ class Parameter:
     inverse_display: InverseDisplay | None = None
     shared_std: float | None = None
     by_gain: bool = False
+    equation_share: float = 0.0
     other_stds: tuple[float, ...] = ()
 
     @property
@@ -302,10 +304,14 @@ class SignalEffect(Effect):
     Attributes:
         stage: stage at which it is applied.
         linear: True when the contribution is proportional to the parameters.
+        sizes: number of its first parameters that make its size; the others shape it.
+        scaling: growth with speed, load and pressure, in words, of an effect that may be proposed as a law.
     """
 
     stage: Stage
     linear: bool = False
+    sizes: int = 1
+    scaling: str = ""
 
     @abstractmethod
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:

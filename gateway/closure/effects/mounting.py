@@ -93,6 +93,7 @@ class SensorLength(SignalEffect):
     )
     start_values = ((0.015,),)
     stage = Stage.BELT
+    scaling = "the same angle at every speed, load and pressure"
 
     def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
         """Return the mean less the signal."""

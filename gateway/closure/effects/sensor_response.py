@@ -1,7 +1,8 @@
-"""Response of the sensing element: gain, its drift with temperature, nonlinearity and zero-g offset."""
+"""Response of the sensing element: gain, its drift with temperature, nonlinearity, hysteresis and zero-g offset."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Final
 
@@ -19,7 +20,7 @@ from gateway.closure.effects.effect import (
     SignalEffect,
     Stage,
 )
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.types import FloatArray
 
 # Smallest range of temperatures that shows a drift.
@@ -247,4 +248,71 @@ def _passed(block: ModelledBlock) -> FloatArray:
     return np.array([-1.0 if block.conditions.reverse else 1.0, 1.0, 1.0])
 
 
-EFFECTS: Final = (Gain(), CircumferentialGain(), GainTemperature(), SensorNonlinearity(), ZeroGOffset())
+class Hysteresis(SignalEffect):
+    """Play of one axis: it follows the acceleration only once that has moved by the half width."""
+
+    source = "play operator (Prandtl): dry friction in the element or its suspension"
+    # Data sheets allow 0.1 to 1 % of full scale: 2 to 50 m/s^2 of elements for 200 to 500 g.
+    parameters = (Parameter("half_width_mps2", "m/s^2", 0.0, 100.0, 5.0, 1e-6, other_stds=(0.5,)),)
+    start_values = ((2.0,),)
+    stage = Stage.ELEMENT
+    scaling = "the same at every speed, load and pressure"
+
+    def __init__(self, axis: int, rank: int) -> None:
+        """Take the axis and the place in the catalogue."""
+        self.axis, self.rank = axis, rank
+        self.axes = (axis,)
+        name = AXIS_NAMES[axis]
+        self.name = f"{name} hysteresis"
+        self.summary = f"The {name} axis lags behind by a constant: it reads less while it rises, more while it falls."
+        self.equation = f"{name} reads r, |a - r| <= h, and r stands still while it can"
+        self.observed_in = f"{name} axis: minus h while it rises, plus h while it falls, at every speed alike"
+        delay = (f"{name} delay",) if axis != RADIAL else ("structural damping", "tread damping (shifted pressure)")
+        self.confounders = (
+            Confounder(delay, "its change is in proportion to the slope of the signal, and grows with speed"),
+            Confounder(("zero-g offset",), "it does not change sign where the signal turns"),
+        )
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return what is read less the signal."""
+        change = block.zeros()
+        half_width = float(parameters[0])
+        if half_width:
+            change[self.axis] = math.copysign(1.0, half_width) * self._played(block, abs(half_width))[0]
+        return change
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivative by the half width."""
+        change = block.zeros()
+        change[self.axis] = self._played(block, abs(float(parameters[0])))[1]
+        return change[np.newaxis]
+
+    def _played(self, block: ModelledBlock, half_width: float) -> tuple[FloatArray, FloatArray]:
+        """Return what play adds to a signal that repeats, and its derivative, (FIELD_SIZE,) each."""
+        signal = block.signal_mps2[self.axis]
+        read, slope = float(signal[0]), 0.0
+        reads, slopes = np.empty_like(signal), np.empty_like(signal)
+        # The first turn forgets where it began.
+        for _ in range(2):
+            for index, value in enumerate(signal.tolist()):
+                if read <= value - half_width:
+                    read, slope = value - half_width, -1.0
+                elif read >= value + half_width:
+                    read, slope = value + half_width, 1.0
+                reads[index], slopes[index] = read, slope
+        return reads - signal, slopes
+
+
+CIRCUMFERENTIAL_HYSTERESIS: Final = Hysteresis(CIRCUMFERENTIAL, 322)
+LATERAL_HYSTERESIS: Final = Hysteresis(LATERAL, 324)
+RADIAL_HYSTERESIS: Final = Hysteresis(RADIAL, 326)
+EFFECTS: Final = (
+    Gain(),
+    CircumferentialGain(),
+    GainTemperature(),
+    SensorNonlinearity(),
+    CIRCUMFERENTIAL_HYSTERESIS,
+    LATERAL_HYSTERESIS,
+    RADIAL_HYSTERESIS,
+    ZeroGOffset(),
+)

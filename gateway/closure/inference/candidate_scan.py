@@ -16,6 +16,7 @@ import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.effects.local_changes import LocalChange
 from gateway.closure.inference.candidate_trial import Trial, shapes_of, try_effect
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.discrepancy_kernels import Concentration
@@ -175,7 +176,9 @@ class Helpers:
     def scan(self, fit: Fit, effects: Sequence[AngleEffect], groups: Sequence[int]) -> Scan:
         """Return a scan, begun in the other processes."""
         scan = Scan(fit, effects, groups)
-        number = self._workers.new_counter() if scan.effects else None
+        # The answer that a change at one place holds is this process's own.
+        local = any(isinstance(effect, LocalChange) for effect in fit.model.effects)
+        number = self._workers.new_counter() if scan.effects and not local else None
         if number is not None:
             order = _ordered(number, scan)
             begun = [worker.submit(_tried, order) for worker in self._workers.each]

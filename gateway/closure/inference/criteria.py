@@ -119,6 +119,9 @@ STALLED: Final = 3
 """Sets of a chain in a row without more evidence than those before, after which it ends: where much is left and no
 candidate fits, each addition takes longer and explains less. Two effects that need each other are two sets."""
 
+WORTH_A_SCAN: Final = 0.05
+"""Power left beyond noise, over that of the noise, below which changes at one place and laws are not looked for."""
+
 MOST_EFFECTS: Final = 8
 """Effects of one set: more were never needed by a recording."""
 

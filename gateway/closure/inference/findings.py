@@ -276,7 +276,8 @@ def fitted_parameter(parameter: Parameter, value: float, std: float, gain_std: f
         gain_std: relative standard error of the sensor's gain, a part of the error of what goes with it.
     """
     shown = parameter.factor, parameter.display_unit, parameter.inverse_display
-    std = math.hypot(std, parameter.shared_std or 0.0, gain_std * value if parameter.by_gain else 0.0)
+    by_gain = gain_std * value if parameter.by_gain else 0.0
+    std = math.hypot(std, parameter.shared_std or 0.0, by_gain, parameter.equation_share * value)
     # A whole number is tried, not fitted: it has no error.
     return Fitted(value, 0.0 if parameter.whole else std, parameter.unit, *shown)
 

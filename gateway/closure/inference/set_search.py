@@ -17,6 +17,7 @@ import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import far_apart, telling
+from gateway.closure.effects.local_changes import LocalChange
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers, Scan
 from gateway.closure.inference.candidate_trial import Trial, refit, start_of
@@ -25,7 +26,8 @@ from gateway.closure.inference.discrepancy_concentration import Evident, most_ev
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model, linearised
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.other_optima import other_optima
-from gateway.closure.inference.residual import ratios_by_part
+from gateway.closure.inference.profile_scan import ProfileScan, fitted_with
+from gateway.closure.inference.residual import ratios_by_part, residual_ratio
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence, log_odds, log_prior_odds, settled
 from gateway.closure.model.baseline import Core, NoShapeError
 from gateway.closure.model.closure_model import AngleEffect, ClosureModel
@@ -71,6 +73,7 @@ class SetSearch:
     promises: dict[Names, dict[str, float]] = field(default_factory=dict)
     _scanned: tuple[int, ...] = ()
     _begun: list[Scan] = field(default_factory=list)
+    _scanned_places: set[Names] = field(default_factory=set)
 
     def run(self, start: Fit) -> Evaluated:
         """Search from the baseline model's fit; return the best set."""
@@ -97,7 +100,7 @@ class SetSearch:
         if expected is not None:
             self._chains(expected)
         self._climb()
-        while not self._stop() and (self._concentrate() or self._moved()):
+        while not self._stop() and (self._placed() or self._concentrate() or self._moved()):
             self._climb()
         return self.best
 
@@ -207,6 +210,41 @@ class SetSearch:
             self.evaluations, self.discrepancy = before, smoother
             return False
         return True
+
+    def _placed(self) -> bool:
+        """Try changes at one place of the wheel beside the best set; return whether a set with one is better.
+
+        A chain would have to try every place of each.
+        """
+        best, applied = self.best, self.best.fit.applied
+        changes = [
+            effect
+            for effect in self.effects.values()
+            if isinstance(effect, LocalChange) and not is_taken(effect, best.fit.model.effects)
+        ]
+        applied = best.fit.applied
+        if (
+            best.names in self._scanned_places
+            or not changes
+            or applied is None
+            or len(best.names) >= criteria.MOST_EFFECTS
+        ):
+            return False
+        self._scanned_places.add(best.names)
+        if residual_ratio(best.fit, self.data) - 1.0 < criteria.WORTH_A_SCAN:
+            return False
+        self.on_step(len(best.names) + 1)
+        try:
+            promises = ProfileScan(best.fit).promises(changes)
+        except (NoShapeError, np.linalg.LinAlgError):
+            return False
+        for promise in promises[: criteria.REFITTED]:
+            least = max(criteria.LOOKED_AT, criteria.PROMISE_SHARE * promises[0].gain)
+            if promise.gain < least or self._stop():
+                break
+            if (fit := fitted_with(promise, best.fit, self.data)) is not None:
+                self._evaluate(fit, self.discrepancy.applied(criteria.SMALLER_DISCREPANCY * applied.amplitudes))
+        return self.best is not best
 
     def _moved(self) -> bool:
         """Look for other optima of the best set; return whether one is better, which is then the set's own."""
@@ -432,7 +470,11 @@ class SetSearch:
 
     def _begin(self, fit: Fit, among: Iterable[str]) -> Scan:
         """Begin a scan in other processes, which is then made while this one does something else."""
-        effects = [self.effects[name] for name in sorted(among) if not is_taken(self.effects[name], fit.model.effects)]
+        effects = [
+            self.effects[name]
+            for name in sorted(among)
+            if not isinstance(self.effects[name], LocalChange) and not is_taken(self.effects[name], fit.model.effects)
+        ]
         for scan in self._begun:
             if scan.is_of(fit, effects):
                 return scan

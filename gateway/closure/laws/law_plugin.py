@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
-from gateway.closure.laws.law import Law
+from gateway.closure.effects.effect import SignalEffect
 from gateway.closure.laws.library import library
 from gateway.closure.result import Law as ProposedLaw
 
@@ -22,7 +22,7 @@ _ERRORS: Final = 5.0
 
 def law_effect(
     law: str, *, name: str, rank: int, start: Sequence[float], ranges: Mapping[str, tuple[float, float]]
-) -> Law:
+) -> SignalEffect:
     """Return a law of the library as an effect of the catalogue.
 
     Args:

@@ -22,57 +22,37 @@ from typing import Final
 
 import numpy as np
 
-from gateway.closure.effects.effect import BaselineModel
+from gateway.closure.effects.effect import BaselineModel, SignalEffect
 from gateway.closure.inference import criteria
 from gateway.closure.inference.effect_contribution import added_by
-from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
+from gateway.closure.inference.findings import fitted_parameter
+from gateway.closure.inference.fit import Fit, FitFailedError
 from gateway.closure.inference.hold_out import hold_out
 from gateway.closure.inference.likelihood import Whitened
 from gateway.closure.inference.posterior import Posterior
+from gateway.closure.inference.profile_scan import ProfileScan, Promise, fitted_with
 from gateway.closure.inference.residual import POWER_SHARE, group_residuals, residual_ratio
 from gateway.closure.inference.set_evidence import Evaluated, evaluate, log_evidence
-from gateway.closure.laws.law import Law
 from gateway.closure.laws.library import library
-from gateway.closure.laws.profile_scan import ProfileScan, Promise
-from gateway.closure.laws.unseen_recordings import single_sizes, unseen_errors
+from gateway.closure.laws.unseen_recordings import reasons_against, single_sizes, unseen_errors, widening
 from gateway.closure.model.baseline import NoShapeError
-from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.sensor_signal import THETA, orders_field
-from gateway.closure.result import Fitted, HeldOut, LawCurves, LawSize, UnseenError
+from gateway.closure.result import HeldOut, LawCurves, LawSize
 from gateway.closure.result import Law as ProposedLaw
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
-from gateway.types import FloatArray
 
 LEAST_SHARE: Final = 0.5
 """Share of the power left beyond noise that a law must explain."""
 CLUE_SHARE: Final = 0.25
 """Share that a clue must explain."""
-RISE: Final = 1.02
-"""Ratio by which the error of an axis may rise on a recording that the law has not seen: what noise alone makes."""
-FALL: Final = 0.6
-"""Share of the power beyond noise that may be left of such a recording on one axis at least."""
-TESTABLE: Final = 1.3
-"""Power over that of the noise from which an axis of a recording tests a law: noise alone reaches 1.2."""
-SIZES_APART: Final = 0.1
-"""Relative difference of sizes of single recordings, beyond two errors, at which a law is another thing: right ones
-differ by 2 %, wrong ones by 17 % and more."""
 RIVAL: Final = 5.0
 """Difference of log evidence below which another law explains the same as well."""
 
-# Power beyond noise, over the noise's, below which nothing is worth a law.
-_LEAST_LEFT: Final = 0.05
 # Places that the evidence has not paid for: narrow peaks in the widths.
 _CHOICES: Final = 10.0
 _FITTED: Final = 3
 _WORTH: Final = 0.5
-# Rounds of a fit, each with the belt's response at the end of the one before, its steps, and the change of the tire's
-# logarithms that is not worth another one.
-_ROUNDS: Final = 3
-_STEPS: Final = 8
-_SETTLED: Final = 0.01
-# A size whose error is a larger share of it says nothing.
-_KNOWN_SIZE: Final = 0.3
 
 
 @dataclass(frozen=True)
@@ -85,7 +65,7 @@ class _Tried:
         ratio: power that it leaves over that of the noise.
     """
 
-    law: Law
+    law: SignalEffect
     set: Evaluated
     ratio: float
 
@@ -112,7 +92,7 @@ def propose_laws(
     base: Evaluated,
     data: Whitened,
     expired: Callable[[], bool] = lambda: False,
-    laws: Sequence[Law] | None = None,
+    laws: Sequence[SignalEffect] | None = None,
 ) -> LawsFound:
     """Return the law for what a set leaves, or a clue to one, or nothing.
 
@@ -123,11 +103,11 @@ def propose_laws(
         laws: to try; None for the library.
     """
     before = residual_ratio(base.fit, data)
-    if before - 1.0 < _LEAST_LEFT or base.fit.model.core.model is not BaselineModel.EXACT:
+    if before - 1.0 < criteria.WORTH_A_SCAN or base.fit.model.core.model is not BaselineModel.EXACT:
         return LawsFound()
     # The evidence of the posterior's sets is divided by what they leave; that of a law is not yet.
     base = replace(base, log_evidence=log_evidence(base.fit))
-    tried = list(laws if laws is not None else library().values())
+    tried = list(laws if laws is not None else library(without=base.names).values())
     try:
         promises = ProfileScan(base.fit).promises(tried)
     except (NoShapeError, np.linalg.LinAlgError):
@@ -149,29 +129,16 @@ def propose_laws(
 
 def _fitted(base: Evaluated, data: Whitened, promise: Promise) -> _Tried | None:
     """Return a law fitted with everything else, None where that fails."""
-    law, fit = promise.law, base.fit
-    if fit.applied is None:
+    applied = base.fit.applied
+    fit = None if applied is None else fitted_with(promise, base.fit, data)
+    if applied is None or fit is None:
         return None
-    model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, law))
-    start = fit.model.layout.moved(fit.vector, model.layout)
-    low = np.array([parameter.low for parameter in law.parameters])
-    high = np.array([parameter.high for parameter in law.parameters])
-    start[model.layout.effect(law.name)] = np.clip(promise.parameters, low, high)
     try:
-        # Without the discrepancy, which stood for the law and would let the fit end beside it.
-        states = model.layout.states
-        for _ in range(_ROUNDS):
-            first = fit_model(model, data, start, most_steps=_STEPS)
-            apart = float(np.abs(first.vector - start)[states].max())
-            start = first.vector
-            if apart < _SETTLED:
-                break
-            law.renew()
-        small = fit.applied.discrepancy.applied(criteria.SMALLER_DISCREPANCY * fit.applied.amplitudes)
-        evaluated = evaluate(first, data, fit.applied.discrepancy, small)
-    except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
+        small = applied.discrepancy.applied(criteria.SMALLER_DISCREPANCY * applied.amplitudes)
+        evaluated = evaluate(fit, data, applied.discrepancy, small)
+    except (FitFailedError, np.linalg.LinAlgError):
         return None
-    return _Tried(law, evaluated, residual_ratio(evaluated.fit, data))
+    return _Tried(promise.effect, evaluated, residual_ratio(evaluated.fit, data))
 
 
 def _judged(
@@ -193,8 +160,7 @@ def _judged(
     reasons = [reason for name, reason in best.set.objections if name == best.law.name]
     if share < LEAST_SHARE:
         reasons.append(Reason(Code.LAW_LEAVES_MUCH, share=share))
-    reasons += _against_unseen(fit.model.campaign.recordings, unseen)
-    reasons += _against_sizes(fit.model.campaign.recordings, sizes)
+    reasons += reasons_against(fit.model.campaign.recordings, unseen, sizes)
     if rivals:
         reasons.append(Reason(Code.LAW_HAS_RIVALS, laws=tuple(rival.title for rival in rivals)))
     proposed = _told(base, data, best, sizes, tuple(dict.fromkeys(reasons)))
@@ -206,51 +172,6 @@ def _judged(
     return LawsFound((replace(proposed, held_out=_held_out(base, best.set, data)),), fit)
 
 
-def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) -> list[Reason]:
-    """Return why recordings that the law has not seen speak against it, or that none can test it."""
-    for error in unseen:
-        if error.after_mps2 > RISE * max(error.before_mps2, error.noise_mps2):
-            return [_unseen_reason(recordings, error)]
-    # Where hardly more than noise is left there is nothing to fall.
-    above = [error for error in unseen if error.before_mps2**2 > TESTABLE * error.noise_mps2**2]
-    if not above:
-        return [Reason(Code.LAW_UNTESTED)]
-    for recording in dict.fromkeys(error.recording for error in above):
-        of_recording = [error for error in above if error.recording == recording]
-        if min(_excess_left(error) for error in of_recording) > FALL:
-            return [_unseen_reason(recordings, min(of_recording, key=_excess_left))]
-    return []
-
-
-def _excess_left(error: UnseenError) -> float:
-    """Return the share of the power beyond noise that a law leaves."""
-    noise = error.noise_mps2**2
-    return (error.after_mps2**2 - noise) / (error.before_mps2**2 - noise)
-
-
-def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:
-    return Reason(
-        Code.LAW_FAILS_UNSEEN,
-        recording=recordings[error.recording],
-        axis=error.axis,
-        before_mps2=error.before_mps2,
-        after_mps2=error.after_mps2,
-    )
-
-
-def _against_sizes(recordings: Sequence[str], sizes: Sequence[LawSize]) -> list[Reason]:
-    """Return why the sizes of single recordings speak against a law."""
-    determined = [size for size in sizes if size.std < _KNOWN_SIZE * abs(size.value)]
-    if len(determined) < 2:
-        return [Reason(Code.LAW_UNTESTED)]
-    weights = np.array([size.std**-2.0 for size in determined])
-    mean = float(weights @ [size.value for size in determined] / weights.sum())
-    worst = max(determined, key=lambda size: abs(size.value - mean) - 2.0 * size.std)
-    if abs(worst.value - mean) <= SIZES_APART * abs(mean) + 2.0 * worst.std:
-        return []
-    return [Reason(Code.LAW_SIZES_DIFFER, recording=recordings[worst.recording], ratio=worst.value / mean)]
-
-
 def _told(
     base: Evaluated, data: Whitened, best: _Tried, sizes: Sequence[LawSize], reasons: tuple[Reason, ...]
 ) -> ProposedLaw:
@@ -258,11 +179,10 @@ def _told(
     law, fit = best.law, best.set.fit
     where = fit.model.layout.effect(law.name)
     values = fit.vector[where]
-    stds = np.sqrt(np.diagonal(fit.covariance)[where]) * _widening(sizes, law, values)
-    stds[: law.sizes] = np.hypot(stds[: law.sizes], law.equation_share * np.abs(values[: law.sizes]))
+    stds = np.sqrt(np.diagonal(fit.covariance)[where]) * widening(sizes, law.sizes, values)
     parameters = {
-        parameter.name: Fitted(float(value), float(std), parameter.unit, parameter.factor, parameter.display_unit)
-        for parameter, value, std in zip(law.parameters, values, stds, strict=True)
+        parameter.name: fitted_parameter(parameter, value, std)
+        for parameter, value, std in zip(law.parameters, values.tolist(), stds.tolist(), strict=True)
     }
     residuals, without = group_residuals(base.fit, data), added_by(fit, law)
     groups = fit.model.campaign.groups
@@ -294,16 +214,6 @@ def _told(
         sizes=tuple(sizes),
         curves=curves,
     )
-
-
-def _widening(sizes: Sequence[LawSize], law: Law, values: FloatArray) -> float:
-    """Return the ratio by which sizes of single recordings differ more than their errors, at least 1."""
-    size = float(np.linalg.norm(values[: law.sizes]))
-    determined = [law_size for law_size in sizes if law_size.std < _KNOWN_SIZE * abs(law_size.value)]
-    if len(determined) < 2:
-        return 1.0
-    square = sum(((law_size.value - size) / law_size.std) ** 2 for law_size in determined) / (len(determined) - 1)
-    return math.sqrt(max(1.0, square))
 
 
 def _held_out(base: Evaluated, evaluated: Evaluated, data: Whitened) -> HeldOut:

@@ -1,22 +1,51 @@
-"""Library of the laws that a search tries."""
+"""Library of the laws that a search tries: effects of the catalogue, for a base without them, and others."""
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Collection
 from typing import Final
 
-from gateway.closure.laws.law import Law
-from gateway.closure.laws.local_law import SHAPES, AxleOrder, LocalLaw, Responses
-from gateway.closure.laws.sensor_law import sensor_laws
+from gateway.closure.effects.acquisition import CIRCUMFERENTIAL_DELAY, LATERAL_DELAY
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, SignalEffect
+from gateway.closure.effects.local_changes import LOCAL_CHANGES, LOCAL_KINK, WheelOrder
+from gateway.closure.effects.mounting import SENSOR_LENGTH
+from gateway.closure.effects.sensor_response import CIRCUMFERENTIAL_HYSTERESIS, LATERAL_HYSTERESIS, RADIAL_HYSTERESIS
+from gateway.closure.laws.sensor_errors import AxisSquare, CrossAxis, GainBelowZero
+from gateway.constants import AXIS_NAMES
+from gateway.physics.rolling_ring import Change
 
 _AXLE_ORDERS: Final = (2, 3, 4)
 
 
-def library() -> dict[str, Law]:
-    """Return new laws by name; those of one library share what they work out of the belt."""
-    responses = Responses()
-    laws: tuple[Law, ...] = (
-        *(LocalLaw(shape, responses) for shape in SHAPES),
-        *(AxleOrder(order, responses) for order in _AXLE_ORDERS),
-        *sensor_laws(),
+def library(without: Collection[str] = ()) -> dict[str, SignalEffect]:
+    """Return laws by name.
+
+    Args:
+        without: effects of the catalogue that are in the model already.
+    """
+    every = (CIRCUMFERENTIAL, LATERAL, RADIAL)
+    delays, hystereses = (
+        (
+            CIRCUMFERENTIAL_DELAY,
+            LATERAL_DELAY,
+        ),
+        (CIRCUMFERENTIAL_HYSTERESIS, LATERAL_HYSTERESIS, RADIAL_HYSTERESIS),
     )
-    return {law.name: law for law in laws}
+    titled: list[tuple[SignalEffect, str]] = [
+        *((change, change.name) for change in (*LOCAL_CHANGES, LOCAL_KINK)),
+        *((WheelOrder("", 0, order, Change.RIM, ()), f"axle height of order {order}") for order in _AXLE_ORDERS),
+        *((delay, f"delay of the {AXIS_NAMES[delay.axis]} axis") for delay in delays),
+        *((hysteresis, f"hysteresis of the {AXIS_NAMES[hysteresis.axis]} axis") for hysteresis in hystereses),
+        *((error, error.name) for error in map(GainBelowZero, every)),
+        *((error, error.name) for error in map(AxisSquare, (CIRCUMFERENTIAL, LATERAL))),
+        *((error, error.name) for error in (CrossAxis(LATERAL, CIRCUMFERENTIAL), CrossAxis(RADIAL, CIRCUMFERENTIAL))),
+        (SENSOR_LENGTH, "mean over a length"),
+    ]
+    laws = {}
+    for effect, title in titled:
+        if effect.name not in without:
+            law = copy.copy(effect)
+            law.name, law.title, law.rank = f"law: {title}", title, 0
+            laws[law.name] = law
+    return laws

@@ -7,21 +7,36 @@ centre of a recording are always fitted to it anew, the law's are those of the o
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from gateway.closure.effects.effect import SignalEffect
+from gateway.closure.effects.local_changes import LocalChange
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened, as_complex
 from gateway.closure.inference.residual import POWER_SHARE
-from gateway.closure.laws.law import Law
-from gateway.closure.result import LawSize, UnseenError
+from gateway.closure.result import Finding, LawSize, UnseenError, Verdict
 from gateway.constants import AXIS_NAMES
+from gateway.reasons import Code, Reason
 from gateway.types import FloatArray, IntArray
+
+RISE: Final = 1.02
+"""Ratio by which the error of an axis may rise on a recording that the law has not seen: what noise alone makes."""
+FALL: Final = 0.6
+"""Share of the power beyond noise that may be left of such a recording on one axis at least."""
+TESTABLE: Final = 1.3
+"""Power over that of the noise from which an axis of a recording tests a law: noise alone reaches 1.2."""
+SIZES_APART: Final = 0.1
+"""Relative difference of sizes of single recordings, beyond two errors, at which a law is another thing: right ones
+differ by 2 %, wrong ones by 17 % and more."""
 
 # Speeds or loads that differ by less are one.
 _APART: Final = 1.05
+# A size whose error is a larger share of it says nothing.
+_KNOWN_SIZE: Final = 0.3
 
 
 def recordings_of(fit: Fit) -> dict[int, list[int]]:
@@ -52,7 +67,7 @@ def has_other_conditions(fit: Fit, recording: int) -> bool:
     )
 
 
-def single_sizes(fit: Fit, data: Whitened, law: Law) -> tuple[LawSize, ...]:
+def single_sizes(fit: Fit, data: Whitened, law: SignalEffect) -> tuple[LawSize, ...]:
     """Return the size of a law in each recording alone, its shape kept."""
     indices = fit.model.layout.effect(law.name).start + np.arange(law.sizes)
     start = fit.vector[indices]
@@ -68,7 +83,7 @@ def single_sizes(fit: Fit, data: Whitened, law: Law) -> tuple[LawSize, ...]:
     return tuple(sizes)
 
 
-def unseen_errors(before: Fit, after: Fit, data: Whitened, law: Law) -> tuple[UnseenError, ...]:
+def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) -> tuple[UnseenError, ...]:
     """Return the error of each recording without the law, and with the law that the others determine.
 
     Args:
@@ -158,3 +173,90 @@ def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tu
     whole = np.zeros(len(fit.vector))
     whole[free] = change
     return whole, covariance
+
+
+def tested_elsewhere(
+    findings: Sequence[Finding], fit: Fit, without: Mapping[str, Fit], data: Whitened
+) -> list[Finding]:
+    """Reject identified changes at one place that recordings of other conditions contradict, or that none can test.
+
+    Its place, width and kind are chosen among hundreds: what one recording leaves may look like one of them.
+
+    Args:
+        findings: of effects.
+        fit: of the best set.
+        without: fit of the best set without each effect, by name.
+        data: whitened.
+    """
+    judged = []
+    for finding in findings:
+        effect = next((effect for effect in fit.model.effects if effect.name == finding.name), None)
+        if isinstance(effect, LocalChange) and finding.verdict is Verdict.NAMED:
+            unseen = unseen_errors(without[effect.name], fit, data, effect)
+            reasons = reasons_against(fit.model.campaign.recordings, unseen, single_sizes(fit, data, effect))
+            if reasons:
+                finding = replace(finding, verdict=Verdict.REFUSED, reason=reasons[0])
+        judged.append(finding)
+    return judged
+
+
+def reasons_against(
+    recordings: Sequence[str], unseen: Sequence[UnseenError], sizes: Sequence[LawSize]
+) -> tuple[Reason, ...]:
+    """Return why errors of unseen recordings and sizes of single ones speak against a law, or that none can test it."""
+    return tuple(dict.fromkeys((*_against_unseen(recordings, unseen), *_against_sizes(recordings, sizes))))
+
+
+def widening(sizes: Sequence[LawSize], count: int, values: FloatArray) -> float:
+    """Return the ratio by which sizes of single recordings differ more than their errors, at least 1."""
+    size = float(np.linalg.norm(values[:count]))
+    determined = [law_size for law_size in sizes if law_size.std < _KNOWN_SIZE * abs(law_size.value)]
+    if len(determined) < 2:
+        return 1.0
+    square = sum(((law_size.value - size) / law_size.std) ** 2 for law_size in determined) / (len(determined) - 1)
+    return math.sqrt(max(1.0, square))
+
+
+def _against_unseen(recordings: Sequence[str], unseen: Sequence[UnseenError]) -> list[Reason]:
+    """Return why recordings that the law has not seen speak against it, or that none can test it."""
+    for error in unseen:
+        if error.after_mps2 > RISE * max(error.before_mps2, error.noise_mps2):
+            return [_unseen_reason(recordings, error)]
+    # Where hardly more than noise is left there is nothing to fall.
+    above = [error for error in unseen if error.before_mps2**2 > TESTABLE * error.noise_mps2**2]
+    if not above:
+        return [Reason(Code.LAW_UNTESTED)]
+    for recording in dict.fromkeys(error.recording for error in above):
+        of_recording = [error for error in above if error.recording == recording]
+        if min(_excess_left(error) for error in of_recording) > FALL:
+            return [_unseen_reason(recordings, min(of_recording, key=_excess_left))]
+    return []
+
+
+def _excess_left(error: UnseenError) -> float:
+    """Return the share of the power beyond noise that a law leaves."""
+    noise = error.noise_mps2**2
+    return (error.after_mps2**2 - noise) / (error.before_mps2**2 - noise)
+
+
+def _unseen_reason(recordings: Sequence[str], error: UnseenError) -> Reason:
+    return Reason(
+        Code.LAW_FAILS_UNSEEN,
+        recording=recordings[error.recording],
+        axis=error.axis,
+        before_mps2=error.before_mps2,
+        after_mps2=error.after_mps2,
+    )
+
+
+def _against_sizes(recordings: Sequence[str], sizes: Sequence[LawSize]) -> list[Reason]:
+    """Return why the sizes of single recordings speak against a law."""
+    determined = [size for size in sizes if size.std < _KNOWN_SIZE * abs(size.value)]
+    if len(determined) < 2:
+        return [Reason(Code.LAW_UNTESTED)]
+    weights = np.array([size.std**-2.0 for size in determined])
+    mean = float(weights @ [size.value for size in determined] / weights.sum())
+    worst = max(determined, key=lambda size: abs(size.value - mean) - 2.0 * size.std)
+    if abs(worst.value - mean) <= SIZES_APART * abs(mean) + 2.0 * worst.std:
+        return []
+    return [Reason(Code.LAW_SIZES_DIFFER, recording=recordings[worst.recording], ratio=worst.value / mean)]

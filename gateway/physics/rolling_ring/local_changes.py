@@ -7,7 +7,8 @@ A property that changes at the material angle phi0 from the sensor by W(phi - ph
 each of which passes a point of the road N times a turn. It pushes the nodes of the steadily rolling ring by f exp(i N
 theta), f what the change does to the balance of the steady shape, and the ring answers as in `block_vibration`, inertia
 and losses included. A rim that is bent moves the axle instead, by z(theta) = H W(theta + phi0): the ring is pressed to
-the road by as much, and carries its mass along.
+the road by as much, and carries its mass along. A tire that is out of round is pressed to the road likewise, and its
+axle keeps its height.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Change(StrEnum):
     """Kind of a change; the response is that to a unit of the quantity times its width in radians.
 
     BENDING: share of EI. KINK: belt's own angle, rad. MASS: share of rho A. SIDEWALL: share of kw and kv. TREAD: height
-    of the tread, m. RIM: height of the axle, m.
+    of the tread, m. RIM: height of the axle, m. RUN_OUT: radius of the tire, its axle at one height, m.
     """
 
     BENDING = "bending"
@@ -45,12 +46,18 @@ class Change(StrEnum):
     SIDEWALL = "sidewall"
     TREAD = "tread"
     RIM = "rim"
+    RUN_OUT = "run-out"
 
 
 def local_response(
-    belt: LoadedBelt, omega_radps: float, loss_s: float, offset_m: float, changes: Sequence[Change]
+    belt: LoadedBelt,
+    omega_radps: float,
+    loss_s: float,
+    offset_m: float,
+    changes: Sequence[Change],
+    counts: Sequence[int] = range(PATTERNS),
 ) -> ComplexArray:
-    """Return the reading of kinds of change and every pattern, (kinds, PATTERNS, 2, N), m; radial and along.
+    """Return the reading of kinds of change and patterns, (kinds, counts, 2, N), m; radial and along.
 
     Pattern N of amplitude a reads Re(a response exp(-i N theta)) omega^2.
 
@@ -60,6 +67,7 @@ def local_response(
         loss_s: damping time of belt and tread.
         offset_m: sensor below (inside) the belt's neutral layer.
         changes: kinds.
+        counts: N of the patterns.
 
     Raises:
         LinAlgError: the belt rings without loss.
@@ -76,12 +84,12 @@ def local_response(
         belt.height_m,
         belt.traction,
     )
-    result = np.empty((len(changes), PATTERNS, 2, len(belt.state)), dtype=np.complex128)
+    result = np.empty((len(changes), len(counts), 2, len(belt.state)), dtype=np.complex128)
     lifted = np.array([float(change is Change.RIM) for change in changes])
-    for count in range(PATTERNS):
+    for number, count in enumerate(counts):
         blocks = TreadBlocks(count, law.mass_kgpm, loss_s, loss_s)
         forces = np.stack([_force_n(lossy, omega_radps, count, change) for change in changes])
-        result[:, count] = pushed_response(lossy, blocks, omega_radps, forces, lifted, offset_m)
+        result[:, number] = pushed_response(lossy, blocks, omega_radps, forces, lifted, offset_m)
     return result
 
 
@@ -92,9 +100,12 @@ def _force_n(belt: LoadedBelt, omega_radps: float, count: int, change: Change) -
         return _by_moment(belt, steady, count)
     grid = ring_grid(len(belt.state))
     force = np.zeros(belt.state.shape, dtype=np.complex128)
-    if change is Change.RIM:
-        # The axle stands still in space, and its acceleration acts on all nodes alike.
+    if change in (Change.RIM, Change.RUN_OUT):
+        # Road and axle stand still in space.
         force[:, :2] = steady
+        if change is Change.RUN_OUT:
+            return force
+        # The axle's acceleration acts on all nodes alike.
         force[:, 1] += belt.law.mass_kgpm * belt.law.radius_m * grid.step_rad * (count * omega_radps) ** 2
         return force
     square = omega_radps**2 if change is Change.MASS else 1.0
@@ -135,6 +146,7 @@ def _steady(belt: LoadedBelt) -> dict[Change, FloatArray]:
         Change.SIDEWALL: pull,
         Change.TREAD: length * law.tread_npm2 * towards,
         Change.RIM: length * road.d_height,
+        Change.RUN_OUT: -length * road.d_height,
     }
 
 

@@ -1,7 +1,7 @@
-"""Scan of the library: what each law would add to the evidence of what is left, at every place, to first order.
+"""Scan of effects at every place: what each would add to the evidence of what is left, to first order.
 
-The discrepancy of the best set competes. Were its amplitudes fitted anew, a law that only reshapes what is left would
-gain much; so one factor of all of them is profiled over instead.
+The discrepancy of the best set competes. Were its amplitudes fitted anew, an effect that only reshapes what is left
+would gain much; so one factor of all of them is profiled over instead.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ from typing import Final
 import numpy as np
 
 from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.effects.effect import SignalEffect
+from gateway.closure.effects.local_changes import LocalChange
 from gateway.closure.inference import criteria
-from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import as_real
+from gateway.closure.inference.candidate_trial import bounds
+from gateway.closure.inference.fit import Fit, FitFailedError, fit_model
+from gateway.closure.inference.likelihood import Whitened, as_real
 from gateway.closure.inference.set_evidence import log_evidence
-from gateway.closure.laws.law import Law
-from gateway.closure.laws.local_law import LocalLaw
+from gateway.closure.model.baseline import NoShapeError
 from gateway.closure.model.closure_model import ClosureModel
 from gateway.closure.model.sensor_signal import base_signal, mounting_matrix
 from gateway.types import FloatArray
@@ -32,20 +34,25 @@ _PEAKS: Final = 2
 _NEAR_RAD: Final = np.radians([-1.5, -1.2, -0.9, -0.6, -0.3, 0.0, 0.3, 0.6, 0.9, 1.2, 1.5])
 _WIDTHS: Final = (0.2, 0.5, 1.0, 2.0, 4.0)
 _ROWS: Final = 240
+# Rounds of a fit, each with the belt's answer at the end of the one before, its steps, and the change of the tire's
+# logarithms that is not worth another one.
+_ROUNDS: Final = 3
+_STEPS: Final = 8
+_SETTLED: Final = 0.01
 _ORDER: Final[FloatArray] = np.arange(ORDERS, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """What a law promises.
+    """What an effect promises.
 
     Attributes:
-        law: the law.
+        effect: the effect.
         parameters: where it promises most, (p,).
         gain: of log evidence.
     """
 
-    law: Law
+    effect: SignalEffect
     parameters: FloatArray
     gain: float
 
@@ -67,34 +74,34 @@ class ProfileScan:
         self._levels = np.array([log_evidence(scaled_fit.moved(scaled_fit.step)) for scaled_fit in self._fits])
         self._shapes = [fit.model.shape(fit.vector, index) for index in range(len(fit.model.campaign.groups))]
 
-    def promises(self, laws: Sequence[Law]) -> list[Promise]:
-        """Return what each law promises, most first; laws of axes without data promise nothing."""
-        promises = [promise for law in laws for promise in self._of(law)]
+    def promises(self, effects: Sequence[SignalEffect]) -> list[Promise]:
+        """Return what each effect promises, most first; those of axes without data promise nothing."""
+        promises = [promise for effect in effects for promise in self._of(effect)]
         return sorted(promises, key=lambda each: -each.gain)
 
-    def _of(self, law: Law) -> Iterator[Promise]:
-        if not isinstance(law, LocalLaw):
-            start = np.array(law.start_values[0])
-            yield from self._other(law, start)
+    def _of(self, effect: SignalEffect) -> Iterator[Promise]:
+        if not isinstance(effect, LocalChange):
+            start = np.array(effect.start_values[0])
+            yield from self._other(effect, start)
             return
-        width = law.shape.width_rad
+        width = effect.shape.width_rad
         first = np.linspace(-math.pi, math.pi, _FIRST_PLACES, endpoint=False)
         tried = [(angle_rad, width) for angle_rad in first.tolist()]
-        gains, sizes = self._gains(law, tried)
+        gains, sizes = self._gains(effect, tried)
         best = list(zip(gains.tolist(), sizes.tolist(), tried, strict=True))
         for peak in _peaks(gains):
             near = [(first[peak] + step, width * factor) for factor in _WIDTHS for step in _NEAR_RAD.tolist()]
-            gains, sizes = self._gains(law, near)
+            gains, sizes = self._gains(effect, near)
             best += zip(gains.tolist(), sizes.tolist(), near, strict=True)
         gain, size, (angle_rad, width) = max(best, key=lambda entry: entry[0])
         angle_rad = (angle_rad + math.pi) % (2.0 * math.pi) - math.pi
-        yield Promise(law, np.array([size, angle_rad, width, 0.0]), gain)
+        yield Promise(effect, np.array([size, angle_rad, width, 0.0]), gain)
 
-    def _other(self, law: Law, start: FloatArray) -> Iterator[Promise]:
-        """Yield the promise of a law without a place: each parameter of a linear one has its own size."""
-        model = ClosureModel(self.fit.model.campaign, self.fit.model.core, (*self.fit.model.effects, law))
+    def _other(self, effect: SignalEffect, start: FloatArray) -> Iterator[Promise]:
+        """Yield the promise of an effect without a place: each parameter of a linear one has its own size."""
+        model = ClosureModel(self.fit.model.campaign, self.fit.model.core, (*self.fit.model.effects, effect))
         vector = self.fit.model.layout.moved(self.fit.vector, model.layout)
-        where = model.layout.effect(law.name)
+        where = model.layout.effect(effect.name)
         starts = np.diag(start)[start != 0.0]
         groups = range(len(model.campaign.groups))
         without = [model.predict_mean(vector, index) for index in groups]
@@ -110,19 +117,19 @@ class ProfileScan:
         stds = np.array(
             [
                 parameter.prior_std / abs(start_value)
-                for parameter, start_value in zip(law.parameters, start, strict=True)
+                for parameter, start_value in zip(effect.parameters, start, strict=True)
                 if start_value
             ]
         )
         gain, sizes = self._gain_of_all(rows, stds)
-        yield Promise(law, sizes @ starts, gain)
+        yield Promise(effect, sizes @ starts, gain)
 
-    def _gains(self, law: LocalLaw, tried: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+    def _gains(self, effect: LocalChange, tried: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
         """Return the gain of each place and width, and the size there."""
         gains, sizes = np.empty(len(tried)), np.empty(len(tried))
-        std = law.parameters[0].prior_std
+        std = effect.parameters[0].prior_std
         for begin in range(0, len(tried), _ROWS):
-            rows = self._rows(law, tried[begin : begin + _ROWS])
+            rows = self._rows(effect, tried[begin : begin + _ROWS])
             over = []
             for fit, level in zip(self._fits, self._levels.tolist(), strict=True):
                 score, information = self._projected(fit, rows)
@@ -156,7 +163,7 @@ class ProfileScan:
                 best = level + gain, sizes
         return best[0] - float(self._levels.max()), best[1]
 
-    def _rows(self, law: LocalLaw, tried: Sequence[tuple[float, float]]) -> list[FloatArray]:
+    def _rows(self, effect: LocalChange, tried: Sequence[tuple[float, float]]) -> list[FloatArray]:
         """Return the readings of a unit size, (k, 3, REAL) of each group; effects of later stages are left out."""
         places = np.array([angle_rad for angle_rad, _ in tried])
         widths = np.array([width for _, width in tried])
@@ -167,12 +174,40 @@ class ProfileScan:
             orders = np.empty((len(tried), 3, ORDERS), dtype=np.complex128)
             for width in np.unique(widths):
                 same_width = widths == width
-                orders[same_width] = law.unit_orders(block, places[same_width], float(width))
+                orders[same_width] = effect.unit_orders(block, places[same_width], float(width))
             if group.declared_roll_rad or group.declared_pitch_rad:
                 orders = mounting_matrix(group.declared_roll_rad, group.declared_pitch_rad) @ orders
             turn = np.exp(-1j * float(self.fit.vector[model.layout.centre(index)]) * _ORDER)
             rows.append(as_real(orders * turn))
         return rows
+
+
+def fitted_with(promise: Promise, fit: Fit, data: Whitened) -> Fit | None:
+    """Return the fit of a model with an effect that promises much, None where it fails.
+
+    Without the discrepancy, which stood for the effect and would let the fit end beside it.
+
+    Args:
+        promise: of the effect, by a scan of the fit.
+        fit: of the model without it.
+        data: whitened.
+    """
+    parameters = np.clip(promise.parameters, *bounds(promise.effect))
+    tire, fitted = fit.vector[fit.model.layout.states], fit
+    try:
+        for _ in range(_ROUNDS):
+            effect = promise.effect.held() if isinstance(promise.effect, LocalChange) else promise.effect
+            model = ClosureModel(fit.model.campaign, fit.model.core, (*fit.model.effects, effect))
+            start = fitted.model.layout.moved(fitted.vector, model.layout)
+            if fitted is fit:
+                start[model.layout.effect(effect.name)] = parameters
+            fitted = fit_model(model, data, start, most_steps=_STEPS)
+            moved, tire = fitted.vector[model.layout.states] - tire, fitted.vector[model.layout.states]
+            if float(np.abs(moved).max()) < _SETTLED:
+                break
+    except (FitFailedError, NoShapeError, np.linalg.LinAlgError):
+        return None
+    return fitted
 
 
 def _peaks(gains: FloatArray) -> list[int]:

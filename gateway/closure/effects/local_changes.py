@@ -1,0 +1,375 @@
+"""Changes of belt, tread or rim at one place of the wheel, and wheel orders: what the rolling ring answers.
+
+The answer is that of the exact ring to every pattern that passes the road a whole number of times a turn, to first
+order in the change, inertia and losses included.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from functools import lru_cache
+from typing import Final, NamedTuple, Self
+
+import numpy as np
+
+from gateway.closure.data.campaign_data import ORDERS
+from gateway.closure.effects.belt_geometry import relative_offset
+from gateway.closure.effects.effect import (
+    CIRCUMFERENTIAL,
+    RADIAL,
+    Confounder,
+    ModelledBlock,
+    Parameter,
+    SignalEffect,
+    Stage,
+)
+from gateway.closure.model.sensor_signal import orders_field
+from gateway.physics.rolling_ring import (
+    PATTERNS,
+    Change,
+    LoadedBelt,
+    local_response,
+)
+from gateway.types import ComplexArray, FloatArray
+
+_PLANE: Final = [RADIAL, CIRCUMFERENTIAL]
+_COUNTS: Final[FloatArray] = np.arange(PATTERNS, dtype=np.float64)
+_SHARES: Final = np.where(_COUNTS > 0.0, 1.0, 0.5) / math.pi
+_DEG: Final = 180.0 / math.pi
+# Speeds that differ by less than half a percent share an answer: those within a recording differ by some permille.
+_PER_SPEED: Final = 100.0
+_ROUNDED_M: Final = 5e-4
+# Damping times of belt and tread at which answers are worked out, a factor of 3.2 apart, and how far beyond.
+_USUAL_LOSS_S: Final = 3e-5
+_LOSS_STEP: Final = 0.5 * math.log(10.0)
+_LOSSES_S: Final = tuple(_USUAL_LOSS_S * math.exp(step * _LOSS_STEP) for step in (-1.0, 0.0, 1.0))
+_BEYOND: Final = 1.3
+# Rubber loses a tenth to a half at some hundred hertz; ln of the loss over the usual one.
+_LOSS: Final = Parameter("log_loss", "", -1.5, 1.5, 0.6, 1e-4)
+# The grid leaves 4 %, the first order in the change and losses that are not those of the belt as much again.
+_EQUATION_SHARE: Final = 0.08
+
+
+class LocalShape(NamedTuple):
+    """How a kind of local change is told, and how large it may be.
+
+    Attributes:
+        change: the kind.
+        name: of the effect.
+        rank: place in the catalogue.
+        quantity: name of its size, unit included.
+        unit: of the size.
+        prior_std: of the size.
+        most: of the size.
+        factor: from SI to `display_unit`.
+        display_unit: of the size in tables.
+        width_rad: usual standard deviation of its window.
+        widest_rad: largest one.
+        summary: reading in words.
+        equation: in plain text.
+    """
+
+    change: Change
+    name: str
+    rank: int
+    quantity: str
+    unit: str
+    prior_std: float
+    most: float
+    factor: float
+    display_unit: str
+    width_rad: float
+    widest_rad: float
+    summary: str
+    equation: str
+
+
+_ANSWER: Final = "; the exact ring's linear answer at every multiple of the wheel's frequency, inertia and losses in"
+# A splice overlaps plies over 20 to 60 mm and may double EI there: 0.2 rad. A repair or a weight of 20 to 100 g on 5
+# kg/m: 0.01 to 0.06 rad. A ply's end changes the sidewall by a quarter over 80 mm: 0.06 rad. A nail's head stands proud
+# by 1 to 3 mm over 10 mm: 3e-5 to 1e-4 m rad. A rim bent by 1 mm over 150 mm: 5e-4 m rad.
+_SHAPES: Final = (
+    LocalShape(
+        Change.BENDING, "local bending stiffness", 166, "stiffening_rad", "rad", 0.03, 0.6, _DEG, "deg of EI", 0.03,
+        0.3,
+        "The belt is stiffer (or softer) in bending at one place, as at a splice.",
+        "EI (1 + A W(phi - phi0)), A the share times its width" + _ANSWER,
+    ),
+    LocalShape(
+        Change.MASS, "local mass", 167, "mass_rad", "rad", 0.03, 0.6, _DEG, "deg of rho A", 0.03, 0.3,
+        "The belt is heavier (or lighter) at one place, as under a repair or a balance weight.",
+        "rho A (1 + A W(phi - phi0)), A the share times its width" + _ANSWER,
+    ),
+    LocalShape(
+        Change.SIDEWALL, "local sidewall stiffness", 168, "stiffening_rad", "rad", 0.03, 0.6, _DEG, "deg of kw and kv",
+        0.08, 0.5,
+        "The sidewall is stiffer (or softer) at one place, as at the end of a ply.",
+        "kw, kv (1 + A W(phi - phi0)), A the share times its width" + _ANSWER,
+    ),
+    LocalShape(
+        Change.TREAD, "local tread height", 169, "height_mrad", "m rad", 2e-5, 5e-4, 1e3 * _DEG, "mm deg", 0.03, 0.3,
+        "The tread is higher (or worn) at one place: a nail, a patch, a flat spot.",
+        "penetration + A W(phi - phi0), A the height times its width" + _ANSWER,
+    ),
+    LocalShape(
+        Change.RIM, "bent rim", 164, "height_mrad", "m rad", 5e-5, 2e-3, 1e3 * _DEG, "mm deg", 0.25, 0.8,
+        "The axle moves as one place of the rim passes the road: the rim is bent there.",
+        "axle height + A W(theta + phi0), A the height times its width" + _ANSWER,
+    ),
+)  # fmt: skip
+_KINK: Final = LocalShape(
+    Change.KINK, "local kink", 0, "kink_rad", "rad", 0.003, 0.1, _DEG, "deg", 0.03, 0.3,
+    "The belt at rest has a kink at one place, beyond its circle.",
+    "moment EI (kappa - (1 + A W(phi - phi0)) / R), A the angle of the kink" + _ANSWER,
+)  # fmt: skip
+_KINDS: Final = tuple(shape.change for shape in (*_SHAPES, _KINK))
+
+
+class _OnBelt(SignalEffect):
+    """An effect whose reading is made of the belt's answers to patterns."""
+
+    axes = (CIRCUMFERENTIAL, RADIAL)
+    needs_exact = True
+    stage = Stage.BELT
+    source = "linearised exact ring (gateway.physics.rolling_ring.local_changes)"
+    scaling = (
+        "grows with omega^2, but for waves that the belt's own speed of bending shapes; load and pressure act through "
+        "the contact"
+    )
+
+
+class LocalChange(_OnBelt):
+    """A change of one kind, with the window of a normal distribution; a scan finds its place."""
+
+    observed_in = (
+        "radial and circumferential axis, all orders, while the place passes the contact, and the waves that it sends "
+        "along the belt"
+    )
+
+    _answers: dict[tuple[float, ...], Answer] | None = None
+
+    def __init__(self, shape: LocalShape, confounders: tuple[Confounder, ...] = ()) -> None:
+        """Take the kind, and what it is confused with."""
+        self.shape = shape
+        self.name, self.rank = shape.name, shape.rank
+        self.summary, self.equation, self.confounders = shape.summary, shape.equation, confounders
+        most, std = shape.most, shape.prior_std
+        self.parameters = (
+            Parameter(
+                shape.quantity, shape.unit, -most, most, std, 1e-3 * std,
+                factor=shape.factor, display_unit=shape.display_unit, equation_share=_EQUATION_SHARE,
+            ),
+            Parameter("place_rad", "rad", -3.7, 3.7, 2.5, 1e-6, factor=_DEG, display_unit="deg"),
+            # The standard deviation of the window; it acts by its square.
+            Parameter(
+                "width_rad", "rad", -0.02, shape.widest_rad, shape.widest_rad, 1e-6,
+                prior_mean=shape.width_rad, factor=_DEG, display_unit="deg",
+            ),
+            _LOSS,
+        )  # fmt: skip
+        self.start_values = ((std, 1.0, shape.width_rad, 0.0),)
+
+    def held(self) -> Self:
+        """Return the effect for one fit, with the answer of the first belt that it meets under each of its conditions.
+
+        A fit that moves the tire's parameters by some percent moves the answer by as much of itself. Held, it does not
+        jump as the contact's edges pass nodes, and is worked out once.
+        """
+        held = copy(self)
+        held._answers = {}
+        return held
+
+    def unit_orders(self, block: ModelledBlock, places_rad: FloatArray, width_rad: float) -> ComplexArray:
+        """Return the reading of a unit size at every place (k,) at the usual loss, (k, 3, ORDERS), m/s^2."""
+        amplitudes = _window(width_rad) * np.exp(-1j * np.outer(places_rad, _COUNTS))
+        return self._orders(block, amplitudes, _between(0.0)[0])
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the size times the reading of a unit."""
+        size, angle_rad, width, loss = (float(value) for value in parameters)
+        if not size:
+            return block.zeros()
+        amplitude = size * _window(width) * np.exp(-1j * angle_rad * _COUNTS)
+        result: FloatArray = orders_field(self._orders(block, amplitude[None], _between(loss)[0]))[0]
+        return result
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives by size, place, width and loss."""
+        size, angle_rad, width, loss = (float(value) for value in parameters)
+        unit = _window(width) * np.exp(-1j * angle_rad * _COUNTS)
+        by = np.stack([unit, -1j * size * _COUNTS * unit, -size * width * np.square(_COUNTS) * unit])
+        weights, by_loss = _between(loss)
+        return orders_field(
+            np.concatenate([self._orders(block, by, weights), self._orders(block, size * unit[None], by_loss)])
+        )
+
+    def _orders(self, block: ModelledBlock, amplitudes: ComplexArray, weights: FloatArray) -> ComplexArray:
+        """Return the readings of patterns of some amplitudes, m/s^2.
+
+        Args:
+            block: with the belt; one without reads nothing.
+            amplitudes: (k, PATTERNS).
+            weights: (losses,) of the answers.
+
+        Returns:
+            (k, 3, ORDERS).
+        """
+        result = np.zeros((len(amplitudes), 3, ORDERS), dtype=np.complex128)
+        if block.belt is None:
+            return result
+        conditions = block.conditions
+        if conditions.reverse:
+            # The pattern is the mirror image.
+            amplitudes = amplitudes.conj()
+        read = np.zeros((len(amplitudes), 2 * ORDERS), dtype=np.complex128)
+        for weight, loss_s in zip(weights.tolist(), _LOSSES_S, strict=True):
+            if weight:
+                ahead, behind = self._answer(block, block.belt, loss_s)
+                read += weight * (amplitudes @ ahead + amplitudes.conj() @ behind)
+        read *= conditions.omega_radps**2
+        result[:, _PLANE] = read.reshape(-1, 2, ORDERS)
+        return result
+
+    def _answer(self, block: ModelledBlock, belt: LoadedBelt, loss_s: float) -> Answer:
+        conditions, change = block.conditions, self.shape.change
+        log_speed = round(_PER_SPEED * math.log(conditions.omega_radps))
+        key = log_speed, conditions.load_n, conditions.pressure_pa, loss_s
+        if self._answers is not None and key in self._answers:
+            return self._answers[key]
+        # A scan needs all kinds, a fit one.
+        kinds = _KINDS if self._answers is None else (change,)
+        offset_m = relative_offset(block) * conditions.radius_m
+        answer = _answers(belt, math.exp(log_speed / _PER_SPEED), offset_m, loss_s, kinds)[change]
+        if self._answers is not None:
+            self._answers[key] = answer
+        return answer
+
+
+class WheelOrder(_OnBelt):
+    """Height that goes k times up and down in a turn: of the tire on the road, or of the axle."""
+
+    sizes = 2
+    linear = True
+    observed_in = "radial axis, the shape away from the contact and its edges: the load on the contact varies k times"
+
+    def __init__(self, name: str, rank: int, order: int, change: Change, confounders: tuple[Confounder, ...]) -> None:
+        """Take name, place in the catalogue, order, kind and what it is confused with."""
+        self.name, self.rank, self.order, self.change, self.confounders = name, rank, order, change, confounders
+        if change is Change.RUN_OUT:
+            self.summary = f"The tire's radius varies {order} times a revolution; the axle keeps its height."
+            self.equation = (
+                f"the ring pressed to the road by x cos({order} theta) + y sin({order} theta), its linear answer; "
+                "the sensor's own radius R + x"
+            )
+        else:
+            self.summary = f"The axle goes up and down {order} times a turn: rim or tire is out of round by that order."
+            self.equation = f"axle height + x cos({order} theta) + y sin({order} theta); the exact ring's linear answer"
+        # As the first harmonic: 0.3 mm is usual, an oval rim or a flat spot from parking gives 3 mm.
+        self.parameters = tuple(
+            Parameter(f"{part}_m", "m", -3e-3, 3e-3, 2e-4, 1e-6, factor=1e3, display_unit="mm", equation_share=0.03)
+            for part in ("cosine", "sine")
+        )
+        self.start_values = ((2e-4, 2e-4),)
+
+    def contribution(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the heights times their readings."""
+        if not parameters.any():
+            return block.zeros()
+        result: FloatArray = np.tensordot(parameters, self.derivative(block, parameters), 1)
+        return result
+
+    def derivative(self, block: ModelledBlock, parameters: FloatArray) -> FloatArray:
+        """Return the derivatives by cosine and sine."""
+        rows = np.zeros((2, *block.signal_mps2.shape))
+        if block.belt is None:
+            return rows
+        conditions, square = block.conditions, block.conditions.omega_radps**2
+        offset_m = _ROUNDED_M * round(relative_offset(block) * conditions.radius_m / _ROUNDED_M)
+        ahead, behind = _of_order(block.belt, conditions.omega_radps, offset_m, self.change, self.order)
+        # A pattern of amplitude a is a height of Re(a exp(-i k theta)).
+        for row, amplitude in zip(rows, (1.0, -1j if conditions.reverse else 1j), strict=True):
+            orders = square * (amplitude * ahead + np.conj(amplitude) * behind)
+            row[_PLANE] = orders_field(orders.reshape(2, ORDERS))
+        if self.change is Change.RUN_OUT:
+            rows[0, RADIAL] += square / conditions.radius_m * block.shape.radial_m
+        return rows
+
+
+class Answer(NamedTuple):
+    """Orders of the readings of patterns over omega^2, m.
+
+    Of an amplitude a, order n is a ahead_n + conj(a) behind_n. Each (patterns, 2 * ORDERS), radial, then
+    circumferential.
+    """
+
+    ahead: ComplexArray
+    behind: ComplexArray
+
+
+@lru_cache(maxsize=12)
+def _answers(
+    belt: LoadedBelt, omega_radps: float, offset_m: float, loss_s: float, kinds: tuple[Change, ...]
+) -> dict[Change, Answer]:
+    """Return the answers of a belt to kinds of change, which share a factorisation."""
+    answers = local_response(belt, omega_radps, loss_s, offset_m, kinds)
+    return {kind: _orders(answer, range(PATTERNS)) for kind, answer in zip(kinds, answers, strict=True)}
+
+
+@lru_cache(maxsize=64)
+def _of_order(belt: LoadedBelt, omega_radps: float, offset_m: float, change: Change, order: int) -> Answer:
+    answer = local_response(belt, omega_radps, _USUAL_LOSS_S, offset_m, (change,), (order,))[0]
+    return Answer(*(part[0] for part in _orders(answer, (order,))))
+
+
+def _window(width_rad: float) -> FloatArray:
+    """Return the amplitudes of the patterns of a normal window of unit area, (PATTERNS,)."""
+    result: FloatArray = _SHARES * np.exp(-0.5 * np.square(width_rad * _COUNTS))
+    return result
+
+
+def _between(log_loss: float) -> tuple[FloatArray, FloatArray]:
+    """Return the weights of the answers at a loss and their derivatives, (losses,) each: a parabola in its logarithm.
+
+    Args:
+        log_loss: logarithm of the loss over the usual one.
+    """
+    x = min(max(log_loss / _LOSS_STEP, -_BEYOND), _BEYOND)
+    weights = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
+    slopes = np.array([x - 0.5, -2.0 * x, x + 0.5]) / _LOSS_STEP
+    return weights, slopes * (abs(log_loss) < _BEYOND * _LOSS_STEP)
+
+
+def _orders(response: ComplexArray, counts: range | tuple[int, ...]) -> Answer:
+    """Return a response (k, 2, N) of patterns, turned by exp(-i N theta), as its orders ahead and behind."""
+    nodes = response.shape[-1]
+    spectrum = np.fft.fft(response, axis=-1) / nodes
+    spectrum[..., 1::2] *= -1.0
+    parts: list[ComplexArray] = []
+    for sign in (1, -1):
+        places = (sign * np.arange(ORDERS) + np.array(counts)[:, None]) % nodes
+        part = np.take_along_axis(spectrum, places[:, None, :], axis=-1)
+        part[..., 0] *= 0.5
+        parts.append(np.ascontiguousarray(part.reshape(len(counts), -1)))
+    return Answer(parts[0], np.conj(parts[1]))
+
+
+def _other_kinds(name: str) -> tuple[Confounder, ...]:
+    others = tuple(shape.name for shape in _SHAPES if shape.name != name)
+    return (Confounder(others, "the waves beside the contact, two speeds and two loads"),)
+
+
+LOCAL_KINK: Final = LocalChange(_KINK)
+LOCAL_CHANGES: Final = tuple(LocalChange(shape, _other_kinds(shape.name)) for shape in _SHAPES)
+RUN_OUT_OF_ORDER_2: Final = WheelOrder(
+    "run-out of order 2",
+    163,
+    2,
+    Change.RUN_OUT,
+    (
+        Confounder(("torsional ripple",), "the circumferential axis, all around"),
+        Confounder(("imbalance and hub motion",), "it grows with the hub's acceleration: two speeds"),
+        Confounder(("gain", "rolling radius"), "of the part at the sensor: a second sensor a quarter of a turn away"),
+    ),
+)
+EFFECTS: Final = (*LOCAL_CHANGES, RUN_OUT_OF_ORDER_2)
