@@ -22,6 +22,7 @@ from gateway.recording.run_description import RunDescription, TireIdentity
 from gateway.session.recorded_signals import SignalBlock, signals
 from gateway.session.recording_pass import OpenedRecording
 from gateway.session.wheel_identity import configured
+from gateway.types import FloatArray
 from gateway.views.text import escaped
 from gateway.views.wording import text
 
@@ -51,6 +52,7 @@ class MeasuredWheel:
         rate_hz: last measured sampling rate; 0 without samples.
         ac_coupled: whether the sensor passes no steady value.
         axes: which of the axes the sensor has, in the order of AXIS_NAMES.
+        range_mps2: (3,) end of the range of each axis, the least of all sensors; NaN where none is stated.
         samples: number of samples.
         lost: number of samples lost on the link.
         start_ns: host time of the first sample.
@@ -64,6 +66,7 @@ class MeasuredWheel:
     rate_hz: float = 0.0
     ac_coupled: bool = False
     axes: list[bool] = field(default_factory=lambda: [False] * len(Axis))
+    range_mps2: FloatArray = field(default_factory=lambda: np.full(len(Axis), np.nan))
     samples: int = 0
     lost: int = 0
     start_ns: int = 0
@@ -81,6 +84,7 @@ class MeasuredWheel:
         self.rate_hz, self.ac_coupled = block.rate_hz, block.ac_coupled
         self.samples += len(block)
         self.lost += block.lost_before
+        self.range_mps2 = np.fmin(self.range_mps2, block.range_mps2)
         for axis in Axis:
             self.axes[axis] |= not math.isnan(block.axes_mps2[0, axis])
 
@@ -195,6 +199,10 @@ def _conditions(wheel: MeasuredWheel, seen: FirstPass, recording: OpenedRecordin
             yield Condition("assumed", "; ".join(vehicle.vehicle.assumed), "", stated)
     yield Condition("sensor_id", ", ".join(f"{number:08x}" for number in wheel.sensors), "", by_sensor)
     yield Condition("axes", ", ".join(name for name, has in zip(AXIS_NAMES, wheel.axes, strict=True) if has))
+    if np.isfinite(wheel.range_mps2).any():
+        ranges = zip(AXIS_NAMES, wheel.range_mps2.tolist(), strict=True)
+        ends = ", ".join(f"{name} {end!r}" for name, end in ranges if math.isfinite(end))
+        yield Condition("ranges_mps2", ends, "", by_sensor)
     yield Condition("rate_hz", wheel.rate_hz, "Hz", by_sensor)
     yield Condition("coupling", "ac" if wheel.ac_coupled else "dc", "", by_sensor)
     yield Condition("samples", wheel.samples)

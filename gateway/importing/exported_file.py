@@ -7,6 +7,7 @@ temperature is repeated as messages of the sensor.
 from __future__ import annotations
 
 import contextlib
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -142,8 +143,9 @@ def _wheel_reader(path: Path, position: str, conditions: Conditions, processes: 
 
 def _wheel_map(path: Path, position: str, conditions: Conditions, reader: _WheelReader) -> ImportMap:
     present = dict.fromkeys((conditions.get("axes", ("", ""))[0] or ", ".join(AXIS_NAMES)).split(", "))
+    ends = dict(entry.rpartition(" ")[::2] for entry in conditions.get("ranges_mps2", ("", ""))[0].split(", "))
     axes = {
-        name: AxisColumn(column=f"{name}_mps2", unit="m/s^2")
+        name: AxisColumn(column=f"{name}_mps2", unit="m/s^2", full_scale=_end(ends.get(name)))
         for name in AXIS_NAMES
         if name in present and f"{name}_mps2" in reader.facts.names
     }
@@ -209,6 +211,15 @@ def _start_ns(conditions: Conditions) -> int | None:
     """Return the start of the recording, None where it is unknown. A double would round it to 0.2 us."""
     text = conditions.get("start_ns", ("", ""))[0].split(" ")[0]
     return int(text) if text.isdecimal() and int(text) > 0 else None
+
+
+def _end(text: str | None) -> float | None:
+    """Return the end of a range, None without a positive number."""
+    try:
+        end = float(text or "")
+    except ValueError:
+        return None
+    return end if 0.0 < end < math.inf else None
 
 
 def _number(conditions: Conditions, name: str) -> float | None:

@@ -19,7 +19,7 @@ from gateway.types import FloatArray
 
 CHUNK_S: Final = 0.01
 NEVER_SATURATED_COUNTS: Final = wire.MAX_SATURATION_COUNTS
-FULL_SCALE_COUNTS: Final = 32766
+FULL_SCALE_COUNTS: Final = 32767
 """Counts of a stated full scale, at and above which samples are saturated."""
 # An axis that never exceeds this is dead; its scale must still be a number.
 _ZERO_MPS2: Final = 1e-12

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling, Hello
+from firmware_protocol.wire import MAX_SATURATION_COUNTS
 from gateway.estimators.estimator import Revolution
 from gateway.estimators.revolution_block import RevolutionArrays
 from gateway.pipeline.contact_timing import TimedPair
@@ -76,6 +77,15 @@ class SensorReading:
             radial_column=columns.index(Axis.RADIAL) if has_radial else -1,
             has_radial=has_radial and hello.scale_mps2[Axis.RADIAL] != 0.0,
         )
+
+    @property
+    def range_mps2(self) -> FloatArray:
+        """Acceleration of each axis (3,) up to which no sample is saturated; NaN for absent axes and without an end."""
+        ranges = np.full(len(Axis), np.nan)
+        if self.saturation_counts < MAX_SATURATION_COUNTS:
+            free_counts = self.saturation_counts - np.abs(self.offset_counts)
+            ranges[list(self.columns)] = free_counts * np.abs(self.scale_mps2)
+        return ranges
 
     def radial_mps2(self, counts: NDArray[np.int16]) -> FloatArray:
         """Return the radial axis of samples (n, channels), nominally positive inward, (n,)."""

@@ -57,6 +57,7 @@ class SignalBlock:
         axes_mps2: (n, 3) specific force on the circumferential, lateral and radial axis, in the directions of the
             protocol, as the sensor states its scale and zero; NaN for absent axes.
         saturated: (n,) whether any axis is at the end of the sensor's range.
+        range_mps2: (3,) end of the range of each axis; NaN for absent axes and where the sensor states none.
         lost_before: number of samples lost between the previous block of the wheel and this one.
         rate_hz: sampling rate, measured against the hub's clock.
         ac_coupled: whether the sensor passes no steady value.
@@ -70,6 +71,7 @@ class SignalBlock:
     host_time_ns: NDArray[np.int64]
     axes_mps2: FloatArray
     saturated: BoolArray
+    range_mps2: FloatArray
     lost_before: int
     rate_hz: float
     ac_coupled: bool
@@ -459,6 +461,7 @@ class _Wheel:
         hello, reading = self._hello, self._reading
         assert hello is not None
         assert reading is not None
+        range_mps2 = reading.range_mps2
         for run, hub_s, host_ns, rate_hz in segment.release(end, self._hub.host):
             if self._end is not None:
                 self._lost += run.first - self._end
@@ -472,6 +475,7 @@ class _Wheel:
                     host_time_ns=host_ns,
                     axes_mps2=run.axes_mps2,
                     saturated=run.saturated,
+                    range_mps2=range_mps2,
                     lost_before=self._lost,
                     rate_hz=rate_hz,
                     ac_coupled=reading.ac_coupled,

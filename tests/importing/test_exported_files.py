@@ -20,7 +20,7 @@ SCENARIO = {
     "tire": {"radius_mm": 315.0},
     "wheel": [
         {"position": "FL", "wheel": 0, "load_n": 4200, "sensor_id": "0000a001"},
-        {"position": "FR", "wheel": 1, "load_n": 3900, "sensor_id": "0000a002"},
+        {"position": "FR", "wheel": 1, "load_n": 3900, "sensor_id": "0000a002", "sensor": {"range_g": 150}},
         {"position": "RL", "wheel": 2, "load_n": 3100, "sensor_id": "0000a003"},
         {"position": "RR", "wheel": 3, "load_n": 3300, "sensor_id": "0000a004"},
     ],
@@ -45,10 +45,12 @@ def test_four_wheels_come_back_whole(drive, suffix: str, tmp_path: Path) -> None
     for position in drive.wheels:
         before, after = drive[position].samples(), again[position].samples()
         assert len(after) == len(before)
-        # Samples are stored in counts of the largest value.
-        np.testing.assert_allclose(after.axes_mps2, before.axes_mps2, atol=0.05)
+        # The same range has the same counts.
+        np.testing.assert_allclose(after.axes_mps2, before.axes_mps2, rtol=1e-6)
         shifts_s = (after.host_utc - before.host_utc).astype(np.int64) * 1e-9
         np.testing.assert_allclose(shifts_s, 0.0, atol=0.02)
+        np.testing.assert_array_equal(after.saturated, before.saturated)
+        assert before.saturated.any() == (position == "FR")
         assert after.lost_before.sum() == before.lost_before.sum()
         assert before.lost_before.sum() > 0
         assert again[position].sensor_id == drive[position].sensor_id

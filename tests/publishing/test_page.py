@@ -345,6 +345,9 @@ def test_browser_shows_wheels_plots_trends_and_marks(browser, served, items) -> 
     tab.until("document.querySelector('#waveform-note').innerText.startsWith('RL')")
     tab.value("quantity.value = 'contact_length_m'; quantity.dispatchEvent(new Event('change'))")
     tab.until("document.querySelector('#trend-legend').innerText.includes('mm')")
+    tab.until(
+        "[...document.querySelectorAll('#trend-legend > *')].map((e) => e.innerText.slice(0, 2)) == 'FL,FR,RL,RR'"
+    )
     # By keyboard: a mark from its field, then the button of the recording.
     tab.value("document.querySelector('#mark-text').focus()")
     tab.call("Input.insertText", text="pothole")

@@ -233,7 +233,9 @@
   };
   const showTrend = () => {
     const shown = quantities.find((one) => one.name === quantity) || { label: quantity, unit: "" };
-    const positions = [...points.keys()].filter((position) => points.get(position).length);
+    // A wheel keeps its colour, whichever quantities it has.
+    const wheels = [...points.keys()].sort(), colourAt = (position) => colourOf(wheels.indexOf(position));
+    const positions = wheels.filter((position) => points.get(position).length);
     const every = positions.flatMap((position) => points.get(position).map(([at]) => at));
     setText(byId("trend-note"), every.length
       ? `${shown.label}: last revolution of each second, band one standard error, dashed provisional`
@@ -243,7 +245,7 @@
     const start = Math.max(begin, Math.min(...every));
     const times = Array.from({ length: end - start + 1 }, (_, i) => start + i);
     const data = [times], legend = [];
-    positions.forEach((position, i) => {
+    positions.forEach((position) => {
       const known = new Map(points.get(position).map((point) => [point[0], point]));
       const columns = [[], [], [], []];
       let heard = -Infinity;
@@ -263,7 +265,7 @@
       data.push(...columns);
       const [, value, error, isProvisional] = points.get(position).at(-1);
       const item = element("li"), line = element("span", `key ${isProvisional ? "dashed" : ""}`);
-      line.style.borderTopColor = colourOf(i);
+      line.style.borderTopColor = colourAt(position);
       const digits = error ? Math.max(0, Math.min(6, 1 - Math.floor(Math.log10(error)))) : 3;
       const isOld = end - points.get(position).at(-1)[0] > GAP_S;
       const number = `${value.toFixed(digits)}${error ? ` ± ${error.toFixed(digits)}` : ""} ${shown.unit}${isProvisional ? " ~" : ""}`;
@@ -277,13 +279,13 @@
         { ...axis, space: 80, values: (_, ticks) => ticks.map((at) => new Date(1000 * at).toLocaleTimeString([], { hour12: false })) },
         { ...axis, size: 62, label: shown.unit || shown.label, labelSize: 18 },
       ],
-      series: [{}, ...positions.flatMap((_, i) => [
-        { stroke: colourOf(i), width: 2, points: { show: false } },
-        { stroke: colourOf(i), width: 2, dash: [5, 4], points: { show: false } },
+      series: [{}, ...positions.flatMap((position) => [
+        { stroke: colourAt(position), width: 2, points: { show: false } },
+        { stroke: colourAt(position), width: 2, dash: [5, 4], points: { show: false } },
         { stroke: "transparent", points: { show: false } },
         { stroke: "transparent", points: { show: false } },
       ])],
-      bands: positions.map((_, i) => ({ series: [4 * i + 3, 4 * i + 4], fill: faint(colourOf(i)) })),
+      bands: positions.map((position, i) => ({ series: [4 * i + 3, 4 * i + 4], fill: faint(colourAt(position)) })),
     }));
   };
 
