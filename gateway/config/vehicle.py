@@ -202,6 +202,21 @@ class Tire(Section):
     wear_std_mm: float | None = Field(
         default=None, ge=0, le=20, description=f"standard error of wear_mm in mm; default: {_WEAR_STD_MM:g}"
     )
+    contact_half_angle_deg: float | None = Field(
+        default=None,
+        ge=1,
+        le=60,
+        description="half of the angle between the contact edges in degrees, as known from elsewhere; ring-paper uses "
+        "it in place of the measured edges",
+    )
+    contact_half_angle_std_deg: float = Field(
+        default=0.5, ge=0, le=30, description="standard error of contact_half_angle_deg in degrees"
+    )
+    linear_ring: bool = Field(
+        default=False,
+        description="the signal was computed by Eq. 27 of the ring paper as printed: its order 1 is more than gravity, "
+        "and ring-paper has no model error",
+    )
     cavity_length_mm: float | None = Field(
         default=None,
         ge=500,
@@ -287,6 +302,9 @@ class Tire(Section):
             wear_std_m=(_WEAR_STD_MM if self.wear_std_mm is None else self.wear_std_mm) * 1e-3,
             cavity_length_m=self.cavity_length_m,
             cavity_length_std_m=self.cavity_length_std_m,
+            half_angle_rad=None if self.contact_half_angle_deg is None else math.radians(self.contact_half_angle_deg),
+            half_angle_std_rad=math.radians(self.contact_half_angle_std_deg),
+            is_linear_ring=self.linear_ring,
             reference=self.reference.numbers(self.pressure_pa),
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
             slip_calibration=None if self.slip_calibration is None else self.slip_calibration.calibration(),

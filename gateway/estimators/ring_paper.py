@@ -80,7 +80,12 @@ class RingPaperEstimator:
             return all_invalid(reason)
         orders = np.flatnonzero(np.isfinite(average.orders_mps2))
         orders = orders[orders > 0]
+        tire = conditions.tire
         half_angle = 0.5 * (average.trailing_edge_rad - average.leading_edge_rad)
+        # The definition of both edges may be wrong in the same direction: their errors add.
+        angle_std = 0.5 * (average.leading_edge_std_rad + average.trailing_edge_std_rad)
+        if tire.half_angle_rad is not None:
+            half_angle, angle_std = tire.half_angle_rad, tire.half_angle_std_rad
         force = load_number(conditions) * conditions.radius_m / (math.pi * half_angle)
         # Angle 0 is the middle of the contact here, whatever the segmentation has taken for it.
         centre = 0.5 * (average.trailing_edge_rad + average.leading_edge_rad)
@@ -96,13 +101,15 @@ class RingPaperEstimator:
             return all_invalid(Reason(Code.RING_DOES_NOT_FIT, residual=fit.residual_share, limit=MAX_RESIDUAL_SHARE))
         self._warm, self._warm_force_m = fit.numbers, force
 
-        # The definition of both edges may be wrong in the same direction: their errors add.
-        angle_std = 0.5 * (average.leading_edge_std_rad + average.trailing_edge_std_rad)
         covariance = fit.covariance + np.outer(fit.angle_derivative, fit.angle_derivative) * _square(angle_std)
-        model = np.diag(np.square(MODEL_ERRORS * fit.numbers))
+        model = np.diag(np.square((0.0 if tire.is_linear_ring else MODEL_ERRORS) * fit.numbers))
         fitted = FittedNumbers(fit.numbers, fit.free, covariance, model)
         return number_estimates(
-            self.name, fitted, conditions, doubt_about(revolution, average.effective_count), (_MODEL_NOTE,)
+            self.name,
+            fitted,
+            conditions,
+            doubt_about(revolution, average.effective_count),
+            () if tire.is_linear_ring else (_MODEL_NOTE,),
         )
 
     def _start(self, force_m: float) -> FloatArray | None:

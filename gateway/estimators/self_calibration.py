@@ -537,6 +537,8 @@ class SelfCalibrationEstimator(BlockEstimator):
         by_mean /= _MEAN_STD_MPS2
         by_gravity /= self._scatter_mps2
         by_gravity[~is_steady] = 0.0
+        if block.conditions[taken[0]].tire.is_linear_ring:
+            by_gravity[:] = 0.0
         if not usable.all():
             both[~usable] = 0.0
         products = both[:, :, :, np.newaxis] * both[:, :, np.newaxis, :]

@@ -153,6 +153,10 @@ class TireData:
         wear_std_m: one standard error of it.
         cavity_length_m: mean circumference of the gas in the tire; None when not known.
         cavity_length_std_m: one standard error of it.
+        half_angle_rad: contact half angle as stated, None when it is not.
+        half_angle_std_rad: one standard error of it.
+        is_linear_ring: whether the signal is that of the linear ring, computed by Eq. 27 of the ring paper as printed.
+            Its order 1 is not gravity alone, and the model of `ring-paper` is exact.
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
         slip_calibration: None when the tire is not calibrated at known slip angles.
@@ -166,6 +170,9 @@ class TireData:
     wear_std_m: float = 0.0
     cavity_length_m: float | None = None
     cavity_length_std_m: float = 0.0
+    half_angle_rad: float | None = None
+    half_angle_std_rad: float = 0.0
+    is_linear_ring: bool = False
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
     slip_calibration: SlipCalibration | None = None

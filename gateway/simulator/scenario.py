@@ -90,6 +90,15 @@ def vehicle_toml(scenario: Scenario, *, signed: bool = False) -> str:
                     "pressure_std_kpa": round(_MEASURED_STD * pressure_kpa, 3),
                     "temperature_degc": wheel.temperature_degc.at(0.0),
                     "ring_thickness_mm": tire.ring_thickness_mm,
+                    **(
+                        {
+                            "contact_half_angle_deg": tire.linear_half_angle_deg,
+                            "contact_half_angle_std_deg": round(_MEASURED_STD * tire.linear_half_angle_deg, 6),
+                            "linear_ring": True,
+                        }
+                        if tire.linear_half_angle_deg is not None
+                        else {}
+                    ),
                     "reference": {
                         **{name: getattr(tire, name) for name in RING_NUMBERS},
                         "pressure_kpa": tire.reference_pressure_kpa,

@@ -139,6 +139,13 @@ class Tire(Section):
     sidewall_pressure_share: float = Field(
         default=0.5, ge=0, le=1, description="share of the sidewall stiffness that grows with pressure"
     )
+    linear_half_angle_deg: float | None = Field(
+        default=None,
+        ge=2,
+        le=60,
+        description="contact half angle in degrees of the ring paper's linear ring: the radial signal is its Eq. 27 as "
+        "printed, without a circumferential one; default: the exact ring, which finds its contact itself",
+    )
     mass_kgpm: float = Field(default=3.5, gt=0, le=100, description="mass of the ring per length in kg/m")
     extension_stiffness_mn: float = Field(
         default=5.0, ge=0.1, le=1e6, description="extension stiffness of the belt in MN"

@@ -53,6 +53,17 @@ class Series:
             return self.points[0][1]
         return np.interp(time_s, self.times_s, self.values)
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether the value never changes."""
+        return self.low == self.high
+
+    def rates_at(self, time_s: FloatArray) -> FloatArray:
+        """Return the rates of change per second at many times."""
+        rates = np.concatenate(([0.0], np.diff(self.values) / np.diff(self.times_s), [0.0]))
+        result: FloatArray = rates[np.searchsorted(self.times_s, time_s, side="right")]
+        return result
+
     def scaled(self, factor: float) -> Series:
         """Return the series in another unit."""
         return Series(tuple((time, factor * value) for time, value in self.points))

@@ -28,6 +28,7 @@ class TireModel:
         pitch: of the tread pattern's blocks, likewise.
         runout_m: height of the tire's high spot.
         runout_rad: material angle from the sensor to the high spot.
+        linear_half_angle_rad: contact half angle of Eq. 27 as printed in the ring's place, None for the exact ring.
         nodes: of the ring.
     """
 
@@ -42,6 +43,7 @@ class TireModel:
     pitch: TreadPitch | None = None
     runout_m: float = 0.0
     runout_rad: float = 0.0
+    linear_half_angle_rad: float | None = None
     nodes: int = RING_NODES
 
     def ring_at(self, pressure_pa: float) -> RingParameters:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.physics.polynomial_weights import polynomial_weights
+from gateway.physics.ring_series import signal_orders, signal_waveform
 from gateway.physics.rolling_ring import RingSolution
 from gateway.physics.rolling_ring.sensor_waveform import angle_derivatives
 from gateway.simulator.tire_model import TireModel
@@ -19,6 +20,8 @@ from gateway.types import FloatArray
 
 # Step of load for the tire's vertical stiffness.
 _LOAD_STEP = 0.02
+# Of Eq. 27, whose series falls with the third power of the order.
+_LINEAR_ORDERS = 200
 # Shares of the load's swing by run-out at which the tire is solved: extrema of a polynomial that is nowhere far off.
 # The stiffness rises with the deflection, so the swing is somewhat larger than by the stiffness at the mean load.
 _SWING: Final = 1.05 * np.array([-1.0, -math.sqrt(0.5), 0.0, math.sqrt(0.5), 1.0])
@@ -141,11 +144,31 @@ class TireTable:
             ring = self.tire.solve(load_n, pressure_pa, omega_radps, near)
             lateral = [self.tire.solve_lateral(ring, float(slip)).lateral_m for slip in self._slips]
             edges = np.array([ring.leading_edge_rad, ring.trailing_edge_rad])
-            return SolvedPoint(ring, self._fine(ring), _interpolated(np.stack(lateral, axis=1)), edges)
+            planar = self._fine(ring)
+            half_angle_rad = self.tire.linear_half_angle_rad
+            if half_angle_rad is not None:
+                edges = np.array([-half_angle_rad, half_angle_rad])
+                planar[:, :2] = self._linear(load_n, pressure_pa, half_angle_rad)
+            return SolvedPoint(ring, planar, _interpolated(np.stack(lateral, axis=1)), edges)
 
         if not self.tire.runout_m:
             return solve(load_n)
         return with_runout(solve, load_n, self.tire.runout_m, self.tire.runout_rad)
+
+    def _linear(self, load_n: float, pressure_pa: float, half_angle_rad: float) -> FloatArray:
+        """Return radial and circumferential shape (angles, 2) of Eq. 27 of the ring paper, which has no latter."""
+        ring = self.tire.ring_at(pressure_pa)
+        coefficients_m = signal_orders(
+            np.arange(1, _LINEAR_ORDERS + 1),
+            ring.numbers(pressure_pa),
+            load_n=load_n,
+            pressure_pa=pressure_pa,
+            radius_m=ring.radius_m,
+            half_angle_rad=half_angle_rad,
+        )
+        theta = np.linspace(-math.pi, math.pi, TABLE_ANGLES + 1)
+        radial = signal_waveform(theta, 1.0, ring.radius_m, coefficients_m)
+        return np.stack([radial, np.zeros_like(radial)], axis=1)
 
     def _fine(self, solution: RingSolution) -> FloatArray:
         """Return a solution's planar columns on the table's angles."""

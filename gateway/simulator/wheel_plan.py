@@ -44,6 +44,7 @@ def tire_model(wheel: Wheel) -> TireModel:
         pitch=_pitch(wheel.tread_pitch, reverse=wheel.motion.direction == "reverse"),
         runout_m=tire.runout_mm * 1e-3,
         runout_rad=math.radians(tire.runout_deg),
+        linear_half_angle_rad=None if tire.linear_half_angle_deg is None else math.radians(tire.linear_half_angle_deg),
         nodes=RING_NODES if tire.ring_nodes is None else tire.ring_nodes,
     )
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import least_squares
 
+import gateway
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.estimators import ring_paper
 from gateway.estimators.determination import SETTLED_REVOLUTIONS
@@ -163,6 +164,28 @@ def test_edge_errors_are_propagated() -> None:
 
     # A common error of 5 mrad of both edges changes the half angle by 5 mrad.
     np.testing.assert_allclose(np.sqrt(stds(5e-3) ** 2 - stds(0.0) ** 2), np.abs(5e-3 * numeric), rtol=0.05)
+
+
+def test_stated_half_angle_replaces_the_edges_with_its_own_error() -> None:
+    wave = series_wave()
+    wrong_edges = {"edges": (-1.1 * HALF, 1.1 * HALF)}
+    stated = replace(CONDITIONS, tire=replace(CONDITIONS.tire, half_angle_rad=HALF, half_angle_std_rad=0.0))
+    by_edges, by_statement = (estimate_once(wave, at, **wrong_edges) for at in (CONDITIONS, stated))
+    np.testing.assert_allclose(values(by_statement), TABLE_3_NUMBERS, rtol=2e-3)
+    assert np.abs(values(by_edges) / TABLE_3_NUMBERS - 1.0).max() > 0.05
+    vague = replace(CONDITIONS, tire=replace(stated.tire, half_angle_std_rad=0.02))
+    assert estimate_once(wave, vague)["Bs"].std > estimate_once(wave, stated)["Bs"].std
+
+
+def test_built_in_signal_of_the_paper_returns_table_3_without_an_alarm() -> None:
+    printed = gateway.simulate("eq-27", duration_s=4.0)
+    estimates = printed.estimates("ring-paper")
+    for name, number in zip(RING_NUMBERS, TABLE_3_NUMBERS, strict=True):
+        rows = estimates.select(name)
+        assert rows.status[-1] == "valid"
+        assert abs(rows.value[-1] - number) < 3.0 * rows.std[-1] < 0.15 * number
+        assert rows.value[-1] == pytest.approx(number, rel=0.02)
+    assert not len(printed.alarms())
 
 
 @pytest.mark.parametrize("noise", [0.5, 5.0])

@@ -15,14 +15,14 @@ WHEEL = '[[wheel]]\nposition = "W"\nwheel = 0\n'
 
 def test_built_in_scenarios_parse_and_have_descriptions() -> None:
     scenarios = builtin_scenarios()
-    assert {"demo", "lab", "standstill_restart"} <= set(scenarios)
+    assert {"demo", "eq-27", "lab", "standstill_restart"} <= set(scenarios)
     for name, text in scenarios.items():
         assert load_scenario(name).wheel
         assert text.endswith((".", "coupled.")), name
     assert [wheel.position for wheel in load_scenario("demo").wheel] == ["FL", "FR", "RL", "RR"]
 
 
-@pytest.mark.parametrize("name", ["demo", "lab", "standstill_restart"])
+@pytest.mark.parametrize("name", ["demo", "eq-27", "lab", "standstill_restart"])
 def test_vehicle_of_a_scenario_is_a_valid_configuration(name: str) -> None:
     scenario = load_scenario(name)
     vehicle = parse_vehicle(vehicle_toml(scenario), name)

@@ -22,6 +22,8 @@ from gateway.simulator.wheel_plan import wheel_plans
 
 QUIET = "[sensor]\nnoise_mg_rthz = 0.0\nrange_g = 1000.0\n"
 OMEGA = 65.0 / 3.6 / 0.32
+# Of the range of 1000 g; the square of the rate of slip is felt by less.
+COUNT_MPS2 = 0.31
 
 
 def plan_of(wheel: str = "", tables: str = ""):
@@ -100,7 +102,7 @@ def test_camber_ramp_rotates_gravity() -> None:
 def test_slip_changes_lateral_axis_only() -> None:
     swept, straight = run("slip_angle_deg = [[0, 0], [1, 1]]", until_s=1.5), run(until_s=1.5)
     held = run("slip_angle_deg = 1.0", until_s=1.5)
-    assert swept[:, [0, 2]] == pytest.approx(straight[:, [0, 2]], abs=1e-9)
+    assert swept[:, [0, 2]] == pytest.approx(straight[:, [0, 2]], abs=COUNT_MPS2)
     assert swept[-2400:, 1] == pytest.approx(held[-2400:, 1], abs=0.7)
     # One extremum stands out at one sign of slip; at 1 deg the waveform is no longer that of straight running.
     assert np.abs(swept[-2400:, 1] - straight[-2400:, 1]).max() > 20.0
