@@ -42,10 +42,19 @@ def qualified(
     return estimates
 
 
-def provisional_where(estimates: Iterable[Estimate], basis: Basis, why: Reason) -> tuple[Estimate, ...]:
-    """Return estimates of which those that rest on something are provisional at best, with the reason."""
+def provisional_where(
+    estimates: Iterable[Estimate], basis: Basis, why: Reason, share: float = 0.0
+) -> tuple[Estimate, ...]:
+    """Return estimates of which those that rest on something are provisional at best, with the reason.
+
+    Args:
+        estimates: of one revolution.
+        basis: on which an estimate rests.
+        why: the reason.
+        share: of its value, by which its error grows.
+    """
     return tuple(
-        _provisional(estimate, why) if basis in quantity_of(estimate.name).rests_on else estimate
+        _provisional(estimate, why, share) if basis in quantity_of(estimate.name).rests_on else estimate
         for estimate in estimates
     )
 
@@ -76,9 +85,10 @@ def _possible(estimate: Estimate) -> Estimate:
     return _provisional(estimate, Reason(Code.NOT_POSSIBLE, errors=beyond / estimate.std))
 
 
-def _provisional(estimate: Estimate, why: Reason) -> Estimate:
-    """Return an estimate that is provisional at best, with the reason."""
+def _provisional(estimate: Estimate, why: Reason, share: float = 0.0) -> Estimate:
+    """Return an estimate that is provisional at best, with the reason, and a share of its value in its error."""
     status = Status.PROVISIONAL if estimate.status is Status.VALID else estimate.status
     if any(why in reason for reason in estimate.reasons):
         return estimate._replace(status=status)  # inherited from the estimate that this one is made of
-    return estimate._replace(status=status, reasons=(*estimate.reasons, why))
+    std = math.hypot(estimate.std, share * estimate.value) if share else estimate.std
+    return estimate._replace(std=std, status=status, reasons=(*estimate.reasons, why))

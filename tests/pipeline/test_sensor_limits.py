@@ -54,3 +54,24 @@ def test_narrow_band_doubts_all_but_times() -> None:
     assert found["contact_length_m"] == (Status.PROVISIONAL, (Code.SENSOR_BAND,))
     assert Code.SENSOR_BAND in found["Bs"][1]
     assert found["speed_mps"][0] is Status.VALID
+
+
+@pytest.mark.parametrize(
+    ("sensor", "claims", "biased"),
+    [
+        ("bandwidth_hz = 200\n", SensorClaims(bandwidth_hz=200.0), ("contact_length_m", "Bs")),
+        ("coupling = 'ac'\nhighpass_hz = 6\n", SensorClaims(), ("Ts", "Cw")),
+        ("resolution_mg = 400\nnoise_mg_rthz = [0.2, 0.2, 0.2]\n", SensorClaims(), ("Ts",)),
+    ],
+)
+def test_bias_by_a_limit_is_within_three_errors(sensor: str, claims: SensorClaims, biased: tuple[str, ...]) -> None:
+    """Against the same wheel with a sensor that has no limits; each bias is 5 % and more."""
+    quiet = "[sensor]\nrange_g = 1000\n"
+    tables = f"{quiet}noise_mg_rthz = [2, 2, 2]\n{SPEED}"
+    true = last(simulated(tables, 4.0, SETUP, ESTIMATORS)[0])
+    setup = replace(SETUP, sensor=claims)
+    found = last(simulated(f"{quiet}{sensor}{SPEED}", 4.0, setup, ESTIMATORS)[0])
+    for name in biased:
+        bias = found[name].value - true[name].value
+        assert abs(bias) > 0.05 * true[name].value
+        assert abs(bias) < 3.0 * found[name].std
