@@ -963,6 +963,11 @@ class Code(Enum):
     SIGNER_UNKNOWN = "an unknown sensor"
 
     # Bring-up of a firmware
+    AXES_OUT_OF_ORDER = (
+        "the {axis} axis has the steady value of a wheel that rolls, {level_mps2:.0f m/s²}, the radial one "
+        "{radial_mps2:.0f m/s²}: the order is circumferential, lateral, radial"
+    )
+    AXIS_STANDS = "the {axis} axis sends the same count for {duration_s:.1f s} while the wheel rolls"
     BLOCKS_NOT_FULL = (
         "a block holds {samples:.0f} samples on average, {full} fit: the link carries {more:.0%} more bytes than it"
         " must"
@@ -991,6 +996,10 @@ class Code(Enum):
     CHECK_NO_COMMANDS = "no command can be sent: a file, or a source that is only read"
     CHECK_NO_COMMANDS_WANTED = "commands were left out, as asked for"
     CHECK_NO_KEY = "there is no key of {identity}: give --keys FILE"
+    BLOCK_COPIED = (
+        "the {samples} samples from number {first} are those from number {earlier} again, noise included: a buffer was "
+        "sent before it was filled"
+    )
     CHECK_NO_RADIAL_AXIS = "the sensor has no radial axis"
     CHECK_STOPPED_EARLY = "the check ended before it came to this: give it more time with --for"
     CHECK_TOO_SHORT = "{duration_s:.1f s} are too short: {needed_s:g s} are needed"
@@ -1000,6 +1009,10 @@ class Code(Enum):
     COMMAND_OUTCOME_WRONG = "{command} was answered with outcome {outcome}; {expected} is right here"
     COMMAND_REPLY_MISMATCH = (
         "COMMAND_RESULT states command {command} and seq {seq}; the command sent was {sent}, seq {sent_seq}"
+    )
+    COUNTS_OFFSET_BINARY = (
+        "counts jump by the whole range, and are smooth with the highest bit inverted: they are offset binary; "
+        "int16 is two's complement"
     )
     CRC_ALWAYS_ZERO = "always 0"
     CRC_BIG_ENDIAN = "big endian"
@@ -1056,6 +1069,11 @@ class Code(Enum):
         "does not rise"
     )
     SAMPLE_NUMBERS_OVERLAP = "first_sample rose by {step:.0f} after a block of {samples:.0f} samples: it counts samples"
+    PRESSURE_LIKE_KPA = "pressure_pa is {pressure_pa:.0f} Pa: is it in kPa?"
+    ROWS_TRANSPOSED = (
+        "counts are smooth when a block is read axis by axis, {ratio:.0f} times smoother than row by row: each row has "
+        "the counts of all axes at one instant"
+    )
     SCALE_OFF_BY_POWER_OF_TWO = (
         "the steady radial value is {level_mps2:.0f m/s²}, {ratio:.2f} times R Omega² = {expected_mps2:.0f m/s²} (R"
         " = {radius_m:.0f mm}, --radius): is the scale wrong by a factor of 2 to the power of {power}? Check how "

@@ -46,6 +46,7 @@ CLAUSES: Final[dict[Clause, tuple[str, str]]] = {
     Clause.RATE_EXACT: ("Sample numbers", "clock, samples and rate_hz agree within 0.1 % (recommended)"),
     Clause.ONCE: ("Sample numbers", "a sample is sent once"),
     Clause.BYTE_ORDER: ("Payloads", "counts are little endian"),
+    Clause.ROWS: ("Payloads", "rows of signed counts, the axes in their order, radial positive inward"),
     Clause.COUPLING: ("HELLO and its values", "AC coupling is stated of a signal without a steady value"),
     Clause.SCALE: ("Payloads", "the steady radial value is R Omega^2"),
     Clause.ENVIRONMENT_PERIOD: ("Counters and time", "ENVIRONMENT every second"),

@@ -288,6 +288,11 @@ def _lost_numbers() -> Stream:
     return _samples(lambda b, place: b._replace(first_sample=BLOCK * place + 400 * (place // 100)))
 
 
+def _counts(change: Callable[[np.ndarray[Any, np.dtype[np.int16]]], Any]) -> Stream:
+    """Change the counts of wheel 1."""
+    return _samples(lambda b, _: b._replace(counts=np.asarray(change(b.counts)).astype("<i2")))
+
+
 def _swapped_bytes(b: SampleBlock, _: int) -> SampleBlock:
     return b._replace(counts=b.counts.byteswap())
 
@@ -380,6 +385,15 @@ WRONG: Final[dict[str, tuple[str, Callable[[], Stream]]]] = {
         lambda: _hello(axes=3, range_mps2=[4096.0, 4096.0, 0.0], scale_mps2=[0.128, 0.128, 0.0]),
     ),
     "int16 big endian": ("byte-order", lambda: _samples(_swapped_bytes)),
+    "offset binary": ("rows", lambda: _counts(lambda counts: counts.astype(int) + 32768)),
+    "blocks axis by axis": ("rows", lambda: _counts(lambda counts: counts.T.reshape(counts.shape))),
+    "radial axis first": ("rows", lambda: _counts(lambda counts: counts[:, [2, 0, 1]])),
+    "radial axis outward": ("rows", lambda: _counts(lambda counts: counts * [1, 1, -1])),
+    "an axis that stands": ("rows", lambda: _counts(lambda counts: counts * [1, 0, 1])),
+    "a buffer that was not filled": (
+        "once",
+        lambda: _samples(lambda b, k: b._replace(counts=block(BLOCK * (k - (k % 7 == 3))).counts)),
+    ),
     "AC stated, DC sent": ("coupling", lambda: _hello(coupling=1)),
     "scale four times too great": (
         "scale",
@@ -413,6 +427,12 @@ WRONG: Final[dict[str, tuple[str, Callable[[], Stream]]]] = {
     "hub number 255": ("hub-number", lambda: _each_frame(lambda f: _with_crc(f[:5] + b"\xff" + f[6:-4]))),
     # Other messages
     "ENVIRONMENT every 3 s": ("environment-period", lambda: _slower(MessageType.ENVIRONMENT, 3)),
+    "pressure in kPa": (
+        "environment-values",
+        lambda: _each_message(
+            MessageType.ENVIRONMENT, lambda s: s._replace(payload=encode_payload(Environment(230.0, 31.0, 3.0)))
+        ),
+    ),
     "temperature of 300 °C": (
         "environment-values",
         lambda: _each_message(

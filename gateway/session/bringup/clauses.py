@@ -51,6 +51,7 @@ class Clause(StrEnum):
     RATE_EXACT = "rate-exact"
     ONCE = "once"
     BYTE_ORDER = "byte-order"
+    ROWS = "rows"
     COUPLING = "coupling"
     SCALE = "scale"
     # Other messages

@@ -12,6 +12,7 @@ from firmware_protocol.codec import CHANNELS
 from firmware_protocol.messages import (
     HUB_ITSELF,
     Axis,
+    Environment,
     Hello,
     HubStatus,
     LogLevel,
@@ -40,6 +41,8 @@ _UPTIME_TOLERANCE_S: Final = 2.0
 _SENT_SHARE: Final = 0.05
 _SENT_SLACK: Final = 20
 _FULL_BLOCKS: Final = 0.8
+# Pressures of tires in kPa; a flat one in Pa is rarely among them, so that this is advice.
+_LIKE_KPA: Final = (80.0, 1000.0)
 
 
 @dataclass(slots=True)
@@ -84,6 +87,8 @@ class MessageRules:
             self._hello(seen, message)
         elif isinstance(message, SampleBlock) and seen.wheel != HUB_ITSELF:
             self._samples(schedule, seen, message)
+        elif isinstance(message, Environment):
+            self._environment(seen, message)
         elif isinstance(message, HubStatus):
             self._status(seen, message)
         elif isinstance(message, LogText):
@@ -130,6 +135,12 @@ class MessageRules:
         schedule.samples += len(block.counts)
         schedule.channels = CHANNELS[block.axes]
         schedule.is_signed = bool(seen.tag_bytes)
+
+    def _environment(self, seen: SeenFrame, environment: Environment) -> None:
+        pressure_pa = environment.pressure_pa
+        if pressure_pa is not None and _LIKE_KPA[0] <= pressure_pa <= _LIKE_KPA[1]:
+            reason = Reason(Code.PRESSURE_LIKE_KPA, pressure_pa=pressure_pa)
+            self._fail(Clause.ENVIRONMENT_VALUES, seen, reason, is_advice=True)
 
     def _status(self, seen: SeenFrame, status: HubStatus) -> None:
         self._ledger.check(Clause.STATUS_VALUES)

@@ -1,4 +1,4 @@
-"""Scale of the samples against the wheel's rotation, which they show themselves."""
+"""Order, sign and scale of the samples against the wheel's rotation, which they show themselves."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware_protocol.messages import HUB_ITSELF, Axis, Coupling, Hello, SampleBlock
-from gateway.constants import STANDARD_GRAVITY_MPS2
+from gateway.constants import AXIS_NAMES, STANDARD_GRAVITY_MPS2
 from gateway.pipeline.missing_revolutions import rotation_period_s
 from gateway.reasons import Code, Reason
 from gateway.session.bringup.clauses import Clause, Ledger
@@ -27,18 +27,27 @@ _ROLLING_MPS2: Final = 30.0
 # Ratio of the mean radial value to R Omega^2 that no radius within the usual range of tires explains.
 _LEAST_RATIO: Final = 1.8
 _REST_STD_MPS2: Final = 10.0
+# Steps from sample to sample are so many times smaller when the counts are read as they were meant.
+_SMOOTHER: Final = 4.0
+# Ratio of the steady values of two axes from which the larger one is the radial axis: of a tilt it is 2 and less.
+_LARGER: Final = 3.0
+# Blocks that are compared with a new one, and counts that one must span, so that rest or saturation is no copy.
+_COMPARED_BLOCKS: Final = 64
+_LEAST_SPAN_COUNTS: Final = 32
 
 
 class _Stretch:
     """Samples of a wheel without a gap."""
 
-    __slots__ = ("hello", "length", "next_sample", "rows")
+    __slots__ = ("hello", "length", "next_sample", "recent", "rows")
 
     def __init__(self, hello: Hello | None) -> None:
         self.hello = hello
         self.next_sample: int | None = None
         self.rows: list[NDArray[np.int16]] = []
         self.length = 0
+        # First samples of recent blocks by their bytes.
+        self.recent: dict[bytes, int] = {}
 
 
 class SignalRules:
@@ -78,6 +87,7 @@ class SignalRules:
             self._judge(source)
             stretch.rows, stretch.length = [], 0
         stretch.next_sample = block.first_sample + len(block.counts) & 0xFFFF_FFFF
+        self._copied(source, stretch.recent, block)
         stretch.rows.append(block.counts)
         stretch.length += len(block.counts)
         if stretch.length >= _WINDOW_S * hello.rate_hz:
@@ -96,10 +106,15 @@ class SignalRules:
         if self._ledger.has_failed(Clause.BYTE_ORDER, Clause.COUPLING):
             return
         mean = values.mean(axis=0)
+        self._ledger.check(Clause.ROWS)
+        if (misread := _misread(stretch.rows)) is not None:
+            self._ledger.fail(Clause.ROWS, source_name(source), misread)
+            return
         if Axis.RADIAL not in axes:
             self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_NO_RADIAL_AXIS))
             return
         radial = values[:, axes.index(Axis.RADIAL)]
+        self._axes(source, axes, values, np.ptp(counts, axis=0) == 0.0, hello)
         period_s = rotation_period_s(radial, hello.rate_hz)
         if period_s is None or period_s < _LEAST_PERIOD_S or float(radial.std()) < _ROLLING_MPS2:
             self._at_rest(values, mean)
@@ -110,6 +125,43 @@ class SignalRules:
             return
         expected = self._radius_m * (2.0 * math.pi / period_s) ** 2
         self._levels.setdefault(source, []).append((abs(float(radial.mean())), expected))
+
+    def _copied(self, source: SourceKey, recent: dict[bytes, int], block: SampleBlock) -> None:
+        """Compare a block with those before it: noise does not repeat."""
+        if int(block.counts.max()) - int(block.counts.min()) < _LEAST_SPAN_COUNTS:
+            return
+        content = block.counts.tobytes()
+        earlier = recent.pop(content, None)
+        if earlier is not None and earlier != block.first_sample:
+            values = {"samples": len(block.counts), "first": block.first_sample, "earlier": earlier}
+            self._ledger.fail(Clause.ONCE, source_name(source), Reason(Code.BLOCK_COPIED, **values))
+        recent[content] = block.first_sample
+        if len(recent) > _COMPARED_BLOCKS:
+            del recent[next(iter(recent))]
+
+    def _axes(
+        self, source: SourceKey, axes: list[Axis], values: FloatArray, stands: NDArray[np.bool_], hello: Hello
+    ) -> None:
+        """Judge order and sign of the axes of a stretch that rolls, and that none stands."""
+        mean = values.mean(axis=0)
+        highest = int(np.argmax(np.abs(mean)))
+        period_s = rotation_period_s(values[:, highest], hello.rate_hz)
+        if period_s is None or float(values[:, highest].std()) < _ROLLING_MPS2:
+            return
+        subject, radial_mps2 = source_name(source), float(mean[axes.index(Axis.RADIAL)])
+        for axis in (axis for axis, still in zip(axes, stands, strict=True) if still):
+            reason = Reason(Code.AXIS_STANDS, axis=AXIS_NAMES[axis], duration_s=len(values) / hello.rate_hz)
+            self._ledger.fail(Clause.ROWS, subject, reason)
+        # A zero that is wrong moves an axis as much as the rotation does.
+        zero_unknown = self._ledger.has_failed(Clause.HELLO_VALUES)
+        if hello.coupling == Coupling.AC or zero_unknown or abs(mean[highest]) < _ROLLING_MPS2:
+            return
+        if abs(mean[highest]) > _LARGER * abs(radial_mps2):
+            level = {"level_mps2": float(mean[highest]), "radial_mps2": radial_mps2}
+            reason = Reason(Code.AXES_OUT_OF_ORDER, axis=AXIS_NAMES[axes[highest]], **level)
+            self._ledger.fail(Clause.ROWS, subject, reason)
+        elif radial_mps2 < -_ROLLING_MPS2:
+            self._ledger.fail(Clause.ROWS, subject, Reason(Code.RADIAL_OUTWARD, mean_mps2=radial_mps2))
 
     def _scale(self, source: SourceKey, levels: FloatArray) -> None:
         """Judge the ratios of all stretches, (k, 2) levels and R Omega^2."""
@@ -141,3 +193,21 @@ class SignalRules:
         else:
             self._ledger.leave(Clause.SCALE, Reason(Code.CHECK_DOES_NOT_ROLL))
         self._ledger.leave(Clause.COUPLING, Reason(Code.CHECK_DOES_NOT_ROLL))
+
+
+def _misread(blocks: list[NDArray[np.int16]]) -> Reason | None:
+    """Return how else the counts of blocks are smooth, None where they are as they are."""
+    as_sent = _roughness(blocks)
+    if _SMOOTHER * _roughness([block ^ np.int16(-0x8000) for block in blocks]) < as_sent:
+        return Reason(Code.COUNTS_OFFSET_BINARY)
+    channels = blocks[0].shape[1]
+    if channels > 1:
+        by_axis = _roughness([block.reshape(channels, -1).T for block in blocks])
+        if _SMOOTHER * by_axis < as_sent:
+            return Reason(Code.ROWS_TRANSPOSED, ratio=as_sent / max(by_axis, 1))
+    return None
+
+
+def _roughness(blocks: list[NDArray[np.int16]]) -> int:
+    """Return the sum of the steps from sample to sample within blocks."""
+    return sum(int(np.abs(np.diff(block.astype(np.int64), axis=0)).sum()) for block in blocks)
