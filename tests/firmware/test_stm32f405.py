@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import platform
 import socket
 import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,7 +17,14 @@ import pytest
 
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import CommandResult, Environment, Hello, LogText, Outcome, SampleBlock, SetTime
-from gateway.simulator.firmware.firmware_build import COLLECTOR, WARNINGS, build_stm32f405, missing_packages
+from gateway.simulator.firmware.firmware_build import (
+    COLLECTOR,
+    WARNINGS,
+    build_stm32f405,
+    include_flags,
+    missing_packages,
+    write_protocol,
+)
 from tests.firmware.conftest import require
 from tests.testkit.collector_bench import command_bytes
 from tests.testkit.sensor_parts import Adxl372, Ms5803, prom_check
@@ -308,3 +317,36 @@ def test_board_without_an_accelerometer_says_so(image: Path) -> None:
     with emulated(image, [absent, Ms5803(CALIBRATION, (1, 1))]) as link:
         messages = frames_until(link, lambda frames: any("ADXL372" in str(f.message) for f in frames))
     assert any(isinstance(message, LogText) and "ADXL372: no answer" in message.text for message in messages)
+
+
+def on_model_of_the_chip(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """Run the board's code against the model of its registers, which single-steps this computer's processor."""
+    require("gcc", "gcc")
+    if (sys.platform, platform.machine()) != ("linux", "x86_64"):
+        pytest.skip("the model of the registers is for x86-64 Linux")
+    protocol = write_protocol(folder)
+    port, program = COLLECTOR / "ports" / "stm32f405", folder / "registers"
+    sources = [Path(__file__).with_name("stm32f405_registers.c"), COLLECTOR / "tl_boot_count.c", protocol]
+    # Addresses of 32 bits in pointers of 64; a part that does not answer is given up sooner.
+    flags = ("-std=c11", "-O1", "-Wall", "-Wno-int-to-pointer-cast", "-DPATIENCE=100u", *options)
+    includes = [*include_flags(folder), f"-I{PARTS}", f"-I{port}"]
+    subprocess.run(["gcc", *flags, *includes, *sources, "-o", program], check=True)
+    return subprocess.run([program], capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+
+
+def test_board_drives_clock_watchdog_link_bus_and_flash_as_the_manual_says(tmp_path: Path) -> None:
+    result = on_model_of_the_chip(tmp_path)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert result.stdout.splitlines() == [
+        "start, clock, watchdog",
+        "link: transmit and receive interrupts",
+        "bus: exchange and chip select",
+        "flash: keys, erasing, programming, boot counter",
+        "start without a crystal",
+    ]
+
+
+def test_model_of_the_chip_refuses_the_clock_of_another_crystal(tmp_path: Path) -> None:
+    result = on_model_of_the_chip(tmp_path, "-DBOARD_CRYSTAL_MHZ=12u")
+    assert result.returncode == 1
+    assert "== 168u" in result.stdout

@@ -59,7 +59,9 @@
 #define SPI_MASTER (1u << 2 | 3u << 3 | 1u << 6 | 1u << 8 | 1u << 9)
 
 /* Loops after which a part of the chip counts as failed; some ms. */
+#ifndef PATIENCE
 #define PATIENCE 200000u
+#endif
 
 typedef struct {
     volatile uint32_t status;
