@@ -31,9 +31,9 @@ DURATIONS_S: Final = (10.0, 30.0, 60.0, 120.0, 300.0)
 """Durations that are tried, from below."""
 # Waveforms drawn from each set. A probability of 0.9 is then known to 0.04.
 _DRAWS: Final = 64
-# Most sets, the most probable ones, and the least weight of one: each takes a solution of the ring for every recording.
+# Most sets but rivals, and the least weight of one: each takes a solution of the ring for every recording.
 _MOST_SETS: Final = 5
-_LEAST_WEIGHT: Final = 0.003
+_LEAST_WEIGHT: Final = 1e-4
 # Expected share of the draws that must be decided.
 _DECIDED_SHARE: Final = 0.9
 _SPEEDS: Final = (0.5, 0.75, 1.0, 1.5)
@@ -92,12 +92,21 @@ class RecordingPlan:
 
 
 class _Set(NamedTuple):
-    """One set of effects: its fit, weight, effects, and the numbers with their derivatives."""
+    """One set of effects.
+
+    Attributes:
+        fit: with its discrepancy.
+        weight: probability among the sets.
+        names: of its effects.
+        numbers: with their derivatives by the fit's parameters.
+        counts: whether it is among the sets that the numbers of the diagnosis are the mean of.
+    """
 
     fit: Fit
     weight: float
     names: frozenset[str]
     numbers: Mapping[str, tuple[float, FloatArray]]
+    counts: bool
 
 
 class _Outcome(NamedTuple):
@@ -186,12 +195,16 @@ def plan_recordings(
 
 
 def _sets_of(posterior: Posterior) -> list[_Set]:
-    considered = sorted(posterior.considered, key=lambda pair: -pair[1])[:_MOST_SETS]
-    considered = [pair for pair in considered if pair[1] >= _LEAST_WEIGHT]
-    total = sum(weight for _, weight in considered)
+    """Return the most probable sets, and the best one with each effect that is a rival of others."""
+    weights = {evaluated.names: posterior.possible.get(evaluated.names, 0.0) for evaluated, _ in posterior.considered}
+    chosen = sorted(weights, key=lambda names: (-weights[names], sorted(names)))[:_MOST_SETS]
+    rivals = [posterior.with_effect(name) for group in posterior.alternatives() for name in group]
+    chosen += [rival.names for rival in rivals if not rival.objections]
+    total = sum(posterior.possible[names] for names in dict.fromkeys(chosen))
     return [
-        _Set(evaluated.fit, weight / total, evaluated.names, values_and_gradients(evaluated.fit))
-        for evaluated, weight in considered
+        _Set(fit, posterior.possible[names] / total, names, values_and_gradients(fit), names in weights)
+        for names in dict.fromkeys(chosen)
+        if (fit := posterior.every[names].fit) and posterior.possible[names] > _LEAST_WEIGHT * total
     ]
 
 
@@ -252,8 +265,9 @@ def _outcome(
         for each in weights
     ]
     # Draws of a set count as often as it is true.
-    variances = [np.square(list(_mixture_errors(sets, covariances, each.T).values())) for each in weights]
-    errors = np.sqrt(np.tensordot(shares, variances, axes=1))
+    counted = [(share, each) for share, each, of in zip(shares, weights, sets, strict=True) if of.counts]
+    variances = [np.square(list(_mixture_errors(sets, covariances, each.T).values())) for _, each in counted]
+    errors = np.sqrt(np.average(variances, axis=0, weights=[share for share, _ in counted]))
     return _Outcome(
         float(shares @ decided),
         float(shares @ np.mean(gains, axis=1)),
@@ -276,6 +290,8 @@ def _mixture_errors(sets: Sequence[_Set], covariances: Sequence[FloatArray], wei
         weights: (draws, sets) of the sets.
     """
     errors = {}
+    weights = weights * np.array([each.counts for each in sets])
+    weights = weights / np.maximum(weights.sum(axis=1, keepdims=True), 1e-300)
     for name in sets[0].numbers:
         values = np.array([each.numbers[name][0] for each in sets])
         variances = np.array(
