@@ -20,6 +20,7 @@ from gateway.simulator.firmware.firmware_build import (
     WARNINGS,
     build_board,
     build_host,
+    build_stm32f405,
     include_flags,
     library_sources,
     require_board_tools,
@@ -84,11 +85,13 @@ def sizes(folder: Path) -> None:
             check=True,
         )
         print(table.stdout)
-        image = build_board(folder, (optimisation,))
-        whole = subprocess.run(
-            ["arm-none-eabi-size", image.name], cwd=folder, capture_output=True, text=True, check=True
-        ).stdout.splitlines()[1]
-        print(f"image of the emulated board with the bench:\n{whole}\n")
+        board = build_board(folder, (optimisation,))
+        port = build_stm32f405(folder, (optimisation,))
+        for image, what in ((board, "the emulated board with the bench"), (port, "the STM32F405 with its drivers")):
+            whole = subprocess.run(
+                ["arm-none-eabi-size", image.name], cwd=folder, capture_output=True, text=True, check=True
+            ).stdout.splitlines()[1]
+            print(f"image of {what}:\n{whole}\n")
 
 
 def costs(folder: Path, *options: str) -> dict[str, int]:

@@ -31,8 +31,9 @@ _REST_STD_MPS2: Final = 10.0
 _SMOOTHER: Final = 4.0
 # Ratio of the steady values of two axes from which the larger one is the radial axis: of a tilt it is 2 and less.
 _LARGER: Final = 3.0
-# Blocks that are compared with a new one, and counts that one must span, so that rest or saturation is no copy.
-_COMPARED_BLOCKS: Final = 64
+# Blocks that are compared with a new one: a hub has that many buffers, and a loop of recorded samples is longer.
+# Counts that one must span, so that rest or saturation is no copy.
+_COMPARED_BLOCKS: Final = 8
 _LEAST_SPAN_COUNTS: Final = 32
 
 
