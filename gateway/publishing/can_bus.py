@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from typing import Any, Final
 
 import can
@@ -105,15 +106,20 @@ class CanSink(Sink):
 
     def poll(self) -> None:
         """Empty the bus's own buffer: this output reads nothing."""
-        if self._bus is not None:
+        if self._bus is None:
+            return
+        try:
             for _ in range(_DRAINED_PER_POLL):
                 if self._bus.recv(0.0) is None:
                     break
+        except (can.CanError, OSError) as error:
+            raise SinkDownError(f"the bus failed: {error}") from error
 
     def close(self) -> None:
         """Release the bus."""
         if self._bus is not None:
-            self._bus.shutdown()
+            with suppress(can.CanError, OSError):  # of an adapter that is gone
+                self._bus.shutdown()
             self._bus = None
 
     def _send(self, frame: Frame, stop: threading.Event) -> None:

@@ -7,6 +7,7 @@ import math
 import can
 import cantools
 import pytest
+from can.interfaces.virtual import VirtualBus
 from click.testing import CliRunner
 
 from gateway.cli import treadlink
@@ -166,6 +167,39 @@ def test_bus_that_cannot_be_opened_is_named(items) -> None:
     assert worker.snapshot().note["error"].startswith("cannot open socketcan:nosuch0: ")
     worker.abandon()
     assert worker.join(TIMEOUT_S)
+
+
+@pytest.mark.parametrize("error", [can.CanOperationError("bus off"), OSError(19, "No such device")])
+@pytest.mark.parametrize("call", ["send", "recv", "shutdown"])
+def test_bus_that_fails_is_opened_again_and_gets_what_waits(items, monkeypatch, call: str, error: Exception) -> None:
+    """An adapter is pulled out, or the bus goes off after errors; the next one that is opened is sound."""
+    opened: list[can.BusABC] = []
+
+    def fail(*_: object) -> None:
+        raise error
+
+    def open_bus(**_: object) -> can.BusABC:
+        bus = VirtualBus(channel=f"fails-{call}-{type(error).__name__}")
+        if not opened:
+            for name in {call, "send"}:  # a failing shutdown follows another failure
+                monkeypatch.setattr(bus, name, fail)
+        opened.append(bus)
+        return bus
+
+    monkeypatch.setattr(can, "Bus", open_bus)
+    with VirtualBus(channel=f"fails-{call}-{type(error).__name__}") as other:
+        name, sink = open_sink("can:virtual:x", SinkSetting())
+        worker = SinkWorker(name, sink, SystemClock())
+        worker.start()
+        worker.offer(items[0])
+        until(lambda: worker.snapshot().published >= 1)
+        worker.finish()
+        assert worker.join(TIMEOUT_S)
+        assert worker.snapshot().dropped == 0
+        assert len(opened) == 2
+        assert len(received(other)) >= 4
+    for bus in opened:
+        VirtualBus.shutdown(bus)
 
 
 def test_command_writes_the_dbc_and_the_schema(tmp_path) -> None:
