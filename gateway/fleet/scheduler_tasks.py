@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from gateway.clock import SystemClock
 from gateway.errors import OutputError, TreadlinkError
+from gateway.fleet.content_keys import diagnosis_version, estimators_version
 from gateway.fleet.worker_tasks import RunningTask, Work, WorkerTasks
 from gateway.reasons import Code, Reason
 
@@ -25,7 +26,7 @@ def scheduler_tasks(address: str) -> Iterator[SchedulerTasks]:
 
     Raises:
         OutputError: dask is not installed.
-        TreadlinkError: no scheduler answers at this address, or it is of another version.
+        TreadlinkError: no scheduler answers at this address, or it or a worker is of another version.
     """
     try:
         import dask
@@ -46,9 +47,37 @@ def scheduler_tasks(address: str) -> Iterator[SchedulerTasks]:
             "Start one with `dask scheduler`, and workers with `dask worker`; tls:// needs certificates on all sides.",
         ) from error
     try:
+        _check_workers(client)
         yield SchedulerTasks(client)
     finally:
         client.close(timeout=_CLOSE_S)  # type: ignore[no-untyped-call]
+
+
+def code_of_worker() -> tuple[str, str]:
+    """Return the identity of the code that estimates and diagnoses where this runs."""
+    return estimators_version(), diagnosis_version()
+
+
+def _check_workers(client: Any) -> None:
+    """Compare the code of the workers with this one's, before any recording is estimated by another.
+
+    Raises:
+        TreadlinkError: a worker has another, or none.
+    """
+    codes = client.run(code_of_worker, on_error="return")
+    others = [str(worker) for worker, code in codes.items() if code != _own_code()]
+    if others:
+        raise _other_version(f"{len(others)} of {len(codes)} workers have another treadlink, or none: {others[0]}")
+
+
+def _own_code() -> tuple[str, str]:
+    return code_of_worker()
+
+
+def _other_version(message: str) -> TreadlinkError:
+    return TreadlinkError(
+        message, "Install the same version of treadlink, with the same packages, where the workers run."
+    )
 
 
 class SchedulerTasks(WorkerTasks):
@@ -81,7 +110,8 @@ class SchedulerTasks(WorkerTasks):
         self._number += 1
         # The argument `key` is dask's: one for each attempt, or it would return the result of the first.
         key = f"treadlink-{task.token}-{self._number}"
-        return self._client.submit(partial(_work, task.work, task.token), task.order, key=key, pure=False, retries=0)
+        work = partial(_work, task.work, task.token, _own_code())
+        return self._client.submit(work, task.order, key=key, pure=False, retries=0)
 
     def _outcome(self, task: RunningTask) -> Any:
         from distributed import KilledWorker
@@ -94,10 +124,7 @@ class SchedulerTasks(WorkerTasks):
             raise
         except Exception as error:
             # What a worker raises before it calls the function: it cannot import this treadlink.
-            raise TreadlinkError(
-                f"the workers cannot estimate: {type(error).__name__}: {error}",
-                "Install the same version of treadlink, with the same packages, where the workers run.",
-            ) from error
+            raise _other_version(f"the workers cannot estimate: {type(error).__name__}: {error}") from error
         finally:
             # A result that is held is computed again when the worker that has it ends.
             task.future.release()
@@ -109,10 +136,16 @@ class SchedulerTasks(WorkerTasks):
             task.read_bytes = int(position)
 
 
-def _work(work: Work, token: str, order: Any) -> Any:
-    """Do the work in a worker of dask, which reports the bytes read twice a second."""
+def _work(work: Work, token: str, code: tuple[str, str], order: Any) -> Any:
+    """Do the work in a worker of dask, which reports the bytes read twice a second; it may have come later.
+
+    Raises:
+        TreadlinkError: the worker has another code.
+    """
     from distributed import get_worker
 
+    if code != code_of_worker():
+        raise _other_version(f"the worker {get_worker().address} has another treadlink")
     worker, clock, due_ns = get_worker(), SystemClock(), 0
 
     def report(position: int) -> None:

@@ -98,6 +98,22 @@ def test_a_worker_that_ends_is_a_reason():
             tasks.wait(60.0)
 
 
+def test_workers_of_another_version_are_named_before_the_first_recording(recordings, tmp_path, monkeypatch):
+    done = []
+    with cluster() as workers:
+        address = workers.scheduler_address
+        with scheduler_tasks(address) as tasks:
+            # A worker that joins later is not asked at the start, but before its first recording.
+            monkeypatch.setattr("gateway.fleet.scheduler_tasks._own_code", lambda: ("0", "0"))
+            tasks.submit("one", lambda order, report: done.append(order), "fine")
+            with pytest.raises(TreadlinkError, match=r"the worker \S+ has another treadlink"):
+                tasks.wait(60.0)
+        assert not done
+        result = run(recordings, tmp_path, address)
+    assert "1 of 1 workers have another treadlink, or none" in str(result.exception)
+    assert "same version" in result.exception.remedy
+
+
 def test_cancelled_tasks_have_no_result():
     with cluster() as workers, scheduler_tasks(workers.scheduler_address) as tasks:
         tasks.submit("one", work, "fine")
