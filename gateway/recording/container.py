@@ -89,7 +89,10 @@ class _GuardedStream:
             raise _write_error(self._path, error) from error
 
     def close(self) -> None:
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:  # a network folder may refuse only now what it took before
+            raise _write_error(self._path, error) from error
 
 
 class PackedIndexes:
@@ -243,11 +246,14 @@ class McapOutput:
         if self.closed:
             return
         self.closed = True
+        if self.failed:
+            with suppress(RecordingError):  # the failure was reported
+                self._stream.close()
+            return
         try:
-            if not self.failed:
-                self._writer.finish()  # type: ignore[no-untyped-call]
-                self._stream.flush()
-                self._stream.sync()
+            self._writer.finish()  # type: ignore[no-untyped-call]
+            self._stream.flush()
+            self._stream.sync()
         finally:
             self._stream.close()
 
@@ -275,8 +281,10 @@ class McapOutput:
         """Close and delete the incomplete file."""
         if not self.closed:
             self.closed = True
-            self._stream.close()
-        self.written_path.unlink(missing_ok=True)
+            with suppress(RecordingError):
+                self._stream.close()
+        with suppress(OSError):  # the folder may be what has gone
+            self.written_path.unlink(missing_ok=True)
 
     def _guard(self, action: Callable[[], object]) -> None:
         if self.failed or self.closed:

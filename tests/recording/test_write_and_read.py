@@ -6,6 +6,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -188,6 +189,62 @@ def test_full_disk_is_reported_and_file_valid(
     reader = RecordingReader(writer.path)
     assert list(reader.items()) == items
     assert reader.damage is None
+
+
+@pytest.mark.parametrize("number", [errno.ESTALE, errno.EIO, errno.ENODEV])
+def test_folder_that_goes_away_is_reported_and_ends_the_recording(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    items = some_items()
+    writer = streams.write(tmp_path / "r.mcap", items, finish=False)
+    writer.tick(items[-1].host_ns + 10**9)
+    stream = writer._output._stream
+
+    class Gone:
+        """A file of a network folder: after it every call fails, also those that undo and close."""
+
+        def __init__(self, file: object) -> None:
+            self.closed = False
+            self.fileno = file.fileno
+
+        def fail(self, *_: object) -> int:
+            raise OSError(number, os.strerror(number))
+
+        write = truncate = seek = tell = flush = close = fail
+
+    whole = stream._file
+    monkeypatch.setattr(stream, "_file", Gone(whole))
+    later = [Chunk(LINK, items[-1].host_ns + 10**9 + count * 10**7, bytes(5000)) for count in range(50)]
+    with pytest.raises(RecordingError, match=re.escape(os.strerror(number))) as caught:
+        list(map(writer.write, later))
+    assert str(writer.path) in str(caught.value)
+    assert caught.value.remedy
+    with pytest.raises(RecordingError):
+        writer.write(items[0])
+    writer.close()
+    whole.close()
+    reader = RecordingReader(writer.path)
+    assert list(reader.items()) == items, "what was written before is there when the folder is back"
+
+
+def test_folder_that_refuses_at_the_end_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writer = streams.write(tmp_path / "r.mcap", some_items(), finish=False)
+    stream = writer._output._stream
+
+    class Late:
+        def __init__(self, file: object) -> None:
+            self._file = file
+
+        def close(self) -> None:
+            self._file.close()
+            raise OSError(errno.EDQUOT, os.strerror(errno.EDQUOT))
+
+        def __getattr__(self, name: str) -> object:
+            return getattr(self._file, name)
+
+    monkeypatch.setattr(stream, "_file", Late(stream._file))
+    with pytest.raises(RecordingError, match=re.escape(str(tmp_path / "r.mcap"))):
+        writer.close()
 
 
 def test_truncated_file_yields_the_present_part(tmp_path: Path) -> None:
