@@ -17,6 +17,11 @@ from gateway.cli.path_option import path_option
 @path_option("--json", "json_path", help="Write JSON lines to this file, one object per revolution.")
 @path_option("--parquet", "parquet_path", help="Write a Parquet table to this file; needs treadlink[parquet].")
 @path_option(
+    "--metadata",
+    "metadata_path",
+    help="Write what the columns mean to this file: units, descriptions, conventions (JSON, csvw).",
+)
+@path_option(
     "--html",
     "html_path",
     help="Write a page with wheels, means and quantities over time to this file; needs treadlink[plot].",
@@ -37,6 +42,7 @@ def estimate(
     csv_path: Path | None,
     json_path: Path | None,
     parquet_path: Path | None,
+    metadata_path: Path | None,
     html_path: Path | None,
     force: bool,
     key_file: Path | None,
@@ -62,7 +68,12 @@ def estimate(
     from gateway.views.output_file import check_outputs
     from gateway.views.tables.result_table import TableFormat
 
-    table_paths = {TableFormat.CSV: csv_path, TableFormat.JSON: json_path, TableFormat.PARQUET: parquet_path}
+    table_paths = {
+        TableFormat.CSV: csv_path,
+        TableFormat.JSON: json_path,
+        TableFormat.PARQUET: parquet_path,
+        TableFormat.METADATA: metadata_path,
+    }
     outputs = {kind: path for kind, path in table_paths.items() if path is not None}
     if coverage is not None and not outputs:
         raise click.UsageError("--coverage adds columns to a table: give --csv, --json or --parquet too.")

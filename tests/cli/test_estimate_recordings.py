@@ -13,7 +13,7 @@ from gateway.errors import RecordingError
 from gateway.recording.reader import RecordingReader
 from tests.testkit.campaign_recordings import START_NS, write_recording
 
-TABLES = ("csv", "json", "parquet", "html")
+TABLES = ("csv", "json", "parquet", "metadata", "html")
 
 
 @pytest.fixture(scope="module")

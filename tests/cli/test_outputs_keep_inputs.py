@@ -18,7 +18,7 @@ OVERWRITING = [
     f"{command} rec.mcap {more} {out}"
     for command, outs in {
         "diagnose": ("--json", "--html", "--save-effects"),
-        "estimate": ("--csv", "--json", "--parquet", "--html"),
+        "estimate": ("--csv", "--json", "--parquet", "--metadata", "--html"),
         "compare rec.mcap": ("--csv",),
         "calibrate load": ("--out",),
     }.items()

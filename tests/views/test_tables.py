@@ -64,7 +64,7 @@ def _typed(key: str, text: str) -> object:
     return None if text == "" else int(text) if key in ("revolution", "host_ns") else float(text)
 
 
-FORMATS = pytest.mark.parametrize("table_format", list(TableFormat))
+FORMATS = pytest.mark.parametrize("table_format", [TableFormat.CSV, TableFormat.JSON, TableFormat.PARQUET])
 
 
 @FORMATS
@@ -113,6 +113,30 @@ def test_parquet_fields_have_unit_and_description(tmp_path: Path) -> None:
     assert metadata["speed_mps_status"][b"unit"] == b""
     assert b"rolling speed" in metadata["speed_mps"][b"description"]
     assert metadata["pressure_pa"] == {b"unit": b"Pa", b"description": b"gauge pressure, measured or else stated"}
+
+
+def test_metadata_beside_a_table_is_that_of_parquet(tmp_path: Path) -> None:
+    for kind in (TableFormat.METADATA, TableFormat.CSV):
+        with open_table(tmp_path / kind, kind, coverage_factor=1.96) as table:
+            table.write(result())
+    about = json.loads((tmp_path / "metadata").read_text(encoding="utf-8"))
+    columns = {column["name"]: column for column in about["tableSchema"]["columns"]}
+    (row,) = read_back(tmp_path / "csv", TableFormat.CSV)
+    assert list(columns) == list(row)
+    assert columns["speed_mps"]["schema:unitText"] == "m/s"
+    assert columns["revolution"]["datatype"] == "integer"
+    (note,) = about["notes"]
+    assert note["treadlink"]["axes"].startswith("ISO 8855")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    with open_table(tmp_path / "out", TableFormat.PARQUET) as table:
+        table.write(result())
+    schema = parquet.read_schema(tmp_path / "out")
+    for field in schema:
+        if field.name != "host_utc":
+            assert columns[field.name]["dc:description"].encode() == field.metadata[b"description"]
+    assert {f"treadlink.{key}".encode(): text.encode() for key, text in note["treadlink"].items()} == {
+        key: value for key, value in schema.metadata.items() if key.startswith(b"treadlink.")
+    }
 
 
 def test_host_time_is_iso_and_parquet_timestamp(tmp_path: Path) -> None:
@@ -212,7 +236,7 @@ def test_full_disk_is_reported() -> None:
 
 
 @pytest.mark.parametrize("most_bytes", [0, 3, 2000, 8000])
-@pytest.mark.parametrize("table_format", TableFormat)
+@FORMATS
 def test_disk_that_fills_up_leaves_no_part(tmp_path: Path, table_format: TableFormat, most_bytes: int) -> None:
     resource = pytest.importorskip("resource", reason="a limit of files stands for a disk that is full")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)

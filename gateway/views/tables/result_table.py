@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import suppress
 from enum import StrEnum
 from pathlib import Path
 from types import TracebackType
-from typing import Final, Self
+from typing import IO, Final, Self
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from gateway.table_columns import (
 )
 from gateway.views.numbers import RENAMED, distinct_name, finite_or_none
 from gateway.views.output_file import OutputFile
-from gateway.views.tables.table_sinks import Cell, CsvSink, ParquetSink, RowSink, require_pyarrow
+from gateway.views.tables.table_sinks import Cell, CsvSink, MetadataSink, ParquetSink, RowSink, require_pyarrow
 from gateway.views.wording import as_json, joined
 
 _TAKEN: Final = frozenset((*RESULT_HEAD, *RESULT_TAIL))
@@ -42,6 +43,7 @@ class TableFormat(StrEnum):
     CSV = "csv"
     JSON = "json"
     PARQUET = "parquet"
+    METADATA = "metadata"
 
 
 def open_table(
@@ -55,8 +57,9 @@ def open_table(
 
     Args:
         path: the file; it is not overwritten unless `force`. `-` is standard output.
-        table_format: CSV with a header line, JSON lines (one object a line), or Parquet. Estimates of the first
-            COLUMNS_FIXED_AFTER_ROWS rows get columns; later ones go into OTHER. JSON lines need none of this.
+        table_format: CSV with a header line, JSON lines (one object a line), Parquet, or what the columns of any of
+            these mean, without rows. Estimates of the first COLUMNS_FIXED_AFTER_ROWS rows get columns; later ones go
+            into OTHER. JSON lines need none of this.
         force: overwrite an existing file.
         coverage_factor: of expanded uncertainties, which are written beside the standard errors; None for none.
 
@@ -68,8 +71,12 @@ def open_table(
     output = OutputFile(path, force=force)
     if table_format is TableFormat.JSON:
         return _JsonLines(output, coverage_factor)
-    sink = CsvSink(output.file) if table_format is TableFormat.CSV else ParquetSink(output.file)
-    return _Columns(output, coverage_factor, sink)
+    makers: dict[TableFormat, Callable[[IO[bytes]], RowSink]] = {
+        TableFormat.CSV: CsvSink,
+        TableFormat.PARQUET: ParquetSink,
+        TableFormat.METADATA: MetadataSink,
+    }
+    return _Columns(output, coverage_factor, makers[table_format](output.file))
 
 
 def row_of(result: RevolutionResult, recording: str = "") -> tuple[dict[str, Cell], dict[str, dict[str, Cell]]]:

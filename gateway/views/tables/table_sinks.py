@@ -1,8 +1,9 @@
-"""Table formats with columns: CSV and Parquet."""
+"""Table formats with columns: CSV and Parquet, and what the columns mean."""
 
 from __future__ import annotations
 
 import csv
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import IO, Any, Final, Protocol
@@ -59,6 +60,37 @@ class CsvSink:
 
     def end(self) -> None:
         """Do nothing: every row is in the file."""
+
+
+class MetadataSink:
+    """What the columns of a table mean, for formats without a place for it: JSON, as CSV on the Web (W3C, csvw)."""
+
+    _DATATYPES: Final[Mapping[type, str]] = {str: "string", int: "integer", float: "double", bool: "boolean"}
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """Take the open file."""
+        self._file = file
+
+    def begin(self, columns: Sequence[Column], metadata: Mapping[str, str] | None = None) -> None:
+        """Write all of it: name, type, description and unit of each column, and how to read the table."""
+        described = [
+            {
+                "name": column.name,
+                "datatype": self._DATATYPES.get(column.kind, "dateTime"),
+                "dc:description": column.description,
+                **({"schema:unitText": column.unit} if column.unit else {}),
+            }
+            for column in columns
+        ]
+        notes = [{"treadlink": dict(metadata or {})}]
+        about = {"@context": "http://www.w3.org/ns/csvw", "tableSchema": {"columns": described}, "notes": notes}
+        self._file.write(json.dumps(about, ensure_ascii=False, indent=1).encode() + b"\n")
+
+    def row(self, cells: list[Cell]) -> None:
+        """Do nothing: rows are in the table."""
+
+    def end(self) -> None:
+        """Do nothing: all of it is in the file."""
 
 
 class _Utf8:
