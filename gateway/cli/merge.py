@@ -30,16 +30,13 @@ def merge(recordings: tuple[Path, ...], out: Path, config_path: Path | None) -> 
     from gateway.cli.summary_output import SummaryOutput
     from gateway.config.validation import read_text
     from gateway.config.vehicle import parse_vehicle
-    from gateway.errors import RecordingError
+    from gateway.recording.container import refuse_existing
     from gateway.recording.merge import merge_recordings
     from gateway.views.output_file import check_outputs
 
     say = SummaryOutput()
     check_outputs([out], [*recordings, config_path], force=True)
-    if out.exists():
-        raise RecordingError(
-            f"'{out}' already exists", "Recordings are never overwritten. Choose another name with --out."
-        )
+    refuse_existing(out)
     vehicle_toml = None
     if config_path is not None:
         vehicle_toml = read_text(config_path, "the vehicle configuration")

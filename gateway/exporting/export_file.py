@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from gateway.exporting.export_registry import FORMATS
 from gateway.exporting.export_table import Block, ExportWriter, Target, WheelTable, length
-from gateway.views.output_file import OutputFile, is_stdout
+from gateway.views.output_file import OutputFile, is_stdout, scratch_folder
 
 
 class ExportFile:
@@ -29,14 +30,16 @@ class ExportFile:
         self.rows = 0
         self._output = OutputFile(path, force=force)
         direct = is_stdout(path) or (path.exists() and not path.is_file())
-        # On the same disk, so that a full disk is reported as that of the file.
-        scratch = None if direct else str(path.resolve().parent)
+        self._scratch = ExitStack()
         try:
+            # On the same disk, so that a full disk is reported as that of the file.
+            scratch = None if direct else str(self._scratch.enter_context(scratch_folder(path)))
             module_name, attribute = FORMATS[name].writer.split(":")
             self._writer: ExportWriter = getattr(importlib.import_module(module_name), attribute)(
                 Target(self._output.file, scratch)
             )
         except BaseException:
+            self._scratch.close()
             self._output.discard()
             raise
 
@@ -67,6 +70,7 @@ class ExportFile:
             if kind is None:
                 with self._output.explained():
                     self._writer.end()
+                self._scratch.close()
                 self._output.commit()
                 return
         except BaseException:
@@ -78,4 +82,5 @@ class ExportFile:
         try:
             self._writer.discard()
         finally:
+            self._scratch.close()
             self._output.discard()

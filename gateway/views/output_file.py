@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -17,7 +18,8 @@ from gateway.errors import OutputError
 from gateway.writing_lock import is_being_written, lock_for_writing, process_runs
 
 _LONGEST_NAME: Final = 200
-_PART_NAME: Final = re.compile(r"\.(?P<name>.+)\.(?P<process>\d{1,9})\.part", re.DOTALL)
+_LOCK: Final = "lock"
+_UNFINISHED: Final = re.compile(r"\.(?P<name>.+)\.(?P<process>\d{1,9})\.(?P<kind>part|scratch)", re.DOTALL)
 
 
 def check_outputs(outputs: Iterable[Path | None], inputs: Iterable[Path | None], *, force: bool = False) -> None:
@@ -137,7 +139,7 @@ class OutputFile:
                 return
             self._target = path.resolve()  # keeps a symbolic link
             self._part = self._target.with_name(f".{self._target.name[:_LONGEST_NAME]}.{os.getpid()}.part")
-            _remove_abandoned_parts(self._target)
+            _remove_abandoned(self._target.parent, self._target.name)
             self._part.unlink(missing_ok=True)
             file = FileIO(self._part, "xb")
             lock_for_writing(file)
@@ -208,17 +210,44 @@ class OutputFile:
             ) from error
 
 
-def _remove_abandoned_parts(target: Path) -> None:
-    """Remove what killed processes have left of a file: parts that are not locked and whose process is gone."""
-    for part in target.parent.iterdir():
-        match = _PART_NAME.fullmatch(part.name)
-        if match is None or match["name"] != target.name[:_LONGEST_NAME] or process_runs(int(match["process"])):
+@contextmanager
+def scratch_folder(target: Path) -> Iterator[Path]:
+    """Yield a new folder beside an output, for temporary files on the same disk; it is removed at the end.
+
+    What killed processes have left of it is removed too.
+    """
+    folder = target.resolve().parent
+    _remove_abandoned(folder, target.name)
+    made = folder / f".{target.name[:_LONGEST_NAME]}.{os.getpid()}.scratch"
+    shutil.rmtree(made, ignore_errors=True)
+    made.mkdir(mode=0o700)
+    try:
+        with FileIO(made / _LOCK, "xb") as lock:
+            lock_for_writing(lock)
+            yield made
+    finally:
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def _remove_abandoned(folder: Path, name: str) -> None:
+    """Remove what killed processes have left of an output: their process is gone, and parts are not locked."""
+    for path in folder.iterdir():
+        match = _UNFINISHED.fullmatch(path.name)
+        if match is None or match["name"] != name[:_LONGEST_NAME] or process_runs(int(match["process"])):
             continue
         with suppress(OSError):
-            with part.open("rb") as file:
-                is_written = is_being_written(file)
-            if not is_written:
-                part.unlink()
+            if match["kind"] == "part":
+                if not _is_locked(path):
+                    path.unlink()
+            elif not (path / _LOCK).exists() or not _is_locked(path / _LOCK):
+                shutil.rmtree(path)
+
+
+def _is_locked(path: Path) -> bool:
+    """Return whether a process, perhaps of another container or computer, writes a file."""
+    # Opened without waiting: somebody may have put a FIFO there.
+    with os.fdopen(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
+        return is_being_written(file)
 
 
 def write_whole(path: Path, content: str | bytes, *, force: bool = False) -> None:

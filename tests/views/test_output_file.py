@@ -12,11 +12,13 @@ import pytest
 
 from gateway.errors import OutputError
 from gateway.views.output_file import OutputFile, check_outputs, write_whole
+from gateway.writing_lock import lock_for_writing
 
 # Writes half a table, then dies.
 KILLED = """
 import os, signal, sys
 from pathlib import Path
+from gateway.writing_lock import lock_for_writing
 from gateway.views.output_file import OutputFile
 
 output = OutputFile(Path(sys.argv[1]), force=True)
@@ -72,8 +74,14 @@ def test_next_run_removes_what_a_killed_process_left(tmp_path: Path) -> None:
     others = [".other.csv.1.part", ".out.csv.part", ".out.csv.x.part", ".out.csv.1.2.part"]
     for name in others:
         (tmp_path / name).touch()
-    assert len(files_in(tmp_path)) == len(others) + 1
-    write_whole(path, b"whole")
+    # The processes are gone; that of the first is in another container, and holds its lock.
+    for number in (5 * 10**8, 6 * 10**8):
+        (tmp_path / f".out.csv.{number}.scratch").mkdir()
+        (tmp_path / f".out.csv.{number}.scratch" / "lock").touch()
+    others.append(f".out.csv.{5 * 10**8}.scratch")
+    with (tmp_path / others[-1] / "lock").open("r+b", buffering=0) as lock:
+        lock_for_writing(lock)
+        write_whole(path, b"whole")
     assert files_in(tmp_path) == sorted([*others, "out.csv"])
 
 
