@@ -47,6 +47,7 @@ class Code(Enum):
     CONTACT_INTERPOLATED = (
         "a contact was lost on the link or disturbed by an impact; it was placed between its neighbours"
     )
+    CONTACT_NOT_SEEN = "samples were lost in a contact: its edges are those of an earlier one"
     NO_CONTACT = "no contact around angle 0"
     RADIAL_CLIPPED = "the radial axis is clipped below the range that the hub states"
     RADIAL_SATURATED = "the radial axis reached the end of its range"
@@ -172,9 +173,7 @@ class Code(Enum):
     NO_CONTACT_EDGES = "no contact edges were found"
     NO_STEADY_VALUE = "the radial signal has no positive mean: its steady value is missing"
     NOT_SETTLED = "settling: {revolutions:.0f} of {needed:.0f} revolutions"
-    LOSS_FREQUENT = "samples were lost in {lossy:.0f} of the last {revolutions:.0f} revolutions"
     REVOLUTION_NOT_USED = "this revolution was not used: {faults}"
-    SAMPLES_LOST_SHARE = "{share:.1%} of the samples were lost"
     SIGNAL_MISSING = "it was not received lately"
     SPEED_OR_RADIUS_UNKNOWN = "the angular speed or the belt radius is not known"
     TOO_FEW_ORDERS = "only {orders:.0f} orders, {needed:.0f} are needed: the sampling is too slow for this speed"

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple, Protocol, Self
+from typing import Final, NamedTuple, Protocol, Self
 
 from gateway.estimators.sensor_claims import SensorClaims, Tilt
 from gateway.estimators.tire_data import TireData
@@ -125,7 +125,8 @@ class Revolution:
         leading_edge_std_rad: one standard error.
         trailing_edge_std_rad: one standard error.
         noise_mps2: estimated standard deviation of the noise of one angle-domain sample of `radial_mps2`.
-        missing_fraction: share of the revolution's samples that were lost on the link and interpolated.
+        missing_fraction: share of the revolution's samples that were lost on the link. Without a fault, the angles that
+            they leave are filled with the shape of the revolutions before: averages weight it by the rest.
         saturated: True when any radial sample was at the end of the sensor's range.
         ac_coupled: True when the sensor does not pass the steady value.
         faults: why this revolution must not be used for estimates; empty when it may be used.
@@ -160,15 +161,19 @@ class Revolution:
     turns: int = 1
 
 
-def not_used(faults: Iterable[Reason]) -> Reason:
-    """Return the reason of an estimate that a revolution with these faults did not change."""
-    return Reason(Code.REVOLUTION_NOT_USED, faults=tuple(faults))
-
-
 def sign_not_determined(value: float, std: float) -> Reason:
     """Return the reason of a value whose sign its standard error does not tell."""
     errors = abs(value) / std if std > 0.0 else math.nan
     return Reason(Code.SIGN_NOT_DETERMINED, errors=errors) if math.isfinite(errors) else Reason(Code.SIGN_WITHOUT_ERROR)
+
+
+OF_LOSS: Final = frozenset({Code.SAMPLES_LOST, Code.CONTACT_NOT_SEEN, Code.CONTACT_INTERPOLATED})
+"""Faults of a revolution by loss on the link, which says nothing against the tire or the sensor."""
+
+
+def not_used(faults: Iterable[Reason]) -> Reason:
+    """Return the reason of an estimate that a revolution with these faults did not change."""
+    return Reason(Code.REVOLUTION_NOT_USED, faults=tuple(faults))
 
 
 class Estimator(Protocol):

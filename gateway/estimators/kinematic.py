@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
+from gateway.estimators.estimator import OF_LOSS, Estimate, Revolution, Status, TireConditions
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.reasons import Code, Reason
 
@@ -29,10 +29,6 @@ A belt that loses energy in bending bends late, which moves the whole waveform a
 not show it. A loss factor of 0.1 moves order n by 0.1 / n, and the edges are of order 12 or so.
 docs/evidence/independent-tire.md has a belt with twice this loss.
 """
-
-_OF_LOSS: Final = frozenset({Code.SAMPLES_LOST, Code.CONTACT_INTERPOLATED})
-# Share of interpolated samples above which the edges, which may lie in the gap, are provisional.
-_MAX_MISSING_SHARE: Final = 0.01
 
 
 class KinematicEstimator(BlockEstimator):
@@ -61,7 +57,7 @@ def _estimates(revolution: Revolution, conditions: TireConditions) -> tuple[Esti
     radius = conditions.radius_m
     leading, trailing = revolution.leading_edge_rad, revolution.trailing_edge_rad
     leading_std, trailing_std = revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad
-    status, reasons = _condition(revolution)
+    status, reasons = edge_condition(revolution)
     of_times = _timing_condition(revolution, status, reasons)
     radius_error = conditions.radius_std_m / radius if radius > 0.0 else math.nan
     speed = radius * revolution.omega_radps
@@ -97,18 +93,27 @@ def _timing_condition(
     revolution: Revolution, status: Status, reasons: tuple[Reason, ...]
 ) -> tuple[Status, tuple[Reason, ...]]:
     """Return the status of the timing: lost samples do not lower it, and a placed contact has an error of its own."""
-    if not revolution.saturated and all(fault.code in _OF_LOSS for fault in revolution.faults):
+    if _is_loss_alone(revolution):
         return Status.VALID, tuple(fault for fault in revolution.faults if fault.code is Code.CONTACT_INTERPOLATED)
     return status, reasons
 
 
-def _condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:
-    """Return the status of this revolution's timing and edges, with the reasons."""
-    if not (revolution.faults or revolution.saturated or revolution.missing_fraction > _MAX_MISSING_SHARE):
+def edge_condition(revolution: Revolution) -> tuple[Status, tuple[Reason, ...]]:
+    """Return the status of a revolution's contact edges, with the reasons.
+
+    Loss does not lower it: where it took the contact, there are no edges, or those of an earlier one with an error for
+    it.
+    """
+    if not (revolution.faults or revolution.saturated):
         return Status.VALID, ()
+    has_edges = math.isfinite(revolution.trailing_edge_rad - revolution.leading_edge_rad)
+    if has_edges and _is_loss_alone(revolution):
+        return Status.VALID, tuple(fault for fault in revolution.faults if fault.code is not Code.SAMPLES_LOST)
     reasons = list(revolution.faults)
     if revolution.saturated:
         reasons.append(Reason(Code.RADIAL_SATURATED))
-    if revolution.missing_fraction > _MAX_MISSING_SHARE:
-        reasons.append(Reason(Code.SAMPLES_LOST_SHARE, share=revolution.missing_fraction))
     return Status.PROVISIONAL, tuple(dict.fromkeys(reasons))
+
+
+def _is_loss_alone(revolution: Revolution) -> bool:
+    return not revolution.saturated and all(fault.code in OF_LOSS for fault in revolution.faults)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gateway.constants import AXIS_NAMES
 from gateway.estimators.estimator import Estimate, Revolution, TireConditions, not_used
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock, measured_shares
 from gateway.reasons import Code, Reason
 from gateway.signal.angle_resampling import angle_grid, elapsed_angles
 from gateway.signal.lateral_deformation import (
@@ -126,17 +126,34 @@ class _Part:
     The mean and the spread are those of weighted sums, so they need no loop; deviations are taken from the mean before.
     """
 
-    def __init__(self, mean: FloatArray, spread: FloatArray, values: FloatArray, weights: Sequence[float]) -> None:
+    def __init__(
+        self,
+        mean: FloatArray,
+        spread: FloatArray,
+        values: FloatArray,
+        weights: Sequence[float],
+        measured: Sequence[float] | None,
+    ) -> None:
         self._spread, self._shares = spread, running_shares(tuple(weights))
         self._change = values - mean
         self.means: FloatArray = mean + self._shares.values @ self._change
+        self._scatter: tuple[FloatArray, FloatArray] | None = None
+        if measured is not None:
+            # What is filled of a revolution does not scatter: the rest stands for it too.
+            before = np.concatenate([mean[np.newaxis], self.means[:-1]])
+            self._scatter = (values - before)[:, :_SIZE], (1.0 - np.array(weights)) / np.array(measured)
 
     def spread(self, row: int) -> FloatArray:
         """Return the spread of the lateral coefficients after a revolution, (2 k, 2 k)."""
-        shares, change = self._shares.values[row], self._change[:, :_SIZE]
-        mean = shares @ change
-        result: FloatArray = (change.T * shares) @ change
-        result -= np.multiply.outer(mean, mean)
+        shares = self._shares.values[row]
+        if self._scatter is not None:
+            change, factors = self._scatter
+            result: FloatArray = (change.T * (shares * factors)) @ change
+        else:
+            change = self._change[:, :_SIZE]
+            mean = shares @ change
+            result = (change.T * shares) @ change
+            result -= np.multiply.outer(mean, mean)
         prior = float(self._shares.prior[row])
         if prior:
             result += prior * self._spread
@@ -207,13 +224,14 @@ class LateralAverage:
             part_values = np.where(absent, self._mean, part_values)
         self._order_max = max(self._order_max, carried)
         scalars = []
-        for revolution in revolutions[rows]:
+        measured = measured_shares(revolutions[rows])
+        for revolution, share in zip(revolutions[rows], measured or (1.0,) * len(part_values), strict=True):
             self.count += 1
             weight = max(1.0 / self.count, self._floor)
-            self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight
+            self._weight_square = (1.0 - weight) ** 2 * self._weight_square + weight * weight / share
             self._noise += weight * (_noise_variance(revolution) - self._noise)
             scalars.append((self.count, weight, self._weight_square, self._noise))
-        part = _Part(self._mean, self._spread, part_values, [weight for _, weight, *_ in scalars])
+        part = _Part(self._mean, self._spread, part_values, [weight for _, weight, *_ in scalars], measured)
         late = np.array([roll.rad for roll in steps.roll[rows]]) - part.means[:, -1]
         steps.mean_m[rows] = part.means[:, :_SIZE] - late[:, np.newaxis] * part.means[:, _SIZE : 2 * _SIZE]
         for row, state in enumerate(scalars):

@@ -16,6 +16,7 @@ from typing import Final, NamedTuple
 
 from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Estimator, Revolution, Status, TireConditions
+from gateway.estimators.kinematic import edge_condition
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
 from gateway.estimators.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration, TireData
@@ -74,6 +75,8 @@ class LoadEstimator(BlockEstimator):
         by_angle, by_width = _widened(by_angle, by_width)
         load = _better(by_angle, by_width)
         doubts = _contradictions((by_angle, by_width), conditions)
+        edges, faults = edge_condition(revolution)
+        doubts = doubts if edges is Status.VALID else (*doubts, *faults)
         return load, by_angle, by_width, _pressure_number(load, conditions, doubts, half, half_std, pressure)
 
     def _without_width(self, tire: TireData) -> TireData:
@@ -184,7 +187,8 @@ def _by_angle(
     )
     if not (math.isfinite(load) and math.isfinite(relative)):
         return Estimate.invalid(NAMES[1], Reason(Code.EDGE_ERRORS_UNKNOWN))
-    doubts = (*revolution.faults, *calibration.outside(half, pressure))
+    edges, faults = edge_condition(revolution)
+    doubts = (*(() if edges is Status.VALID else faults), *calibration.outside(half, pressure))
     status = Status.PROVISIONAL if doubts else Status.VALID
     return Estimate(NAMES[1], load, load * relative, status, (*doubts, *bending.notes))
 

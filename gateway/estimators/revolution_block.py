@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Self
+from typing import Final, NamedTuple, Self
 
 import numpy as np
 from scipy.fft import rfft  # several transforms at once, in half the time of numpy's
@@ -14,6 +14,16 @@ from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Tir
 from gateway.signal.order_spectrum import ORDER_COUNT
 from gateway.signal.synchronous_average import AverageSteps, OneAverage, RunningAverage
 from gateway.types import ComplexArray, FloatArray
+
+LEAST_MEASURED: Final = 0.5
+"""Share of a revolution that must be measured where it is averaged: more of it than is filled."""
+
+
+def measured_shares(revolutions: Sequence[Revolution]) -> list[float] | None:
+    """Return the share of each revolution that was measured and not filled; None where all was, as nearly always."""
+    missing = [revolution.missing_fraction for revolution in revolutions]
+    # One with faults that stands for itself may have lost nearly all.
+    return [max(1.0 - share, LEAST_MEASURED) for share in missing] if any(missing) else None
 
 
 class RevolutionArrays:

@@ -104,6 +104,9 @@ def _unusable(revolution: Revolution, average: AngleAverage) -> Reason | None:
     """Return why a revolution's difference from the average cannot be used; None when it can."""
     if revolution.faults:
         return not_used(revolution.faults)
+    if revolution.missing_fraction:
+        # Its gaps are filled with the shape of other revolutions, which differs from the average by nothing of its own.
+        return not_used((Reason(Code.SAMPLES_LOST),))
     if average.effective_count < SETTLED_REVOLUTIONS:
         return Reason(Code.NOT_SETTLED, revolutions=average.effective_count, needed=SETTLED_REVOLUTIONS)
     if not np.isfinite(revolution.radial_mps2 - average.radial_mps2).all():

@@ -26,7 +26,7 @@ from gateway.estimators.disagreement import CONTRADICTION
 from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Status, TireConditions, not_used
 from gateway.estimators.lost_steady_value import LostSteadyValue, SteadyValueCheck
 from gateway.estimators.pace import is_due
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock, measured_shares
 from gateway.estimators.sensor_claims import HAND_MOUNTED_STD_M, Tilt
 from gateway.reasons import Code, Reason
 from gateway.signal.axis_relations import AxisRelations, axis_relations
@@ -471,6 +471,8 @@ class SelfCalibrationEstimator(BlockEstimator):
             )
             warm = [self._warm(block.conditions[index]) for index in taken]
             expected = self._gain_rows(block, taken, belt, np.array(warm), rows, is_calibrated=is_calibrated)
+        if (measured := measured_shares([block.revolutions[index] for index in taken])) is not None:
+            rows *= np.array(measured)[:, np.newaxis]
         before = self._last.sums
         if is_calibrated and not self._is_calibrated:
             before = before.copy()

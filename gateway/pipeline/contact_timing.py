@@ -24,9 +24,20 @@ import numpy as np
 
 from gateway.pipeline.segmenter import ContactPair
 from gateway.signal.angle_resampling import MARGIN_SAMPLES, Phase, fit_phase
-from gateway.signal.contact_template import ContactSamples, ContactTemplate, contact_template, template_shift
+from gateway.signal.contact_template import (
+    HALF_LEVEL_SHARE,
+    MIN_BEYOND_RAD,
+    ContactSamples,
+    ContactTemplate,
+    contact_template,
+    template_shift,
+)
+from gateway.signal.segmentation import Contact
 from gateway.signal.synchronous_average import AngleAverage
 from gateway.types import FloatArray
+
+# measured(place, first, end) -> stretch of the samples first to end (exclusive) around a place in which none was lost
+MeasuredAround = Callable[[float, int, int], tuple[int, int]]
 
 # The timed point moves to the template's centre in steps of at most this many standard errors of the time. A sudden
 # correction would appear as a step of the speed.
@@ -47,6 +58,12 @@ _OTHER_LOAD_SHARE: Final = 0.2
 _CROSSING_STD_RAD: Final = 1e-3
 # Relative error of the speed at a contact before it is measured, counted as one value.
 _RATE_ERROR_PRIOR: Final = 1e-3
+# Change of either edge from one contact to the next before it is measured, counted as one value: that of a load that
+# changes by a tenth of itself.
+_EDGE_CHANGE_PRIOR_RAD: Final = 0.01
+# Contacts in a row whose edges may be those of an earlier one: about a second of driving, for which steps from one
+# contact to the next tell how far the edges move.
+_MOST_UNSEEN: Final = 8
 # Shift of a contact, rad, per relative error of its speed, that remains with weights for which the shifts of both edges
 # cancel: quadratic phase, Euler acceleration and change of the centripetal acceleration across the contact.
 _RATE_SHIFT_RAD: Final = 0.02
@@ -63,6 +80,8 @@ class TimedContact(NamedTuple):
         trailing_rad: trailing edge.
         leading_std_rad: standard error, including the uncertainty of the edge's definition.
         trailing_std_rad: likewise.
+        is_seen: False where samples of the contact were lost; its edges are those of an earlier one, with the error of
+            their change since then, or NaN.
     """
 
     segmented: float
@@ -72,6 +91,7 @@ class TimedContact(NamedTuple):
     trailing_rad: float = math.nan
     leading_std_rad: float = math.nan
     trailing_std_rad: float = math.nan
+    is_seen: bool = True
 
 
 class TimedPair(NamedTuple):
@@ -145,6 +165,10 @@ class ContactTimer:
         self._rates: tuple[float, ...] = ()
         # Relative variance of the speed extrapolated to a contact.
         self._rate_error2 = _RunningMean((_RATE_ERROR_PRIOR**2,), 1)
+        # Latest contact whose edges were seen, contacts since then, and squared change of either edge between two.
+        self._seen: TimedContact | None = None
+        self._unseen = 0
+        self._edge_change2 = _RunningMean((_EDGE_CHANGE_PRIOR_RAD**2,) * 2, 1)
         self._times: tuple[tuple[float, float], ...] = ()
         self._jitter = _RunningMean((0.0, 0.0, 0.0))
         self._noise_share = _RunningMean((1.0, 1.0))
@@ -204,7 +228,7 @@ class ContactTimer:
         pairs: Sequence[ContactPair],
         rates_hz: Sequence[float],
         read: Callable[[int, int], FloatArray],
-        missing: Callable[[int, int], int],
+        measured: MeasuredAround,
     ) -> list[TimedPair]:
         """Refine the contacts of consecutive revolutions.
 
@@ -212,28 +236,38 @@ class ContactTimer:
             pairs: contacts as segmented, at most `until_renewal`.
             rates_hz: sampling rate at each.
             read: returns the radial axis, positive inward, of samples first to end (exclusive).
-            missing: returns how many of these samples were lost.
+            measured: returns the stretch of these samples around a place in which none was lost.
         """
         self._until_renewal -= len(pairs)
-        matches = self._matches(pairs, rates_hz, read, missing)
-        return [self._timed_pair(pair, match) for pair, match in zip(pairs, matches, strict=True)]
+        matches, damaged = self._matches(pairs, rates_hz, read, measured)
+        return [self._timed_pair(*each, measured) for each in zip(pairs, matches, damaged, strict=True)]
 
-    def _timed_pair(self, pair: ContactPair, match: _Match | None) -> TimedPair:
+    def _timed_pair(
+        self, pair: ContactPair, match: _Match | None, damaged: bool, measured: MeasuredAround
+    ) -> TimedPair:
         start, previous = self._last, self._previous_period
         if start is None or start.segmented != pair.start.centre:
             self._times = ()
             start = TimedContact(pair.start.centre, pair.start.centre, pair.start.centre_std)
+            if _lacks_samples(pair.start, pair, measured):
+                start = self._with_earlier_edges(start, pair)
             previous = pair.previous_period
         if match is None:
             self._times = ()
             end = TimedContact(pair.end.centre, pair.end.centre, pair.end.centre_std)
+            if damaged:
+                end = self._with_earlier_edges(end, pair)
         else:
             end = self._timed(pair.end.centre, match)
             if self._average_count < _SCATTER_KNOWN:
                 point_std = 0.5 * _CROSSING_STD_RAD / match.rate
                 coarse_std = math.hypot(pair.end.centre_std, point_std)
                 end = end._replace(centre_std=max(end.centre_std, coarse_std))
-        refined = math.isfinite(start.trailing_rad) + math.isfinite(end.leading_rad)
+        if end.is_seen:
+            self._see(end)
+        refined = (start.is_seen and math.isfinite(start.trailing_rad)) + (
+            end.is_seen and math.isfinite(end.leading_rad)
+        )
         period_std = math.hypot(start.centre_std, end.centre_std)
         if refined < 2:
             # The segmenter's standard error, which includes jitter, applies to contacts that were not refined.
@@ -250,11 +284,14 @@ class ContactTimer:
         pairs: Sequence[ContactPair],
         rates_hz: Sequence[float],
         read: Callable[[int, int], FloatArray],
-        missing: Callable[[int, int], int],
-    ) -> list[_Match | None]:
-        """Match the later contacts of the revolutions with the template, twice."""
+        measured: MeasuredAround,
+    ) -> tuple[list[_Match | None], list[bool]]:
+        """Match the later contacts of the revolutions with the template, twice; return also which lack samples."""
         matches: list[_Match | None] = [None] * len(pairs)
         template = self._template
+        damaged = [
+            pair.end.predicted or (template is None and _lacks_samples(pair.end, pair, measured)) for pair in pairs
+        ]
         passages: list[Phase] = []
         places: list[int] = []
         samples: list[FloatArray] = []
@@ -267,7 +304,10 @@ class ContactTimer:
             passage = _passage(start, guess, pair.previous_period)
             first = max(math.floor(guess + begins_rad / passage.rate) - MARGIN_SAMPLES, math.ceil(start))
             last = min(math.ceil(guess + ends_rad / passage.rate) + MARGIN_SAMPLES, pair.decided_at)
-            if last - first >= _LEAST_SAMPLES and not missing(first, last):
+            whole = first, last
+            first, last = measured(guess, first, last)
+            damaged[index] = (first, last) != whole
+            if last - first >= _LEAST_SAMPLES:
                 places.append(index)
                 firsts.append(first)
                 passages.append(_moved(passage, -first))
@@ -275,7 +315,7 @@ class ContactTimer:
         times = [pair.end.centre for pair in pairs]
         if template is None or not places:
             self._follow(pairs, times)
-            return matches
+            return matches, damaged
         around = ContactSamples(template, samples, passages)
         own_hz = [rates_hz[index] for index in places]
         first_match = around.match(passages, own_hz)
@@ -311,7 +351,7 @@ class ContactTimer:
             early = (guess - pairs[index].end.centre) * passage.rate
             if fits and max(abs(early + shift[0]), abs(early + shift[1])) < limit:
                 matches[index] = _Match(guess, passage.rate, tuple(shift), tuple(residual), covariances)
-        return matches
+        return matches, damaged
 
     def _follow(self, pairs: Sequence[ContactPair], times: Sequence[float]) -> list[tuple[float, float, float | None]]:
         """Return start, end and period before of each revolution by the times of the first match of their ends."""
@@ -387,6 +427,34 @@ class ContactTimer:
             trailing_std_rad=math.hypot(edges.trailing_std_rad, trailing_std),
         )
 
+    def _see(self, contact: TimedContact) -> None:
+        """Take a contact of which no sample was lost; its edges are NaN where it was not refined."""
+        last = self._seen
+        self._seen = contact if math.isfinite(contact.leading_rad) else None
+        if last is not None and self._seen is not None and not self._unseen:
+            changes = contact.leading_rad - last.leading_rad, contact.trailing_rad - last.trailing_rad
+            self._edge_change2.add(changes[0] ** 2, changes[1] ** 2)
+        self._unseen = 0
+
+    def _with_earlier_edges(self, contact: TimedContact, pair: ContactPair) -> TimedContact:
+        """Return a contact of which samples were lost, with the edges of the latest that was seen.
+
+        They may have moved since then, and are off by the error of the centre that they are counted from.
+        """
+        self._unseen += 1
+        contact = contact._replace(is_seen=False)
+        seen = self._seen
+        if seen is None or self._unseen > _MOST_UNSEEN:
+            return contact
+        centre_rad = contact.centre_std * 2.0 * math.pi / (pair.end.centre - pair.start.centre)
+        leading_rad, trailing_rad = (math.sqrt(self._unseen * change2) for change2 in self._edge_change2.values)
+        return contact._replace(
+            leading_rad=seen.leading_rad,
+            trailing_rad=seen.trailing_rad,
+            leading_std_rad=math.hypot(seen.leading_std_rad, leading_rad, centre_rad),
+            trailing_std_rad=math.hypot(seen.trailing_std_rad, trailing_rad, centre_rad),
+        )
+
     def _noise(self, match: _Match) -> tuple[float, float, float]:
         """Return the covariance of the edges' times from noise, samples^2: leading, both, trailing."""
         (in_leading, in_trailing), square = self._noise_share.values, match.rate**-2.0
@@ -429,6 +497,14 @@ class ContactTimer:
                 leading_step * trailing_step / 6.0,
                 trailing_step * trailing_step / 6.0,
             )
+
+
+def _lacks_samples(contact: Contact, pair: ContactPair, measured: MeasuredAround) -> bool:
+    """Return whether samples of a contact, as segmented, were lost."""
+    reach = 0.5 * contact.duration / HALF_LEVEL_SHARE
+    reach += MIN_BEYOND_RAD / (2.0 * math.pi) * (pair.end.centre - pair.start.centre)
+    around = math.floor(contact.centre - reach), math.ceil(contact.centre + reach)
+    return contact.predicted or measured(contact.centre, *around) != around
 
 
 def _is_next(before: float, period: float) -> bool:

@@ -1,39 +1,19 @@
-"""Status of estimates through revolutions that lost samples: a link that loses some says nothing about the tire."""
+"""Status of averages through revolutions that loss kept out of them: a link that loses samples is not the tire's."""
 
 from __future__ import annotations
 
-from collections import deque
-from typing import Final, NamedTuple
+from typing import Final
 
-from gateway.estimators.estimator import Estimate, Revolution, Status
+from gateway.estimators.estimator import OF_LOSS, Estimate, Revolution, Status
 from gateway.quantity_catalogue import quantities_of
-from gateway.reasons import Code, Reason
+from gateway.reasons import Code
 
-_LOSSES: Final = frozenset({Code.SAMPLES_LOST, Code.CONTACT_INTERPOLATED})
-# What a gap at an edge of the contact makes of it.
-_OF_GAPS: Final = _LOSSES | {Code.CONTACT_HAS_NO_SLOPE, Code.CONTACT_IN_NOISE}
-# Two thresholds, so that a link near one of them does not change the status with every revolution.
-_WINDOW: Final = 16
-_FREQUENT: Final = 12
-_RARE: Final = 8
 # Of an average whose memory is not declared.
 _MEMORY_REVOLUTIONS: Final = 50
 
 
-class Loss(NamedTuple):
-    """What a link has lost at a revolution.
-
-    Attributes:
-        streak: revolutions in a row that lost samples and have no other fault, this one included; 0 without loss.
-        frequent: why what is measured in each revolution alone is provisional; None where loss is rare.
-    """
-
-    streak: int
-    frequent: Reason | None
-
-
-class LinkLoss:
-    """Follows which revolutions of a wheel lost samples; deterministic, one revolution at a time."""
+class LossStreak:
+    """Counts the revolutions in a row that loss alone keeps out of averages; deterministic."""
 
     def __init__(self) -> None:
         """Start without revolutions."""
@@ -41,28 +21,20 @@ class LinkLoss:
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
-        self._recent: deque[bool] = deque(maxlen=_WINDOW)
-        self._is_frequent = False
-        self._streak = 0
+        self._count = 0
 
-    def take(self, revolution: Revolution) -> Loss:
-        """Take the next revolution."""
-        codes = [fault.code for fault in revolution.faults]
-        is_lossy = not _LOSSES.isdisjoint(codes) and _OF_GAPS.issuperset(codes)
-        self._streak = self._streak + 1 if is_lossy else 0
-        self._recent.append(is_lossy)
-        lossy = sum(self._recent)
-        self._is_frequent = lossy >= (_RARE if self._is_frequent else _FREQUENT)
-        frequent = Reason(Code.LOSS_FREQUENT, lossy=lossy, revolutions=len(self._recent)) if self._is_frequent else None
-        return Loss(self._streak, frequent)
+    def take(self, revolution: Revolution) -> int:
+        """Take the next revolution; return the number up to it, 0 where it has another fault or none."""
+        is_lossy = bool(revolution.faults) and all(fault.code in OF_LOSS for fault in revolution.faults)
+        self._count = self._count + 1 if is_lossy else 0
+        return self._count
 
 
 class SteadyStatus:
-    """Keeps the status of one estimator's estimates through loss; deterministic, one revolution at a time.
+    """Keeps the status of one estimator's averages through loss; deterministic, one revolution at a time.
 
-    An average stays valid through revolutions that only loss kept out of it, as long as its memory. What is measured
-    in each revolution alone is provisional while loss is frequent, and not only in the revolutions that lost samples.
-    Every other reason lowers the status at once.
+    An average stays valid through revolutions that only loss kept out of it, as long as its memory. Every other reason
+    lowers the status at once.
     """
 
     def __init__(self, estimator: str) -> None:
@@ -73,28 +45,17 @@ class SteadyStatus:
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
         self._before: tuple[Estimate, ...] = ()
-        self._lowered: frozenset[str] = frozenset()
-        self._lowered_before: frozenset[str] = frozenset()
 
-    def steadied(self, estimates: tuple[Estimate, ...], loss: Loss) -> tuple[Estimate, ...]:
-        """Return the estimates of the next revolution with the status that they keep through loss."""
-        if loss.streak:
+    def steadied(self, estimates: tuple[Estimate, ...], streak: int) -> tuple[Estimate, ...]:
+        """Return the estimates of the next revolution with the status that they keep through loss.
+
+        Args:
+            estimates: of the revolution.
+            streak: revolutions in a row that loss alone keeps out of averages, this one included.
+        """
+        if streak:
             valid = {estimate.name: estimate for estimate in self._before if estimate.status is Status.VALID}
-            estimates = tuple([self._held(estimate, valid, loss.streak) for estimate in estimates])
-            lowered = frozenset(
-                estimate.name
-                for estimate in estimates
-                if any(reason.code in _LOSSES for reason in estimate.reasons) and estimate.status is not Status.VALID
-            )
-            # Twice in a row: what one gap happens to hit is not what loss hits.
-            self._lowered, self._lowered_before = lowered & self._lowered_before, lowered
-        elif loss.frequent is not None and self._lowered:
-            estimates = tuple(
-                estimate._replace(status=Status.PROVISIONAL, reasons=(*estimate.reasons, loss.frequent))
-                if estimate.status is Status.VALID and estimate.name in self._lowered
-                else estimate
-                for estimate in estimates
-            )
+            estimates = tuple([self._held(estimate, valid, streak) for estimate in estimates])
         self._before = estimates
         return estimates
 

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from firmware_protocol.messages import Axis, Coupling, Hello
 from firmware_protocol.wire import MAX_SATURATION_COUNTS
-from gateway.estimators.estimator import Revolution
-from gateway.estimators.revolution_block import RevolutionArrays
+from gateway.estimators.estimator import OF_LOSS, Revolution
+from gateway.estimators.revolution_block import LEAST_MEASURED, RevolutionArrays
 from gateway.pipeline.contact_timing import TimedPair
+from gateway.pipeline.gap_filling import GapFilling, angles_in_gaps
 from gateway.pipeline.sample_buffer import SampleBuffer
 from gateway.pipeline.segmenter import ContactPair
 from gateway.reasons import Code, Reason
@@ -32,8 +33,6 @@ from gateway.signal.order_spectrum import ORDER_COUNT, band_noises, highest_orde
 from gateway.signal.speed_normalisation import normalise_revolutions
 from gateway.types import ComplexArray, FloatArray
 
-# Revolutions with a larger share of lost samples are not averaged, because these are only interpolated.
-_MAX_MISSING_FRACTION: Final = 0.0
 # Revolutions worked on at once; more no longer fit into the processor's cache.
 _TOGETHER: Final = 16
 
@@ -136,7 +135,11 @@ class TimedRevolution:
 
 
 def revolutions_in_angle(
-    revolutions: Sequence[TimedRevolution], buffer: SampleBuffer, reading: SensorReading, radius_m: float
+    revolutions: Sequence[TimedRevolution],
+    buffer: SampleBuffer,
+    reading: SensorReading,
+    radius_m: float,
+    filling: GapFilling,
 ) -> RevolutionArrays:
     """Extract revolutions from the buffer and transform them to the angle domain.
 
@@ -147,6 +150,7 @@ def revolutions_in_angle(
         buffer: raw samples, holding at least these revolutions.
         reading: conversion of the samples.
         radius_m: belt radius, restores the steady value of an AC-coupled signal.
+        filling: of the wheel's gaps; takes these revolutions.
 
     Returns:
         the revolutions, with their defects in `faults`.
@@ -157,7 +161,8 @@ def revolutions_in_angle(
     extracted: list[Revolution] = []
     for begin in range(0, len(revolutions), _TOGETHER):
         part = slice(begin, begin + _TOGETHER)
-        extracted += _in_angle(revolutions[part], buffer, reading, radius_m, axes[part], radial[part], orders[part])
+        rows = axes[part], radial[part], orders[part]
+        extracted += _in_angle(revolutions[part], buffer, reading, radius_m, filling, *rows)
     return RevolutionArrays.of_rows(extracted, axes, radial, orders)
 
 
@@ -166,6 +171,7 @@ def _in_angle(
     buffer: SampleBuffer,
     reading: SensorReading,
     radius_m: float,
+    filling: GapFilling,
     axes: FloatArray,
     radial: FloatArray,
     orders: ComplexArray,
@@ -189,6 +195,28 @@ def _in_angle(
         2.0 * math.pi * timed_revolution.turns * timed_revolution.rate_hz / phase.samples
         for timed_revolution, phase in zip(revolutions, phases, strict=True)
     ]
+    # Hardly ever is any sample of a block saturated.
+    may_be_saturated = reading.is_saturated(buffer.view(*_range(revolutions[0], revolutions[-1], buffer)))
+    faults: list[tuple[Reason, ...]] = []
+    missing: list[float] = []
+    saturated: list[bool] = []
+    for row, omega_radps, timed_revolution, phase, samples in zip(
+        axes, omegas_radps, revolutions, phases, counts, strict=True
+    ):
+        first, end = math.floor(timed_revolution.timed.start.centre), math.ceil(timed_revolution.timed.end.centre)
+        lost = buffer.missing_between(first, end)
+        is_saturated = may_be_saturated and reading.is_saturated(samples)
+        is_clipped_low = not is_saturated and is_clipped(samples[:, reading.radial_column], timed_revolution.sign)
+        is_damaged = _is_damaged(timed_revolution.timed)
+        against = _faults(timed_revolution, is_damaged, is_saturated, is_clipped_low)
+        is_usable = not (lost or is_damaged)
+        if not (against or is_damaged):
+            inside = angles_in_gaps(_gaps(timed_revolution, buffer), phase, GRID_SIZE) if lost else None
+            state = timed_revolution.sign, timed_revolution.contribution_mps2 is None
+            is_usable = filling.take(row, omega_radps, inside, state)
+        faults.append(against if is_usable else (Reason(Code.SAMPLES_LOST), *against))
+        missing.append(lost / phase.samples)
+        saturated.append(is_saturated)
     radial[:] = normalise_revolutions(
         axes[:, Axis.RADIAL],
         phases,
@@ -198,18 +226,16 @@ def _in_angle(
     spectra = np.fft.rfft(radial, axis=1)
     orders[:] = spectrum_coefficients(spectra)
     noises = band_noises(spectra, [phase.samples for phase in phases])
-    # Hardly ever is any sample of a block saturated.
-    may_be_saturated = reading.is_saturated(buffer.view(*_range(revolutions[0], revolutions[-1], buffer)))
     for row_index, (revolution, phase, noise_coefficient) in enumerate(zip(revolutions, phases, noises, strict=True)):
         period = phase.samples
         order_max = highest_order(period)
         if order_max < ORDER_COUNT - 1:
             orders[row_index, order_max + 1 :] = complex(math.nan, math.nan)
-        timed = revolution.timed
-        edges, edge_fault = _edges(timed, radial[row_index], period, noise_coefficient)
-        lost = buffer.missing_between(math.floor(timed.start.centre), math.ceil(timed.end.centre))
-        saturated = may_be_saturated and reading.is_saturated(counts[row_index])
-        clipped = not saturated and is_clipped(counts[row_index][:, reading.radial_column], revolution.sign)
+        # What stands in the gaps has hardly any noise.
+        noise_coefficient = noise_coefficient / math.sqrt(max(1.0 - missing[row_index], LEAST_MEASURED))
+        against = faults[row_index]
+        waveform = None if against and any(fault.code in OF_LOSS for fault in against) else radial[row_index]
+        edges, edge_fault = _edges(revolution.timed, waveform, period, noise_coefficient)
         yield Revolution(
             index=revolution.index,
             start_s=revolution.start_s,
@@ -225,11 +251,11 @@ def _in_angle(
             leading_edge_std_rad=edges[2],
             trailing_edge_std_rad=edges[3],
             noise_mps2=sample_std(noise_coefficient, period, GRID_SIZE),
-            missing_fraction=lost / period,
-            saturated=saturated,
+            missing_fraction=missing[row_index],
+            saturated=saturated[row_index],
             ac_coupled=reading.ac_coupled,
-            faults=_faults(revolution, lost / period, saturated, clipped, edge_fault),
-            period_std_s=math.hypot(timed.period_std, revolution.missing_samples) / revolution.rate_hz,
+            faults=against if edge_fault is None else (*against, edge_fault),
+            period_std_s=math.hypot(revolution.timed.period_std, revolution.missing_samples) / revolution.rate_hz,
             rate_hz=revolution.rate_hz,
             uncorrected=revolution.uncorrected,
             turns=revolution.turns,
@@ -253,17 +279,18 @@ def _range(earlier: TimedRevolution, later: TimedRevolution, buffer: SampleBuffe
 
 
 def _edges(
-    timed: TimedPair, radial_mps2: FloatArray, period: float, noise_coefficient_mps2: float
+    timed: TimedPair, radial_mps2: FloatArray | None, period: float, noise_coefficient_mps2: float
 ) -> tuple[tuple[float, float, float, float], Reason | None]:
     """Return leading and trailing edge with their standard errors, and the reason why there are none.
 
     The refined contacts give the leading edge at the end and the trailing edge at the start of the revolution. Without
-    them, the edges are those of the waveform.
+    them, the edges are those of the waveform, or NaN where that lacks samples.
     """
-    start, end = timed.start, timed.end
-    edges = end.leading_rad, start.trailing_rad, end.leading_std_rad, start.trailing_std_rad
+    edges = _refined_edges(timed)
     if all(map(math.isfinite, edges)):
         return edges, None
+    if radial_mps2 is None:
+        return (math.nan,) * 4, None
     waveform_edges = find_contact_edges(radial_mps2, period, noise_coefficient_mps2)
     return (
         waveform_edges.leading_rad,
@@ -273,17 +300,33 @@ def _edges(
     ), waveform_edges.reason
 
 
-def _faults(
-    revolution: TimedRevolution, missing: float, saturated: bool, clipped: bool, edge_fault: Reason | None
-) -> tuple[Reason, ...]:
+def _refined_edges(timed: TimedPair) -> tuple[float, float, float, float]:
+    """Return leading and trailing edge with their standard errors, NaN where a contact was not refined."""
+    start, end = timed.start, timed.end
+    return end.leading_rad, start.trailing_rad, end.leading_std_rad, start.trailing_std_rad
+
+
+def _is_damaged(timed: TimedPair) -> bool:
+    """Return whether samples were lost in either contact, so that its time and edges are not measured."""
+    return not (timed.start.is_seen and timed.end.is_seen)
+
+
+def _gaps(revolution: TimedRevolution, buffer: SampleBuffer) -> list[tuple[float, float]]:
+    """Return first and last (exclusive) sample of the gaps in a revolution, in the positions of its phase."""
+    first, last = _range(revolution, revolution, buffer)
+    return [(low - first, end - first) for low, end in buffer.gaps_between(first, last)]
+
+
+def _faults(revolution: TimedRevolution, damaged: bool, saturated: bool, clipped: bool) -> tuple[Reason, ...]:
+    """Return why a revolution must not be averaged, apart from lost samples elsewhere than in its contacts."""
     faults = []
-    pair = revolution.pair
+    pair, timed = revolution.pair, revolution.timed
     if pair.start.predicted or pair.end.predicted:
         faults.append(Reason(Code.CONTACT_INTERPOLATED))
+    if damaged and all(map(math.isfinite, _refined_edges(timed))):
+        faults.append(Reason(Code.CONTACT_NOT_SEEN))
     if revolution.turns > 1:
         faults.append(Reason(Code.SEVERAL_TURNS, turns=float(revolution.turns)))
-    if missing > _MAX_MISSING_FRACTION:
-        faults.append(Reason(Code.SAMPLES_LOST))
     if revolution.missing_samples > 0.0:
         faults.append(Reason(Code.SAMPLES_LOST_UNMARKED, count=revolution.missing_samples))
     elif revolution.missing_samples < 0.0:
@@ -292,6 +335,4 @@ def _faults(
         faults.append(Reason(Code.RADIAL_SATURATED))
     if clipped:
         faults.append(Reason(Code.RADIAL_CLIPPED))
-    if edge_fault is not None:
-        faults.append(edge_fault)
     return tuple(faults)

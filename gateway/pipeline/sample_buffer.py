@@ -114,6 +114,24 @@ class SampleBuffer:
         """Count the samples in `first` to `end` (exclusive) that were lost and filled."""
         return sum(max(0, min(end, hi) - max(first, lo)) for lo, hi in self._gaps) if self._gaps else 0
 
+    def gaps_between(self, first: int, end: int) -> list[tuple[int, int]]:
+        """Return first and last (exclusive) sample of the gaps that reach into `first` to `end` (exclusive)."""
+        return [(lo, hi) for lo, hi in self._gaps if lo < end and hi > first] if self._gaps else []
+
+    def measured_around(self, place: float, first: int, end: int) -> tuple[int, int]:
+        """Return the longest stretch within `first` to `end` (exclusive) around a place in which no sample was lost.
+
+        It is empty where the place itself lies in a gap.
+        """
+        for lo, hi in self._gaps:
+            if lo - 1 < place < hi:
+                return first, first
+            if hi <= place:
+                first = max(first, hi)
+            else:
+                end = min(end, lo)
+        return first, end
+
     def _count_overwritten(self, new_tail: int, unread_from: int | None) -> None:
         if unread_from is not None and new_tail > unread_from:
             self.overwritten += new_tail - max(unread_from, self.tail)

@@ -13,10 +13,10 @@ import numpy as np
 from firmware_protocol.messages import Axis, Environment
 from gateway.estimators.estimator import AngleAverage, Estimate, Estimator, Status, TireConditions
 from gateway.estimators.registry import in_order, make_estimator
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock
+from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays, RevolutionBlock, measured_shares
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
-from gateway.pipeline.lost_revolutions import LinkLoss, SteadyStatus
+from gateway.pipeline.lost_revolutions import LossStreak, SteadyStatus
 from gateway.pipeline.old_pressure import old_pressure_s
 from gateway.pipeline.own_drift import OwnDrift
 from gateway.pipeline.qualification import noted, provisional_where, qualified
@@ -150,6 +150,7 @@ def _average(average: RunningAverage, arrays: RevolutionArrays, taken: Sequence[
             (revolution.leading_edge_std_rad, revolution.trailing_edge_std_rad) for revolution in revolutions
         ],
         noise_mps2=[revolution.noise_mps2 for revolution in revolutions],
+        measured=measured_shares(revolutions),
     )
 
 
@@ -167,14 +168,14 @@ class _Series:
         present: dict[str, Estimator] = {**calibrations, **common}
         self.estimators: list[Estimator] = [present.get(name) or make_estimator(name) for name in in_order(estimators)]
         self.drifts = {estimator.name: OwnDrift(estimator.name) for estimator in self.estimators}
-        self.link_loss = LinkLoss()
+        self.loss_streak = LossStreak()
         self.statuses = {estimator.name: SteadyStatus(estimator.name) for estimator in self.estimators}
 
     def reset(self) -> None:
         """Forget everything, as after a change of tire."""
         self.average.reset()
         self.calibration.reset()
-        self.link_loss.reset()
+        self.loss_streak.reset()
         for estimator in self.estimators:
             estimator.reset()
             self.drifts[estimator.name].reset()
@@ -292,7 +293,7 @@ class TireEstimates:
         ]
         block = RevolutionBlock(revolutions, arrays, averages, conditions)
         stated_block = RevolutionBlock(revolutions, arrays, averages, stated)
-        losses = [series.link_loss.take(revolution) for revolution in revolutions]
+        streaks = [series.loss_streak.take(revolution) for revolution in revolutions]
         estimates: list[list[Estimate]] = [[] for _ in revolutions]
         for estimator in series.estimators:
             if estimator is series.calibration:
@@ -312,7 +313,7 @@ class TireEstimates:
                     final = noted(final, signed, _SIGN_UNVERIFIED)
                 if drift.applies:
                     final = drift.widened(final)
-                final = status.steadied(final, losses[index])
+                final = status.steadied(final, streaks[index])
                 earlier[index].add(name, final)
                 estimates[index] += final
         results = []

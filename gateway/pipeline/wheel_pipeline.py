@@ -16,6 +16,7 @@ from firmware_protocol.sequence import unwrap
 from gateway.constants import AXIS_NAMES
 from gateway.estimators.estimator import Revolution
 from gateway.pipeline.contact_timing import ContactTimer, TimedPair
+from gateway.pipeline.gap_filling import GapFilling
 from gateway.pipeline.missing_revolutions import MissingRevolutions
 from gateway.pipeline.possible_readings import possible_reading
 from gateway.pipeline.results import RevolutionResult, SensorFlag, WheelCounters, WheelSnapshot, WheelState
@@ -101,6 +102,7 @@ class WheelPipeline:
         self._hold_s = hold_s
         self._tire = TireEstimates(setup, estimators)
         self._timer = ContactTimer()
+        self._filling = GapFilling()
         self._unmarked = UnmarkedLossCheck()
         self._missing = MissingRevolutions(setup.radius_m)
         self._sensor: _Sensor | None = None
@@ -149,6 +151,7 @@ class WheelPipeline:
             self._buffer = SampleBuffer(round(BUFFER_S * hello.rate_hz), len(reading.columns))
             self._segmenter = None
             self._timer.reset()
+            self._filling.reset()
             self._unmarked.reset()
             self._clock = SampleClock(hello.rate_hz)
 
@@ -386,7 +389,7 @@ class WheelPipeline:
             pairs,
             rates_hz,
             lambda first, end: sign * reading.radial_mps2(buffer.view(first, end)),
-            buffer.missing_between,
+            buffer.measured_around,
         )
         revolutions: list[TimedRevolution] = []
         ends_us: list[float] = []
@@ -410,7 +413,7 @@ class WheelPipeline:
             ends_us.append(end_us)
             self._revolutions += 1
         self._checked_before = before
-        in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m)
+        in_angle = revolutions_in_angle(revolutions, buffer, reading, self.setup.radius_m, self._filling)
         counts = (
             buffer.view(math.ceil(timed.start.centre), math.ceil(timed.end.centre))[:, reading.radial_column]
             for timed in all_timed

@@ -35,7 +35,7 @@ from gateway.types import BoolArray, FloatArray
 # The template extends this far beyond the edges, to include the full slope of the overshoots.
 _BEYOND_RAD: Final = 0.35
 # The samples must extend at least this far beyond either edge.
-_MIN_BEYOND_RAD: Final = 0.12
+MIN_BEYOND_RAD: Final = 0.12
 # Samples at either end of the data that are affected by the end condition of the interpolation.
 _END_SAMPLES: Final = 4
 _MIN_POINTS: Final = 16
@@ -45,7 +45,7 @@ _GAIN_RANGE: Final = (0.6, 1.6)
 _MAX_SHIFT_SHARE: Final = 0.3
 _MAX_RESIDUAL_SHARE: Final = 0.2
 # Distance of the half-level crossings over that of the edges.
-_HALF_LEVEL_SHARE: Final = 0.85
+HALF_LEVEL_SHARE: Final = 0.85
 # The derivative keeps orders below this.
 _DERIVATIVE_ORDERS: Final = 160
 _UNKNOWN: Final = np.full((2, 2, 2), math.nan)
@@ -158,7 +158,7 @@ def contact_template(
     mean = float(radial_mps2.mean())
     if first < 0 or last >= n or not mean > 0.0:
         return None
-    contact = refine_contact(radial_mps2, 0.5 * n, _HALF_LEVEL_SHARE * (edges.trailing_rad - edges.leading_rad) / step)
+    contact = refine_contact(radial_mps2, 0.5 * n, HALF_LEVEL_SHARE * (edges.trailing_rad - edges.leading_rad) / step)
     if contact is None:
         return None
     part = slice(first, last + 1)
@@ -222,7 +222,7 @@ class ContactSamples:
             where = _places(angles, *arrays)
             begins = (where < _END_SAMPLES).sum(axis=1).tolist()
             ends = (where < self._last[:, np.newaxis] - _END_SAMPLES).sum(axis=1).tolist()
-        low, high = edges.leading_rad - _MIN_BEYOND_RAD, edges.trailing_rad + _MIN_BEYOND_RAD
+        low, high = edges.leading_rad - MIN_BEYOND_RAD, edges.trailing_rad + MIN_BEYOND_RAD
         # Contacts by the points of the template that their samples cover; nearly always all of them.
         covered: dict[tuple[int, int], list[int]] = {}
         for index, (begin, end) in enumerate(zip(begins, ends, strict=True)):

@@ -260,6 +260,16 @@ class _Moments:
         spread = np.maximum(retained * self.spread + square - np.square(mean), 0.0)
         return _Moments(origin + mean, spread, retained**2 * self.weight_square + np.sum(np.square(shares), axis=0))
 
+    def and_then_partly(self, values: FloatArray, weights: FloatArray, measured: FloatArray) -> _Moments:
+        """As `and_then`, of values of which only a share `measured` (k, 1) scatters; it stands for the rest too."""
+        mean, spread, weight_square = self.mean, self.spread, self.weight_square
+        for value, weight, share in zip(values, weights, measured, strict=True):
+            change, retained = value - mean, 1.0 - weight
+            mean = mean + weight * change
+            spread = retained * (spread + weight / share * np.square(change))
+            weight_square = np.square(retained) * weight_square + np.square(weight) / share
+        return _Moments(mean, spread, weight_square)
+
     def variance(self) -> FloatArray:
         """Return the unbiased variance of one value; NaN after a single one."""
         freedom = 1.0 - self.weight_square
@@ -344,8 +354,10 @@ class _Steps:
         omega_radps: Sequence[float],
         scalars: list[tuple[int, float, float, float, _Edges]],
         floor: float,
+        measured: FloatArray | None,
     ) -> None:
         self._before = before
+        self._measured = measured
         self._omega = omega_radps
         self._scalars = scalars
         squares = np.square(np.array(omega_radps))[:, np.newaxis]
@@ -388,7 +400,8 @@ class _Steps:
         block_spectra = _spectra(self._values, has_orders=bool(self._carried.all()))
         result: ComplexArray = shares.prior[:, np.newaxis] * before + shares.values @ block_spectra
         change = (block_spectra - np.concatenate([before, result[:-1]])) * self._carried
-        self._squares = (0.5 * np.sum(change.real**2 + change.imag**2, axis=1)).tolist()
+        squares = 0.5 * np.sum(change.real**2 + change.imag**2, axis=1)
+        self._squares = (squares if self._measured is None else squares / self._measured[:, 0]).tolist()
         return result
 
     @cached_property
@@ -405,12 +418,13 @@ class _Steps:
         else:
             _, weights = self._order_weights
             steps = np.tile(weights, 2)
+            of_scatter = steps if self._measured is None else steps / self._measured
             mean, each = moments.mean[_ORDERS_AT:].copy(), moments.spread[_ORDERS_AT:]
             spreads = []
-            for orders, weight in zip(self._values[:, _ORDERS_AT:], steps, strict=True):
+            for orders, weight, scatter in zip(self._values[:, _ORDERS_AT:], steps, of_scatter, strict=True):
                 change = orders - mean
                 mean += weight * change
-                each = (1.0 - weight) * (each + weight * np.square(change))
+                each = (1.0 - weight) * (each + scatter * np.square(change))
                 spreads.append(0.5 * float(each.sum()))
         freedoms = [1.0 - weight_square for _, weight_square, *_ in self._scalars]
         return [
@@ -446,8 +460,11 @@ class _Steps:
         rows = slice(previous + 1, index + 1)
         counts, _ = self._order_weights
         count, weight_square, _, noise, edges = self._scalars[index]
+        values, weights = self._values[rows], self._weights[rows]
         return _State(
-            moments=begin.moments.and_then(self._values[rows], self._weights[rows]),
+            moments=begin.moments.and_then(values, weights)
+            if self._measured is None
+            else begin.moments.and_then_partly(values, weights, self._measured[rows]),
             order_counts=counts[index],
             count=count,
             weight_square=weight_square,
@@ -516,6 +533,7 @@ class RunningAverage:
         edges_rad: Sequence[tuple[float, float]],
         edges_std_rad: Sequence[tuple[float, float]],
         noise_mps2: Sequence[float],
+        measured: Sequence[float] | None = None,
     ) -> AverageSteps:
         """Add k revolutions.
 
@@ -526,6 +544,7 @@ class RunningAverage:
             edges_rad: leading and trailing edge of each; NaN edges do not change the mean edges.
             edges_std_rad: standard errors of the two, including the uncertainty of the edge's definition.
             noise_mps2: noise of one angle-domain sample, used for standard errors until the scatter is known.
+            measured: share of each that was measured, the rest being filled without scatter; None where all was.
 
         Returns:
             The average after each of them, at its speed.
@@ -542,16 +561,20 @@ class RunningAverage:
         state, floor = self._state, self._floor
         count, weight_square, order_noise, edges = state.count, state.weight_square, state.order_noise, state.edges
         scalars = []
-        for omega, both, stds, sample_noise in zip(omega_radps, edges_rad, edges_std_rad, noise_mps2, strict=True):
+        shares = (1.0,) * len(omega_radps) if measured is None else measured
+        for omega, both, stds, sample_noise, share in zip(
+            omega_radps, edges_rad, edges_std_rad, noise_mps2, shares, strict=True
+        ):
             count += 1
             weight = max(1.0 / count, floor)
-            weight_square = (1.0 - weight) ** 2 * weight_square + weight * weight
+            weight_square = (1.0 - weight) ** 2 * weight_square + weight * weight / share
             noise = sample_noise * math.sqrt(2.0 / self._n) / (omega * omega) if math.isfinite(sample_noise) else 0.0
             order_noise += weight * (noise * noise - order_noise)
             if math.isfinite(both[0] + both[1] + stds[0] + stds[1]):
                 edges = edges.and_then(both, stds, floor)
             scalars.append((count, weight_square, weight, order_noise, edges))
-        steps = _Steps(state, radial_mps2, orders_mps2, omega_radps, scalars, floor)
+        column = None if measured is None else np.array(measured)[:, np.newaxis]
+        steps = _Steps(state, radial_mps2, orders_mps2, omega_radps, scalars, floor, column)
         self._state, self._steps = steps.state(len(scalars) - 1), steps
         self._latest = self._waveform = None
         return steps

@@ -78,19 +78,16 @@ def test_doubtful_revolutions_are_provisional_with_a_reason(change: dict[str, ob
     assert all(code in codes_of(e.reasons) for e in estimates.values())
 
 
-@pytest.mark.parametrize(
-    ("change", "code"),
-    [
-        ({"missing_fraction": 0.03}, Code.SAMPLES_LOST_SHARE),
-        ({"faults": (Reason(Code.CONTACT_INTERPOLATED),)}, Code.CONTACT_INTERPOLATED),
-    ],
-)
-def test_lost_samples_lower_the_edges_but_not_the_speed(change: dict[str, object], code: Code) -> None:
-    estimates = estimates_of(make_revolution(WAVE, **change))
-    for name in ("speed_mps", "angular_speed_radps", "rotation_rpm"):
-        assert estimates.pop(name).status is Status.VALID
-    assert {e.status for e in estimates.values()} == {Status.PROVISIONAL}
-    assert all(code in codes_of(e.reasons) for e in estimates.values())
+def test_lost_samples_lower_no_status_where_times_and_edges_have_errors_for_them() -> None:
+    lost = (Reason(Code.SAMPLES_LOST), Reason(Code.CONTACT_INTERPOLATED), Reason(Code.CONTACT_NOT_SEEN))
+    estimates = estimates_of(make_revolution(WAVE, missing_fraction=0.03, faults=lost))
+    assert {e.status for e in estimates.values()} == {Status.VALID}
+    assert codes_of(estimates["speed_mps"].reasons) == (Code.CONTACT_INTERPOLATED,)
+    assert codes_of(estimates["contact_length_m"].reasons) == (Code.CONTACT_INTERPOLATED, Code.CONTACT_NOT_SEEN)
+    without = estimates_of(make_revolution(WAVE, edges=(math.nan, math.nan), faults=lost[:1]))
+    assert without["speed_mps"].status is Status.VALID
+    assert without["contact_length_m"].status is Status.INVALID
+    assert codes_of(without["contact_length_m"].reasons) == (Code.SAMPLES_LOST,)
 
 
 def test_speed_is_valid_without_edges() -> None:

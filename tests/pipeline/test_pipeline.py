@@ -16,7 +16,7 @@ from gateway.estimators.estimator import Status
 from gateway.pipeline.results import WheelState
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
-from gateway.reasons import Code, Reason, codes_of
+from gateway.reasons import Code, codes_of
 from tests.testkit.agreement import assert_agree, values_of
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, load_std_n=50.0)
@@ -188,7 +188,12 @@ def test_lost_frame_loses_no_revolution(roll, to_frames):
         assert pipeline.wheels()[0].counters.samples_lost == 36
         hit = [result for result in results if result.revolution.missing_fraction > 0]
         assert 1 <= len(hit) <= 2
-        assert all(Reason(Code.SAMPLES_LOST) in result.revolution.faults for result in hit)
+        for result in hit:
+            # Away from the contacts it says nothing against the revolution.
+            codes = {fault.code for fault in result.revolution.faults}
+            assert not codes or Code.SAMPLES_LOST in codes
+            edges = result.revolution.leading_edge_rad, result.revolution.trailing_edge_rad
+            assert np.abs(np.abs(edges) - 0.2398).max() < 0.012
         speeds = np.array([result.revolution.omega_radps for result in results])
         assert abs(speeds / speeds.mean() - 1).max() < 0.02
 

@@ -216,3 +216,31 @@ def test_invalid_revolution_raises_and_keeps_average(wave: np.ndarray, omega: fl
 def test_horizon_below_one_raises() -> None:
     with pytest.raises(ValueError, match="horizon"):
         RunningAverage(0.5)
+
+
+def test_what_is_filled_of_a_revolution_counts_for_nothing() -> None:
+    rng = np.random.default_rng(5)
+    whole, partly = RunningAverage(), RunningAverage()
+    for wave in waves(400):
+        average = feed(whole, wave)
+        # A quarter without scatter, at any place.
+        filled = np.where(np.roll(np.arange(1024), rng.integers(1024)) < 256, partly_mean(partly), wave)
+        partly.update_block(
+            filled[np.newaxis],
+            order_coefficients(filled)[np.newaxis],
+            [50.0],
+            edges_rad=[(-0.25, 0.25)],
+            edges_std_rad=[(0.0075, 0.0075)],
+            noise_mps2=[2.0],
+            measured=[0.75],
+        )
+    filled_average = partly.latest
+    assert filled_average is not None
+    assert filled_average.scatter_mps2.mean() == pytest.approx(average.scatter_mps2.mean(), rel=0.03)
+    error = np.abs(filled_average.orders_mps2 - order_coefficients(SHAPE)) / filled_average.orders_std_mps2
+    assert math.sqrt(0.5 * np.square(error[1:]).mean()) == pytest.approx(1.0, abs=0.35)
+    assert filled_average.effective_count < average.effective_count
+
+
+def partly_mean(average: RunningAverage) -> np.ndarray:
+    return SHAPE if average.waveform_mps2 is None else average.waveform_mps2

@@ -146,6 +146,13 @@ def _late(axis: int) -> Change:
     return change
 
 
+def _lost(in_a_row: int) -> Change:
+    def change(world: World, said: Statement, size: float, _: np.random.Generator) -> tuple[World, Statement]:
+        return world, replace(said, lost=(0.01 * size, in_a_row))
+
+    return change
+
+
 def _tilt(world: World, said: Statement, size: float, rng: np.random.Generator) -> tuple[World, Statement]:
     roll, pitch, yaw = (size * rng.choice([-1.0, 1.0], 3)).tolist()
     return replace(world, tilt_deg=(roll, pitch, yaw)), said
@@ -305,6 +312,8 @@ CASES: Final[tuple[Case, ...]] = (
         "conditions",
         tire=True,
     ),
+    Case("lost-frames", "% of the frames", (3.0, 10.0, 20.0), _lost(1), "lost on the link, one by one", "conditions"),
+    Case("lost-bursts", "% of the frames", (3.0, 10.0, 20.0), _lost(8), "lost eight in a row", "conditions"),
 )
 NORMAL: Final = Case("normal", "", (0.0,), _normal, "everything off by its normal error", "normal")
 

@@ -211,7 +211,7 @@ def results_of(run: Run, statement: Statement, estimators: Sequence[str]) -> lis
     names = [name for name in estimators if name not in statement.left_out]
     pipeline = Pipeline(setups, WheelSetup("", 0, 0, setups[0].radius_m), names)
     results: list[RevolutionResult] = []
-    for frame in _channels(run.frames, run.world, statement):
+    for frame in _received(_channels(run.frames, run.world, statement), *statement.lost):
         results += pipeline.frames(_LINK, (_as_stated(frame, statement),), _START_NS + 1000 * frame.tick_us)
     return results + pipeline.finish()
 
@@ -231,6 +231,17 @@ def _channels(frames: Sequence[Frame], world: World, statement: Statement) -> It
             begin = len(counts) - count
             delayed = np.stack([counts[begin - lag : len(counts) - lag, axis] for axis, lag in enumerate(late)], axis=1)
             frame = frame._replace(message=message._replace(counts=delayed))
+        yield frame
+
+
+def _received(frames: Iterator[Frame], share: float, in_a_row: int) -> Iterator[Frame]:
+    """Yield the frames that a link delivers which loses a share of those with samples, some in a row."""
+    rng, losing = np.random.default_rng(1), 0
+    for frame in frames:
+        if share and isinstance(frame.message, SampleBlock):
+            losing = losing - 1 if losing else in_a_row * int(rng.random() < share / (in_a_row * (1.0 - share)))
+            if losing:
+                continue
         yield frame
 
 

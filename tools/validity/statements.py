@@ -45,6 +45,7 @@ class Statement:
         left_out: estimators that do not run.
         axes: channel that each of the three axes is taken from; two are swapped where they are not in order.
         late_s: delay of each axis.
+        lost: share of the frames of samples that the link loses, and how many of them in a row.
     """
 
     radius_mm: float
@@ -65,6 +66,7 @@ class Statement:
     left_out: tuple[str, ...] = ()
     axes: tuple[int, int, int] = (0, 1, 2)
     late_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lost: tuple[float, int] = (0.0, 1)
 
     def vehicle(self, world: World) -> VehicleConfig:
         """Return the configuration; what is None is left out."""

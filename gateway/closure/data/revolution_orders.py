@@ -82,6 +82,10 @@ class RevolutionStore:
         if faults:
             self.reject(faults[0])
             return
+        if revolution.missing_fraction:
+            # What stands in its gaps is of other revolutions.
+            self.reject(Reason(Code.SAMPLES_LOST))
+            return
         if not (np.isfinite(revolution.axes_mps2[2]).all() and revolution.rate_hz > 0.0):
             self.reject(NOT_MEASURED)
             return
