@@ -1,8 +1,9 @@
-"""Age of a measured pressure that is no longer current."""
+"""Age of a measured pressure, and how far it may have changed since its reading."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from statistics import median
 from typing import Final
@@ -37,3 +38,18 @@ def old_pressure_s(readings: Sequence[Reading], at_us: float) -> float | None:
     interval_s = median(after - before for before, after in pairwise(taken)) * 1e-6 if len(taken) > 1 else 0.0
     age_s = (at_us - taken[-1]) * 1e-6
     return age_s if age_s > max(ENVIRONMENT_LEAST_S, ENVIRONMENT_INTERVALS * interval_s) else None
+
+
+def change_since_reading_pa(latest_first: Iterable[Reading]) -> float:
+    """Return one standard error of a pressure by its change since the latest reading.
+
+    Until the next reading it is taken to change as it did since the one before, as in a puncture: by anything between
+    nothing and all of that, uniformly. The first reading says nothing of a change.
+
+    Args:
+        latest_first: readings, the latest one first.
+    """
+    pressures = (reading.pressure_pa for _, reading, _ in latest_first if reading.pressure_pa is not None)
+    latest = next(pressures, None)
+    before = next(pressures, None)
+    return abs(latest - before) / math.sqrt(3.0) if latest is not None and before is not None else 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -17,7 +18,7 @@ from gateway.estimators.revolution_block import BlockEstimator, RevolutionArrays
 from gateway.estimators.self_calibration import SelfCalibrationEstimator
 from gateway.estimators.signal_evidence import Evidence, assess
 from gateway.pipeline.lost_revolutions import LossStreak, SteadyStatus
-from gateway.pipeline.old_pressure import old_pressure_s
+from gateway.pipeline.old_pressure import change_since_reading_pa, old_pressure_s
 from gateway.pipeline.own_drift import OwnDrift
 from gateway.pipeline.qualification import noted, provisional_where, qualified
 from gateway.pipeline.results import RevolutionResult, SensorFlag
@@ -365,9 +366,11 @@ class TireEstimates:
 
     def _conditions(self, taken: tuple[int, Environment, float] | None) -> TireConditions:
         pressure, temperature = self._setup.pressure_pa, self._setup.temperature_degc
-        pressure_std = self._setup.pressure_std_pa
+        pressure_std, change_pa = self._setup.pressure_std_pa, 0.0
         if taken is not None:
-            _, reading, pressure_error = taken
+            tick_us, reading, pressure_error = taken
+            until_then = (entry for entry in reversed(self._environment) if entry[0] <= tick_us)
+            change_pa = change_since_reading_pa(until_then)
             pressure = reading.pressure_pa if reading.pressure_pa is not None else pressure
             temperature = reading.temperature_degc if reading.temperature_degc is not None else temperature
             pressure_std = max(pressure_std, pressure_error)
@@ -379,7 +382,7 @@ class TireEstimates:
             pressure_pa=pressure,
             temperature_degc=temperature,
             load_std_n=self._setup.load_std_n,
-            pressure_std_pa=pressure_std,
+            pressure_std_pa=math.hypot(pressure_std, change_pa),
             radius_std_m=self._setup.radius_std_m,
             claims=self._setup.sensor,
             tire=self._setup.tire,

@@ -312,6 +312,25 @@ CASES: Final[tuple[Case, ...]] = (
         "conditions",
         tire=True,
     ),
+    Case(
+        "speed-step",
+        "%",
+        _both(10.0, 30.0),
+        _while_driving(
+            (
+                "motion",
+                "speed_kmh",
+                lambda world, size: (
+                    (0.0, world.speed_kmh),
+                    (0.4, world.speed_kmh),
+                    (0.7, world.speed_kmh * (1.0 + 0.01 * size)),
+                ),
+            )
+        ),
+        "the wheel brakes or speeds up in the middle",
+        "conditions",
+        tire=True,
+    ),
     Case("lost-frames", "% of the frames", (3.0, 10.0, 20.0), _lost(1), "lost on the link, one by one", "conditions"),
     Case("lost-bursts", "% of the frames", (3.0, 10.0, 20.0), _lost(8), "lost eight in a row", "conditions"),
 )
