@@ -66,7 +66,7 @@ _CLOSURE_STD: Final = 1.5e-4
 # Signal in the middle of a flat contact as a share of R Omega^2, on the exact ring over loads, and its error.
 _CONTACT_LEVEL: Final = (-0.025, 0.035)
 # Errors from belt stretch and contact shear in the circumferential axis.
-_OFFSET_MODEL_M: Final = 2e-5
+OFFSET_MODEL_M: Final = 2e-5
 PITCH_MODEL_RAD: Final = 4e-4
 _HORIZON_REVOLUTIONS: Final = 2000.0
 _KEEP: Final = 1.0 - 1.0 / _HORIZON_REVOLUTIONS
@@ -648,7 +648,7 @@ def _mounting(
 ) -> tuple[_Measurement | None, _Measurement | None]:
     """Return pitch and mounting offset; None where they are not finite."""
     offset, tilt = solution[0], solution[1]
-    offset_std = math.hypot(stds[0], axes_std * offset, _OFFSET_MODEL_M)
+    offset_std = math.hypot(stds[0], axes_std * offset, OFFSET_MODEL_M)
     if not (math.isfinite(offset_std) and math.isfinite(tilt)):
         return None, None
     pitch = _Measurement(math.atan(tilt), math.hypot(stds[1], axes_std * tilt, PITCH_MODEL_RAD))

@@ -27,6 +27,7 @@ from gateway.estimators.estimator import Estimate, Status, TireConditions
 from gateway.estimators.lost_steady_value import LostSteadyValue
 from gateway.estimators.self_calibration import (
     GREATEST_MEAN_SQUARE,
+    OFFSET_MODEL_M,
     PITCH_MODEL_RAD,
     Equations,
     Measured,
@@ -398,6 +399,14 @@ def _zero_beyond_statement(measured: Measured, claims: SensorClaims) -> float:
     return abs(zero_mps2) if abs(zero_mps2) > CONTRADICTION * std else disagreement_std(zero_mps2, std)
 
 
+def _swapped_offset(measured: Measured, claims: SensorClaims) -> tuple[float, float] | None:
+    """Return the depth by the axis that is along the belt where it is taken for the lateral one, else None."""
+    offset_m = measured.relations.swapped_offset_m
+    if not (measured.relations.is_swapped and math.isfinite(offset_m)):
+        return None
+    return offset_m, math.hypot(OFFSET_MODEL_M, math.sqrt(2.0) * claims.gain_std * offset_m)
+
+
 def _related(measured: Measured, steady_mps2: float, radius_m: float) -> Iterator[Contradiction]:
     """Yield what the axes say of each other."""
     relations, omega_radps = measured.relations, math.sqrt(steady_mps2 / radius_m)
@@ -423,8 +432,9 @@ def _offset(
     claims = conditions.claims
     stated = None if claims.offset_m is None else _Value(claims.offset_m, claims.offset_std_m)
     by_signal = None
-    if measured is not None and measured.offset_m is not None:
-        value, std = measured.offset_m
+    depth = None if measured is None else measured.offset_m or _swapped_offset(measured, claims)
+    if depth is not None:
+        value, std = depth
         by_signal = _Value(value, math.hypot(std, error * value))
     if stated is None and by_signal is None:
         return 0.0, UNKNOWN_OFFSET_STD_M, False

@@ -52,6 +52,8 @@ class AxisRelations(NamedTuple):
         lateral_late_rad: likewise of the lateral axis.
         is_swapped: whether the circumferential axis is the lateral one, and the other way round.
         roll_rad: roll by the shape of the lateral axis; NaN where that is not known.
+        swapped_offset_m: of the sensor below the neutral layer, where both are swapped by the one along the belt;
+            NaN likewise.
         tilt: of the radial axis into the circumferential one, by the shape of the latter; NaN likewise.
         along_zero_mps2: zero-g offset of the latter, what its mean has beyond the tilt; NaN likewise.
     """
@@ -60,6 +62,7 @@ class AxisRelations(NamedTuple):
     lateral_late_rad: float = 0.0
     is_swapped: bool = False
     roll_rad: float = math.nan
+    swapped_offset_m: float = math.nan
     tilt: float = math.nan
     along_zero_mps2: float = math.nan
 
@@ -109,7 +112,7 @@ def axis_relations(
     has_along, has_lateral = np.isfinite(spectra[:2, 0].real).tolist()
     half_rad = 0.5 * (edges_rad[1] - edges_rad[0])
     late_along = late_lateral = 0.0
-    is_swapped, roll_rad, tilt, zero_mps2 = False, math.nan, math.nan, math.nan
+    is_swapped, roll_rad, tilt, zero_mps2, swapped_offset_m = False, math.nan, math.nan, math.nan, math.nan
     if has_along:
         orders = np.delete(np.arange(1, count + 1), HUB_ORDER - 1)
         predicted = STANDARD_GRAVITY_MPS2 * belt.known_spectra[0] + reaction_mps2 * belt.known_spectra[1]
@@ -122,7 +125,7 @@ def axis_relations(
             twice = spectra[_CIRCUMFERENTIAL, 0] - predicted[0] - tilt * spectra[_RADIAL, 0]
             zero_mps2 = 0.5 * float(twice.real)
         if has_lateral:
-            without, whole = _remainder(spectra[_LATERAL, orders], factors, predicted[orders])
+            without, whole, swapped_offset_m = _remainder(spectra[_LATERAL, orders], factors, predicted[orders])
             is_swapped = without < _LEFT_ALONG * whole and along.least * whole > _SWAPPED_FACTOR * without * along.whole
     if has_lateral and not is_swapped:
         orders = np.arange(1, count + 1)
@@ -131,8 +134,8 @@ def axis_relations(
         if lateral.least < _LEFT_LATERAL * lateral.whole:
             roll_rad = math.atan(float(lateral.factors[2]))
     if is_swapped:
-        return AxisRelations(0.0, late_lateral, is_swapped, roll_rad)
-    return AxisRelations(late_along, late_lateral, is_swapped, roll_rad, tilt, zero_mps2)
+        return AxisRelations(0.0, late_lateral, is_swapped, roll_rad, swapped_offset_m)
+    return AxisRelations(late_along, late_lateral, is_swapped, roll_rad, math.nan, tilt, zero_mps2)
 
 
 def _lateral_factors(
@@ -171,13 +174,14 @@ def _fit(
     return _Fit(float(_LAGS_RAD[best]), float(squares[best]), float(squares[len(_LAGS_RAD) // 2]), whole, solution)
 
 
-def _remainder(spectrum: ComplexArray, factors: ComplexArray, predicted: ComplexArray) -> tuple[float, float]:
-    """Return the square that a fit without a lag leaves of a spectrum, and the square of the spectrum."""
-    basis, _ = _basis(factors)
+def _remainder(spectrum: ComplexArray, factors: ComplexArray, predicted: ComplexArray) -> tuple[float, float, float]:
+    """Return the square that a fit without a lag leaves of a spectrum, that of the spectrum, and the first factor."""
+    basis, triangle = _basis(factors)
     rest = spectrum - predicted
     explained = (rest @ basis.conj()).real
     remainder = max(float(np.vdot(rest, rest).real - explained @ explained), 0.0)
-    return remainder, float(np.vdot(spectrum, spectrum).real)
+    first = float(np.linalg.lstsq(triangle, explained, rcond=None)[0][0])
+    return remainder, float(np.vdot(spectrum, spectrum).real), first
 
 
 def _basis(factors: ComplexArray) -> tuple[ComplexArray, FloatArray]:

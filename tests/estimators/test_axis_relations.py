@@ -51,6 +51,9 @@ def test_swapped_axes_are_seen_at_every_speed(speed_kmh: float) -> None:
     for name in (*SLOPES, "pitch_tilt_rad", "sensor_offset_m"):
         assert found[name].status is Status.INVALID, name
     assert found["speed_mps"].status is Status.VALID
+    # The axis along the belt is there, under another name.
+    conditions = results[-1].conditions
+    assert conditions.sensor_offset_m == pytest.approx(2e-3, abs=1e-4)
 
 
 @pytest.mark.parametrize("samples", [5, 12])
