@@ -1,7 +1,5 @@
 """Imports run in one direction, one module reads the clock, and `--help` imports nothing heavy."""
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Every module is named for what it holds, and no two rooms use one name."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from pathlib import Path
 

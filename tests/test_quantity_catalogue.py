@@ -1,7 +1,5 @@
 """One declaration of every quantity, and what follows from it."""
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import importlib

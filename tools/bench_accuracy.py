@@ -4,8 +4,6 @@ Samples in time of the exact ring, with noise, 16 bit and disturbances, go throu
 resampling and averaging. Run: python tools/bench_accuracy.py [--quick] [--markdown] [--only GROUP]
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

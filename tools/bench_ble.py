@@ -4,8 +4,6 @@ The hubs are the BlueZ emulation in a separate process on a real dbus-daemon, wi
 the receiving process alone: bleak, the radio's thread and the reader.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import threading

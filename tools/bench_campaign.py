@@ -11,8 +11,6 @@ that becomes noisy, and one in 100 recordings of another has a wrong load: true 
 the normal wear of 0.2 mm in 10,000 km.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

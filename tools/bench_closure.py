@@ -10,8 +10,6 @@ Run: python tools/bench_closure.py run --cases DIR --results FILE.jsonl [--gatew
      python tools/bench_closure.py kernels RECORDING...
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

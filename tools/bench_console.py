@@ -5,8 +5,6 @@ every wheel. Its figure is the whole process's CPU time over wall time after two
 drawing and output, but neither decoding nor estimating.
 """
 
-from __future__ import annotations
-
 import fcntl
 import math
 import os

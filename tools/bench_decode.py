@@ -4,8 +4,6 @@ Prints one table: the machine, batch and streaming decoding, damage, hostile str
 Run `python tools/bench_decode.py`; it takes about a minute.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import resource

@@ -4,8 +4,6 @@
 For comparison: scipy's general least squares on the ring paper's problem. Run: python tools/bench_estimators.py
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 import os

@@ -8,8 +8,6 @@ Agreement is the number of decimal digits to which the radial acceleration of ev
 `exact` means equal to the last bit.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import csv

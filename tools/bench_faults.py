@@ -3,8 +3,6 @@
 `--full` runs the documented sizes (hours); without it everything runs small (minutes). `--only` picks sections.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

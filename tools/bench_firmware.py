@@ -3,8 +3,6 @@
 Run `python -m tools.bench_firmware`; it takes about half a minute and needs QEMU and a compiler for Arm.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

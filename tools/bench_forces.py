@@ -7,8 +7,6 @@ hub, frames, pipeline, estimators. With --rolled DIR, the tires of finite elemen
 Run: python tools/bench_forces.py [--bound | --linearity | --cornering MODEL | --rolled DIR] [--count 28] [--markdown]
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor

@@ -7,8 +7,6 @@ stated exactly, so what is found is what the belt has and the ring has not.
 Run: python tools/bench_independent.py --rolled DIR [--tire NAME[,NAME]] [--depth-mm 4] [--noise 0.5] [--waves]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -6,8 +6,6 @@ Belts are solved on the exact rolling ring with a brush tread. For the calibrati
 quantised and run through the pipeline; the known slip angles are wrong by their stated errors.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -8,8 +8,6 @@ catalogue.
 Run: python tools/bench_laws.py [--count 2] [--parts 1,2,3,4] [--seed 1] [--cache DIR] [--cases FILE]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

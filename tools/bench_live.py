@@ -9,8 +9,6 @@ Prints three tables:
     speed.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import fcntl

@@ -7,8 +7,6 @@ scatters by 1 / sqrt(2 N) itself, so that of two by 1 / sqrt(N). Plans take a mi
 and a later run with the same code goes on. Run: python tools/bench_plan.py [--plans N] [--wheels N] [--minutes M]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

@@ -6,8 +6,6 @@ Truth comes from the lateral belt's balance on the exact rolling ring, sampled i
 and run through the wheel's pipeline; the estimator shares no equation with it but a = Omega^2 d2y/dtheta2.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import re

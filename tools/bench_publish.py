@@ -5,8 +5,6 @@ stall; the lines below compare the revolutions of the session with those that a 
 late the session itself was. With `--speed` the same data run faster, and the stalls are as much shorter.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -3,8 +3,6 @@
 Prints the tables of docs/explanation/ring-paper-estimator.md. Run: python tools/bench_ring_paper.py
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 python tools/bench_road_water.py [--tires N] [--seed N] [QUANTITY...]
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

@@ -3,8 +3,6 @@
 Run `python tools/bench_security.py [FRAMES]`; a million take about a minute.
 """
 
-from __future__ import annotations
-
 import os
 import platform
 import sys

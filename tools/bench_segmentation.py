@@ -6,8 +6,6 @@ angle 0.08 to 0.5 rad, 2 to 25.6 kHz, either sign, AC- or DC-coupled, gain, offs
 15 mg/sqrt(Hz) unless stated.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """CPU of the simulator: one ring solution, start of the demo, and per simulated second."""
 
-from __future__ import annotations
-
 import threading
 import time
 from statistics import median

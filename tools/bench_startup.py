@@ -3,8 +3,6 @@
 Each figure is user and system time of a fresh process, the least of several.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

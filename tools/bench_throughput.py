@@ -8,8 +8,6 @@ Run: `python tools/bench_throughput.py`; `--against GIT_REV` compares, `--quick`
 wheels at 9600 Hz only. The stages of batch and live follow. `--scaling` measures 1 to 64 wheels at 2 to 25.6 kHz.
 """
 
-from __future__ import annotations
-
 import argparse
 import functools
 import importlib

@@ -7,8 +7,6 @@ is one not called valid though everything stated is true and the data determine 
 Run: python tools/bench_validity.py [--count 40] [--case NAME] [--quantity NAME] [--estimator NAME] [--json FILE]
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -3,8 +3,6 @@
 python -m tools.docs_figure        # about a minute; needs treadlink[plot]
 """
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

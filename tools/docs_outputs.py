@@ -14,8 +14,6 @@ A page marks what a command printed. Three marks, HTML comments on the line befo
     python -m tools.docs_outputs --update   # rewrite outputs shown in full
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import re

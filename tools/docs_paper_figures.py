@@ -3,8 +3,6 @@
 python -m tools.docs_paper_figures        # about half a minute; needs treadlink[plot]
 """
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Final

@@ -4,8 +4,6 @@ Prints the constants of gateway/signal/edge_distance.py, with the errors at tire
 Run: python tools/fit_contact_edges.py
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

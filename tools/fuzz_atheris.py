@@ -10,8 +10,6 @@ The first argument names a target (without one they are listed), the others go t
 the corpus folder first. A crash leaves its input in `crash-*`; run that with `fuzz_atheris.py TARGET crash-...`.
 """
 
-from __future__ import annotations
-
 import sys
 from hashlib import sha1
 from pathlib import Path

@@ -10,8 +10,6 @@ kept in `build/fuzz`. The parsers of foreign files have a process of their own, 
 signal is a message, counted, and the next case gets a new process.
 """
 
-from __future__ import annotations
-
 import argparse
 import faulthandler
 import json

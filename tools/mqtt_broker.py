@@ -1,7 +1,5 @@
 """A real MQTT broker as a child process on a free port of this computer, and a client that listens to it."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

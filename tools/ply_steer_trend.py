@@ -7,8 +7,6 @@ on a beam under tension. Every law is judged on points left out, and tested agai
 docs/evidence/closure-ply-steer-tables.md explains the result.
 """
 
-from __future__ import annotations
-
 import argparse
 import itertools
 import math

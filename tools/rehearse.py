@@ -4,8 +4,6 @@ A row for each seed: faults injected, named, missed and falsely named, frames se
 `--rounds` lengthens the day. Needs pseudo-terminals, and mosquitto, without which no broker restarts.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

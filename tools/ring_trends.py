@@ -5,8 +5,6 @@
 docs/evidence/ring-paper-figures.md explains the result.
 """
 
-from __future__ import annotations
-
 import math
 
 from gateway.papers.ring_data import RADIUS_M

@@ -5,8 +5,6 @@
 Told in docs/evidence/closure-table-3.md.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

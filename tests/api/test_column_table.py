@@ -1,7 +1,5 @@
 """Tables survive pandas, Arrow and Parquet with values, units and conditions."""
 
-from __future__ import annotations
-
 import json
 import sys
 

@@ -1,7 +1,5 @@
 """Diagnosis for programs: options as on the command line, and a result with its report."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

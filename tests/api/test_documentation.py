@@ -1,7 +1,5 @@
 """The code of the guide to Python runs as it stands, and the reference lists everything."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from pathlib import Path

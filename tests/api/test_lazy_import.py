@@ -1,7 +1,5 @@
 """`import gateway` is instant, complete, and says the same to people, programs and type checkers."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

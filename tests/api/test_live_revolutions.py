@@ -1,7 +1,5 @@
 """The iterator over live revolutions: same results as a recording, and nothing left running."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

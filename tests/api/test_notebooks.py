@@ -1,7 +1,5 @@
 """The notebooks run from beginning to end, and their own checks against the truth hold."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

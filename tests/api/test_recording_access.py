@@ -1,7 +1,5 @@
 """Recordings as tables, held against the command line and against what the file holds."""
 
-from __future__ import annotations
-
 import csv
 import dataclasses
 import io

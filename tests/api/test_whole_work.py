@@ -1,7 +1,5 @@
 """From Python as from the commands: import, export, plot, calibrate, campaign and trends."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Fixtures: a private D-Bus, a stand-in for BlueZ on it, and hubs in range of the bleak client."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Commands for Bluetooth, as a user calls them."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

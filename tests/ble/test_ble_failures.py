@@ -1,7 +1,5 @@
 """Failures of Bluetooth: clear errors, and recovery when it returns."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Sessions with hubs on Bluetooth: from simulated tires to estimates, and commands to hubs."""
 
-from __future__ import annotations
-
 import queue
 import threading
 from collections.abc import Callable, Iterator

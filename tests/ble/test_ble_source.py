@@ -1,7 +1,5 @@
 """Hubs on Bluetooth LE: bleak on a private D-Bus with a stand-in for BlueZ."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from pathlib import Path

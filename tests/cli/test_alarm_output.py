@@ -1,7 +1,5 @@
 """Alarms reach every view: plain lines of live and replay, record, the log, summaries and tables."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

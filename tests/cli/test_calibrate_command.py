@@ -1,7 +1,5 @@
 """Tests of `treadlink calibrate` with simulated recordings."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tests of `treadlink calibrate side-force` with simulated recordings."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Tests of `treadlink calibrate slip` with simulated recordings."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path

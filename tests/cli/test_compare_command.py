@@ -1,7 +1,5 @@
 """`treadlink compare`: differences with their errors, and the same numbers in Python."""
 
-from __future__ import annotations
-
 import csv
 import io
 

@@ -1,7 +1,5 @@
 """Tests of `treadlink diagnose` and --effects as a user runs them; the diagnosis itself is tested elsewhere."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import replace

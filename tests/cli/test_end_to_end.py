@@ -1,7 +1,5 @@
 """End-to-end tests of the command with real processes, files and pseudo-terminals."""
 
-from __future__ import annotations
-
 import csv
 import json
 import os

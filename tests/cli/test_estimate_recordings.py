@@ -1,7 +1,5 @@
 """`treadlink estimate` of several recordings, of a dump, and with expanded uncertainties."""
 
-from __future__ import annotations
-
 import csv
 import io
 

@@ -1,7 +1,5 @@
 """Exit status of the commands: 0 done, 1 no result, 2 wrong command line, 128 and more ended from outside."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """Every command on every kind of damage: what docs/reference/exit-status.md states, and a word about it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,7 +1,5 @@
 """Time line of `inspect`: full where nothing is lost, and lower where samples are missing."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

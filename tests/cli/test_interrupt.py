@@ -1,7 +1,5 @@
 """Ctrl-C ends a command without a traceback and with the exit status of an interrupted program."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

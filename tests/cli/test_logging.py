@@ -1,7 +1,5 @@
 """Log output of the command line."""
 
-from __future__ import annotations
-
 import io
 import logging
 from collections.abc import Iterator

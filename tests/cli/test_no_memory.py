@@ -1,7 +1,5 @@
 """A command that finds no memory ends with a message and status 1, wherever it fails."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

@@ -1,7 +1,5 @@
 """Numbers of the command line: every command refuses what is not a finite number within its range."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import click

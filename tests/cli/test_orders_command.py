@@ -1,7 +1,5 @@
 """The command `treadlink orders`."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """No command overwrites a file that it reads, even with --force."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`treadlink protocol check` and `dump`: what a user of them sees, and the exit status."""
 
-from __future__ import annotations
-
 import json
 import socket
 import threading

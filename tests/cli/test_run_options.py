@@ -1,7 +1,5 @@
 """A run is described by options and the vehicle file, and found by its description."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

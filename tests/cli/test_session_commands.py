@@ -1,7 +1,5 @@
 """Sessions of live, record and replay: their length, and the files that they leave."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """`treadlink setup`: sensors are named by turning wheels, radii measured by rolling; the file is whole or not there."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

@@ -1,7 +1,5 @@
 """SIGTERM, and SIGHUP of a closed terminal, end commands as Ctrl-C does: recordings are finished."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

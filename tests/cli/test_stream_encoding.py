@@ -1,7 +1,5 @@
 """Output that cannot encode a character says the nearest text, and never ends with a traceback."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

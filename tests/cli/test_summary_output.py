@@ -1,7 +1,5 @@
 """Summaries whose reader leaves, as `| head` does, while files are still to be written."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

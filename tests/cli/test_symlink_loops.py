@@ -1,7 +1,5 @@
 """A loop of symbolic links given to any command is a message that names it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

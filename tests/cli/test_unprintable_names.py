@@ -1,7 +1,5 @@
 """No output passes on characters of names that control the terminal or turn the text around."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

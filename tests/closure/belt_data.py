@@ -1,7 +1,5 @@
 """Blocks of the exact ring for tests of effects, and averaged revolutions of a simulated wheel."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Pages of diagnoses, drawn once for all tests."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.testkit.diagnosis_data import nasty, ordinary

@@ -1,7 +1,5 @@
 """Covariance of a campaign's whitened data as one dense matrix, written out with numpy."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from gateway.closure.inference import criteria

@@ -1,7 +1,5 @@
 """Groups with deviations, from the independent simulator through the whole pipeline."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

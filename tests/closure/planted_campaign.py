@@ -3,8 +3,6 @@
 The ring is solved with numbers, a belt and a grid of its own; speed, gravity, orders and noise are written out here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Samples of the simulated sensor, and blocks of the same tire for tests of effects."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

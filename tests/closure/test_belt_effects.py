@@ -1,7 +1,5 @@
 """Effects of the stage BELT and run-out against the simulator, and the geometry of the belt that they use."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

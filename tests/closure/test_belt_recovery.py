@@ -1,7 +1,5 @@
 """Recovery of effects planted in synthetic orders of the exact ring."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

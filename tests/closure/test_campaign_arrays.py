@@ -1,7 +1,5 @@
 """Grouping, order coefficients, scatter and deviations of synthetic revolutions."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Error of the hub's clock against the host's, from delayed arrivals."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

@@ -1,7 +1,5 @@
 """Campaigns read from recordings of simulated wheels."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Scans of candidates: the same trials in any process and after any other, and the end of the processes."""
 
-from __future__ import annotations
-
 import os
 import signal
 from dataclasses import replace

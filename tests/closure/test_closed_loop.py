@@ -1,7 +1,5 @@
 """A whole diagnosis: verdicts, errors before and after, progress, an end by time, and data that cannot be diagnosed."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Contact-edge jitter: detected in single revolutions, corrected, and distinguished from other causes."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import replace

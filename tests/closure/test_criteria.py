@@ -1,7 +1,5 @@
 """Thresholds of the inference: every one has its reason."""
 
-from __future__ import annotations
-
 from gateway.closure.inference import criteria
 from tools.docs_site.threshold_pages import thresholds, thresholds_markdown
 

@@ -1,7 +1,5 @@
 """Notes of a diagnosis."""
 
-from __future__ import annotations
-
 import pytest
 
 from gateway.closure.closed_loop import _notes

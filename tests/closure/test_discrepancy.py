@@ -1,7 +1,5 @@
 """Discrepancy: kernels, covariance of the data, and amplitudes by restricted likelihood."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

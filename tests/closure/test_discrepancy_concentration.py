@@ -1,7 +1,5 @@
 """Discrepancy concentrated at single orders and places."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """Drifts within a recording: a tilt that creeps, a gain that drifts and a load that falls, made without the closure."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

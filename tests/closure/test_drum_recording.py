@@ -1,7 +1,5 @@
 """Edge waves in the measured inner-liner recording: the figures of docs/evidence/closure-drum.md."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Edge waves: the belt's dispersion as a sensor sees it, recovery from data, and effects that are no waves."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import astuple, replace
 

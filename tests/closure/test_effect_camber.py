@@ -1,7 +1,5 @@
 """Undeclared camber: against the simulator, and beside the zero-g offset, which no rolling tire separates from it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

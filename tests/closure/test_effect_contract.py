@@ -1,7 +1,5 @@
 """Contract that every effect of the catalogue meets: text, ranges, start values, zero, axes, analytic derivatives."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

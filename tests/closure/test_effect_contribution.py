@@ -1,7 +1,5 @@
 """The correction table of named effects."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any

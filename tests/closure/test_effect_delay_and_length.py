@@ -5,8 +5,6 @@ They are planted by interpolation in time, by means over points, and by the rate
 Load and speed change together, so that a length, locked to the angle, and a filter, locked to frequency, are rivals.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

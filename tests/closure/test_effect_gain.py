@@ -1,7 +1,5 @@
 """Gains of the axes: that of the circumferential one is no depth, and sizes on the lateral axis go with its own."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

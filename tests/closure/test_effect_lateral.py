@@ -1,7 +1,5 @@
 """Ply steer, conicity, slip angle and yaw tilt against the lateral belt and the simulator."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Sensor nonlinearity: against samples changed one by one, and its separation from scaling effects."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Experiment design: the recording that distinguishes two explanations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache

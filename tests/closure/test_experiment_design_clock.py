@@ -1,7 +1,5 @@
 """Experiment design for a clock error and its confounders."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """Held-out error: every fold predicted by what the other folds determine."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

@@ -3,8 +3,6 @@
 Plants are boxes where the library has normal windows, on a grid of their own.
 """
 
-from __future__ import annotations
-
 import math
 import runpy
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Likelihood of the groups' means: scatter with its place on the belt, dependence of blocks, whitening."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

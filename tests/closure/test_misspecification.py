@@ -1,7 +1,5 @@
 """Effects that explain nothing beside a large unexplained part."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """A sensor on a soft bond: found by its resonance, with viscous damping that the effect does not have."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Next steps of a report: one for everything that is open."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

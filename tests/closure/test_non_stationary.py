@@ -1,7 +1,5 @@
 """Non-stationary residuals."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

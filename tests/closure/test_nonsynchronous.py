@@ -1,7 +1,5 @@
 """Diagnosis of the time-locked signal."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

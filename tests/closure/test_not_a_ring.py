@@ -1,7 +1,5 @@
 """Signals that are not those of a ring: nothing of them determines a number."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Estimates of the tire's numbers and their standard errors."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

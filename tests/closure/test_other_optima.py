@@ -1,7 +1,5 @@
 """Other optima of a set: a packet of waves that fits nearly as well a period off."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Recordings that most others contradict are found; where there is no majority, none is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

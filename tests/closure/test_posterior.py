@@ -1,7 +1,5 @@
 """Posterior over sets of effects: probabilities, rivals that share one, and effects that are identified."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Stated and assumed inputs of a diagnosis, with their sources."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recordings of different tires or loads under one statement, at speeds at which their contacts are not compared."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

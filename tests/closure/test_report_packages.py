@@ -1,7 +1,5 @@
 """Packages and packaged files that the page of a diagnosis needs."""
 
-from __future__ import annotations
-
 import builtins
 import shutil
 import subprocess

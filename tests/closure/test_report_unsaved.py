@@ -1,7 +1,5 @@
 """Reasons why a diagnosis has no correction for the estimators to subtract."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

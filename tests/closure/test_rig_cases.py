@@ -1,7 +1,5 @@
 """The blind rig: reproducible cases, readable recordings, a null case without effects, and sealed labels."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """The rig's judge, on diagnoses written by hand."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The rig's plan: detection limits, cases of wanted strength, fair samples, and runs that can be continued."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """The rig's scores: shares with bounds, reliability, tables for versions side by side, and reproducible figures."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Ring effects: parameters against the solver in SI units, smoothness, and the baseline models that take them."""
 
-from __future__ import annotations
-
 import math
 from typing import cast
 

@@ -1,7 +1,5 @@
 """Detection of a wrongly stated rolling direction."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -3,8 +3,6 @@
 The belt follows its equilibrium, which the linear answer of a vibrating ring comes down to at low speed.
 """
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

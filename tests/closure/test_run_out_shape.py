@@ -1,7 +1,5 @@
 """Shape with run-out against shapes that were each solved under the load of their own angle."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

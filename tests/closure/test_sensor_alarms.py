@@ -1,7 +1,5 @@
 """Alarms that the pipeline raises about a sensor, in a diagnosis: noted first, and numbers are withheld."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Belt curvature behind a sensor below the neutral layer, and the lateral loads that it bends."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

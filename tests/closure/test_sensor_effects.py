@@ -1,7 +1,5 @@
 """Effects of mounting, sensor response, acquisition and rolling radius against the simulated sensor."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

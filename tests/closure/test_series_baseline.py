@@ -1,7 +1,5 @@
 """The series as a baseline model, against its equations and the exact ring."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

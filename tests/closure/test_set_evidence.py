@@ -1,7 +1,5 @@
 """Evidence of a set of effects: the exact Gaussian evidence, prior odds, impossible values."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

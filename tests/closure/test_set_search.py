@@ -1,7 +1,5 @@
 """Search of sets: trials, forms of one effect, limits of plausible values, and an end by time."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import replace

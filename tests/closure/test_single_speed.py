@@ -1,7 +1,5 @@
 """Effects with an order at one speed."""
 
-from __future__ import annotations
-
 import pytest
 
 from gateway.closure.inference.single_speed import FIXED_FREQUENCY, doubted, is_one_speed

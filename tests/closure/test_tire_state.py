@@ -1,7 +1,5 @@
 """Tire states at similar loads and pressures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Transfer: the error with the effects of another recording, as they were found there."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Excitation by tread blocks in the closure: recovery from data, mirror image in reverse, models without a belt."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

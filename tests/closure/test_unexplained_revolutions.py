@@ -1,7 +1,5 @@
 """Unexplained signals of single revolutions."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

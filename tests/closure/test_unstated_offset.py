@@ -3,8 +3,6 @@
 At one speed a sensor e below the neutral layer reads a (1 - e a / V^2) on its radial axis: as a nonlinear one does.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

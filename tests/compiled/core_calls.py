@@ -3,8 +3,6 @@
 `python core_calls.py MODULE COUNT SEED` makes them with the module of a file, as built with sanitizers.
 """
 
-from __future__ import annotations
-
 import importlib.machinery
 import importlib.util
 import math

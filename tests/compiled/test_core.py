@@ -1,7 +1,5 @@
 """The compiled core does what the functions in numpy do, refuses what does not fit, and stays in its arrays."""
 
-from __future__ import annotations
-
 import csv
 import math
 import os

@@ -1,7 +1,5 @@
 """What is stated without a standard error has that of such a value, and `doctor` says which."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

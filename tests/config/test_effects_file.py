@@ -1,7 +1,5 @@
 """Effects files are written, read back, and rejected when invalid."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -1,7 +1,5 @@
 """Every field of a user's file is described: error messages and the reference page use the descriptions."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Files that the user or a configuration names: only regular ones of bounded size are read."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """TOML that no user writes: an error with words, soon."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

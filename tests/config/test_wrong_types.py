@@ -1,7 +1,5 @@
 """A value of a wrong type at any key of a file that a user writes is a message."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable, Iterator
 from pathlib import Path

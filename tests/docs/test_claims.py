@@ -1,7 +1,5 @@
 """Claims of README.md and the documentation that code can check: paths, names, layers, shared equations."""
 
-from __future__ import annotations
-
 import importlib
 import re
 from functools import cache

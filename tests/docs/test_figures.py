@@ -1,7 +1,5 @@
 """Numbers quoted in the documentation against the commands that print them."""
 
-from __future__ import annotations
-
 import re
 import shlex
 from importlib.util import find_spec

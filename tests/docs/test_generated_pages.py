@@ -1,7 +1,5 @@
 """Generated references name every command, configuration key, effect and reason."""
 
-from __future__ import annotations
-
 import ast
 import re
 import typing

@@ -1,7 +1,5 @@
 """Pages of the documentation: links resolve, and every page is in the navigation."""
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Iterator

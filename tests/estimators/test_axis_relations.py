@@ -1,7 +1,5 @@
 """Axes that are swapped or late, motion of the hub, and a zero of the lateral axis, through the whole pipeline."""
 
-from __future__ import annotations
-
 import pytest
 
 from gateway.estimators.estimator import Status

@@ -1,7 +1,5 @@
 """Belts as stated with tolerances: coupling, its errors, and the ply steer that follows."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Covariance of the quantities of a revolution, held against draws of the errors that they share."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The test of which numbers are determined, and the reasons of those that are not."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Errors by a disagreement that is no contradiction."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

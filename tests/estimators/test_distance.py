@@ -1,7 +1,5 @@
 """Distance rolled, over gaps and restarts, and the exact distance of a simulated wheel."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Contract of every registered estimator."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Forward estimator on exact rings, and on signals that it must not take for one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path

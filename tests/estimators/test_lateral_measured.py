@@ -1,7 +1,5 @@
 """Lateral axis of a measured tire: five revolutions on a drum, AC-coupled."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ply steer estimator on simulated belts, through the pipeline of a wheel."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Slip, its direction and its asymmetry from the lateral axis."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

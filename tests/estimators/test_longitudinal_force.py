@@ -1,7 +1,5 @@
 """Longitudinal force, torque and losses from the shape of the belt."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Sensors that are AC-coupled although DC coupling is stated, and good ones that must not be taken for it."""
 
-from __future__ import annotations
-
 import pytest
 
 from gateway.estimators.estimator import Status

@@ -1,7 +1,5 @@
 """Differences of means: their errors, and how often chance is called significant."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

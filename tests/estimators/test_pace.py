@@ -1,7 +1,5 @@
 """Pace of renewals: its bound, its independence of blocks, and what applies in spite of it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The constant and the scattering part of every estimate's error, at every estimator of the catalogue."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """An estimator of a plug-in can spoil only its own numbers."""
 
-from __future__ import annotations
-
 import json
 import math
 import signal

@@ -1,7 +1,5 @@
 """Modal estimator on the linear ring and on the exact one."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Road class, cavity and water wedge of simulated wheels, whose truth the estimators do not share."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Self-calibration of simulated sensors with known errors, through the whole pipeline."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Side force, aligning moment and friction from the lateral shape of the free belt."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Sidewall damping from the phases of the orders, and its removal from the numbers, on the exact ring."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Evidence of the signal against what is stated, through the whole pipeline and on single comparisons."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Slip calibration: the law, its fit to runs of known slip, and the runs that it refuses."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Temperature and wear as inputs of load and wear, and the measured loss of stiffness with temperature."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

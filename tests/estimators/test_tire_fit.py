@@ -1,7 +1,5 @@
 """Load calibration and reference numbers on the exact ring, with estimated edges."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

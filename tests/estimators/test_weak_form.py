@@ -1,7 +1,5 @@
 """Weak form on the geometrically exact ring: accuracy, invariance and stated errors."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Modal and weak form on a measured tire, which determines few numbers."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Wear and load of simulated tires, through the whole pipeline."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

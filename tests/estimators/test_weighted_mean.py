@@ -1,7 +1,5 @@
 """Mean over revolutions: which part of its uncertainty averaging makes smaller."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

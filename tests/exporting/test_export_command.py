@@ -1,7 +1,5 @@
 """The command `treadlink export`: files, pipes, memory and errors."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -1,7 +1,5 @@
 """Files of every format, read by programs that are not ours."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

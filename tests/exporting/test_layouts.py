@@ -1,7 +1,5 @@
 """Layouts for Foxglove and PlotJuggler name topics and fields that exist."""
 
-from __future__ import annotations
-
 import json
 import re
 import xml.etree.ElementTree as ElementTree

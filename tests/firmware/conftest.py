@@ -1,7 +1,5 @@
 """The collector, built once: for this computer with sanitizers and coverage, and for the emulated board."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The collector's code: warnings, static analysis, and what it may use."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 from pathlib import Path

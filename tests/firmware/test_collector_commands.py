@@ -1,7 +1,5 @@
 """Commands to the reference collector: signed, damaged, forged."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from collections.abc import Callable

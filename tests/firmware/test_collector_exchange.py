@@ -1,7 +1,5 @@
 """Commands of the gateway to the reference collector, and what of them can be replayed."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 

@@ -1,7 +1,5 @@
 """Starts of the reference collector: resets, power cuts, and a flash that fails."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

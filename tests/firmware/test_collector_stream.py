@@ -1,7 +1,5 @@
 """Samples, schedule, queue, rate, listener and watchdog of the reference collector."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The collector on the emulated board: simulated tires in, frames out, and faults on the way."""
 
-from __future__ import annotations
-
 import contextlib
 import re
 import signal

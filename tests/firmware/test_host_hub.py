@@ -1,7 +1,5 @@
 """The collector as a hub of this computer, and the whole port of its README: built by their own lines, run, checked."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

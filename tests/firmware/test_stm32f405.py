@@ -1,7 +1,5 @@
 """The port for the STM32F405: its image on the emulated chip, its drivers against models of the parts."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import platform

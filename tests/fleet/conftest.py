@@ -1,7 +1,5 @@
 """Worker processes and small recordings, once for all tests of campaigns."""
 
-from __future__ import annotations
-
 import shutil
 import threading
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Campaigns with a real worker process: what is estimated, once, and what survives faults."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import threading

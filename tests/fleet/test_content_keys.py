@@ -1,7 +1,5 @@
 """The identity of the code that made a row."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

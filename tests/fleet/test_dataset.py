@@ -1,7 +1,5 @@
 """The dataset on disk: other programs read it, two processes share it, and a crash leaves it whole."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading

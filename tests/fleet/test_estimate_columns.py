@@ -1,7 +1,5 @@
 """Columns of a dataset hold every estimate of its estimators, whatever sensor and configuration a recording has."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

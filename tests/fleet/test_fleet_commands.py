@@ -1,7 +1,5 @@
 """The commands campaign and trends as a user runs them."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Histories from a dataset, and odometer files."""
 
-from __future__ import annotations
-
 import shutil
 import warnings
 from collections import Counter

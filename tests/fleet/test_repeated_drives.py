@@ -1,7 +1,5 @@
 """A recording and what compact or repair made of it are one drive."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from gateway.fleet.repeated_drives import without_repeats

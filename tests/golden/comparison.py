@@ -1,7 +1,5 @@
 """Field-by-field comparison of results with stored ones: numbers within a tolerance, everything else exactly."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

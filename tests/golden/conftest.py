@@ -1,7 +1,5 @@
 """The option that replaces stored results by those of this version, printing every difference."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

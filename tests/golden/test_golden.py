@@ -4,8 +4,6 @@ A change that is meant to change results accepts them with `pytest tests/golden 
 difference; the diff of tests/golden/data is then part of the change.
 """
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """Shared data of the import tests: maps, files of each format, and samples read back from recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

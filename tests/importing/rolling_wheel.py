@@ -1,7 +1,5 @@
 """Columns of a measurement of rolling wheels, with the speeds and angles that were put in."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files as people bring them: unreadable cells, day numbers, clocks of blocks, and measurements in several files."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 

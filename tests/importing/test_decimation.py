@@ -1,7 +1,5 @@
 """Rates above the protocol's limit: the filter, and imports that use it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

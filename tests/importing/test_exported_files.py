@@ -1,7 +1,5 @@
 """Samples that treadlink has exported come back whole: wheels, samples, start, load, radius, pressure, temperature."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

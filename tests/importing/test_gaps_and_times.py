@@ -1,7 +1,5 @@
 """Empty cells as gaps, and time columns with rounded or missing times."""
 
-from __future__ import annotations
-
 import re
 import tracemalloc
 from pathlib import Path

@@ -1,7 +1,5 @@
 """First import maps choose nothing silently: a doubt has its mark, and a column that is left out its reason."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

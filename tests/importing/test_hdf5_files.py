@@ -1,7 +1,5 @@
 """HDF5 files and MATLAB 7.3 files made by h5py: names, layouts, and what cannot be imported."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

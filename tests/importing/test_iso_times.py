@@ -1,7 +1,5 @@
 """Time columns of dates: zones, changes of the clock, and the start that they give."""
 
-from __future__ import annotations
-
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 

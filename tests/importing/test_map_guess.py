@@ -1,7 +1,5 @@
 """First import maps: read from the data what they show, and leave open what they cannot."""
 
-from __future__ import annotations
-
 import tomllib
 from pathlib import Path
 

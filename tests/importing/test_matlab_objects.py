@@ -1,7 +1,5 @@
 """Tables, timetables, datetimes and durations of MATLAB, written by mat-io in both versions of the format."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

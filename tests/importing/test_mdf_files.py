@@ -1,7 +1,5 @@
 """MDF files made by asammdf: channels, groups of other rates, invalid values, and the file's own time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path

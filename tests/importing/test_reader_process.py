@@ -1,7 +1,5 @@
 """Files whose parser crashes, hangs, or asks for too much memory."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal

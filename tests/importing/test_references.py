@@ -1,7 +1,5 @@
 """Measured speeds, rotations and angles: kept in the recording and compared with the revolutions."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

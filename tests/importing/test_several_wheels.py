@@ -1,7 +1,5 @@
 """Several wheels in one file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Time columns of devices: counters of few bits that start again, and times since 1970."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Detection of a radial column in another unit than stated, on simulated wheels."""
 
-from __future__ import annotations
-
 from functools import cache
 from pathlib import Path
 

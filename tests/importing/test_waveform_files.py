@@ -1,7 +1,5 @@
 """TDMS, UFF and IDE files made by the libraries of these formats: names, units, steps, start, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Source distribution and wheel: equal in every build, and usable without the tree."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -1,7 +1,5 @@
 """The shipped unit and udev rule call the program as it is."""
 
-from __future__ import annotations
-
 import configparser
 import re
 import shlex

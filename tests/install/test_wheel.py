@@ -1,7 +1,5 @@
 """The wheel holds what an installed treadlink needs, and nothing else."""
 
-from __future__ import annotations
-
 import email
 import os
 import subprocess

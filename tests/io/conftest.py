@@ -1,7 +1,5 @@
 """Fixture: a serial port."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Logs of a CAN bus as loggers write them, packed ones included: all give the same frames."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Playback keeps the pace of its items and stops in a pause."""
 
-from __future__ import annotations
-
 import math
 import threading
 

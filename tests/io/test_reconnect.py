@@ -1,7 +1,5 @@
 """States of a reconnecting source, on a scripted link and a manual clock."""
 
-from __future__ import annotations
-
 import errno
 import itertools
 import threading

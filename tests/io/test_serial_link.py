@@ -1,7 +1,5 @@
 """Serial ports: pyserial on pseudo-terminals."""
 
-from __future__ import annotations
-
 import errno
 import subprocess
 import sys

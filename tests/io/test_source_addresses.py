@@ -1,7 +1,5 @@
 """Sources as people write them: ports and hosts without a scheme, any name of a file, and typing errors."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

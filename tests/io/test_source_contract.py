@@ -1,7 +1,5 @@
 """Contract of the protocol `Source`, for every source."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """TCP links on loopback."""
 
-from __future__ import annotations
-
 import errno
 import socket
 import struct

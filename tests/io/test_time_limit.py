@@ -1,7 +1,5 @@
 """A source with a time limit ends by the times of its items."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from pathlib import Path

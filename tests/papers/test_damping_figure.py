@@ -1,7 +1,5 @@
 """Bound and bias of radial and tangential damping (ring paper, Eq. 11)."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

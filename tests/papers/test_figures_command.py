@@ -1,7 +1,5 @@
 """The command `treadlink figures` and the captions of the ring paper's figures."""
 
-from __future__ import annotations
-
 import builtins
 import importlib.util
 import re

@@ -1,7 +1,5 @@
 """`treadlink figures --from` and `--grid`: the papers' figures of recordings and datasets."""
 
-from __future__ import annotations
-
 import csv
 import importlib.util
 import math

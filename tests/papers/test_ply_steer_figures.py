@@ -1,7 +1,5 @@
 """The ply steer paper's figures and their captions."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

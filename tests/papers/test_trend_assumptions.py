@@ -1,7 +1,5 @@
 """Assumptions under which Figs. 14 to 16 of the ring paper come out."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Curvature, angle and position of the belt against the exact ring and closed forms."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Vibration that tread blocks excite: against a belt of finite elements, the free belt's dispersion, and limits."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

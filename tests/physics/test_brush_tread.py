@@ -1,7 +1,5 @@
 """Brush tread against closed forms on a rigid belt and a bristle-by-bristle solution."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pressure shapes and their modal forces against numerical integrals and the exact ring."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

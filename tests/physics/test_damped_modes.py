@@ -1,7 +1,5 @@
 """Damped modal solution against the undamped series, closed forms and the exact ring."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Laminate theory against closed forms and limiting cases."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

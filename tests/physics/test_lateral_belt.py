@@ -1,7 +1,5 @@
 """Lateral belt against force balance, closed forms and the findings of the ply steer paper."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import lru_cache

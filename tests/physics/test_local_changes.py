@@ -1,7 +1,5 @@
 """Response of the rolling ring to a change at one place: limits that follow from other solutions."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rolling ring against exact identities, the linear ring and reference values."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

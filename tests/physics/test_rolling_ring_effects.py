@@ -1,7 +1,5 @@
 """Rolling ring with damping, friction, drum, shear and stiffening; its tangent and linear solver."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

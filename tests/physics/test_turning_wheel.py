@@ -1,7 +1,5 @@
 """Rates of camber and steering at the sensor, against positions that are differentiated twice."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation

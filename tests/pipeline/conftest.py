@@ -1,7 +1,5 @@
 """Signals of a rolling wheel for pipeline tests, made from the geometrically exact ring."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A rolling wheel's radial signal with its truth, and the hello of its sensor, for the tests of the pipeline."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Revolutions that are worked on in blocks: the size of the blocks changes neither results nor memory."""
 
-from __future__ import annotations
-
 import random
 import tracemalloc
 

@@ -1,7 +1,5 @@
 """Signals clipped below the stated range, through the whole pipeline."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

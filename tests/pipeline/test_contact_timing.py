@@ -1,7 +1,5 @@
 """Speed and contact of each revolution through the whole pipeline, against the exact ring."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Names of estimates when several estimators give the same quantity."""
 
-from __future__ import annotations
-
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.pipeline.wheels import Pipeline
 from tests.pipeline.rolling_signals import LOAD_N, PRESSURE_PA, RADIUS_M

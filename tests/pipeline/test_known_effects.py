@@ -1,7 +1,5 @@
 """Correction of known effects in the pipeline, and its limits."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Loss on the link keeps revolutions out of averages; it does not lower what the averages know."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

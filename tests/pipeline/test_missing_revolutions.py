@@ -1,7 +1,5 @@
 """Reasons why revolutions do not come, from signals that are stated, mounted or driven wrongly."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from functools import cache

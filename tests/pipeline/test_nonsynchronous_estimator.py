@@ -1,7 +1,5 @@
 """Nonsynchronous signals through the whole pipeline."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

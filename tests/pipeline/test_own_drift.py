@@ -1,7 +1,5 @@
 """An average that drifts is behind: its change within its memory is in its error."""
 
-from __future__ import annotations
-
 import pytest
 
 from gateway.estimators.estimator import Estimate, Status

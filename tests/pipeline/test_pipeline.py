@@ -1,7 +1,5 @@
 """The whole pipeline: live and batch give equal results, and faults are counted and reported."""
 
-from __future__ import annotations
-
 import dataclasses
 import random
 

@@ -1,7 +1,5 @@
 """Status of estimates after all that is known against them."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,7 +1,5 @@
 """Samples against what a hello states: bytes swapped, and a steady value with AC coupling; never where it is right."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Contacts of wheels made by independent formulas: difficult cases, and properties that hold for any wheel."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Contacts of the exact ring over the specified range of speeds and noise."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

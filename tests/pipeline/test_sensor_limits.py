@@ -1,7 +1,5 @@
 """What is known of a sensor itself, and what it biases."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

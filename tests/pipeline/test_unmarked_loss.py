@@ -1,7 +1,5 @@
 """Samples that were lost or repeated without a mark: the revolution has a fault, and nothing else changes."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

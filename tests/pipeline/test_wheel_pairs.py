@@ -1,7 +1,5 @@
 """Left and right wheels that slip to one side, or to opposite ones."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import chain
 

@@ -1,7 +1,5 @@
 """The least sensor for the errors wanted: what is asked, the search, and that a plan of its result reaches them."""
 
-from __future__ import annotations
-
 import json
 import math
 

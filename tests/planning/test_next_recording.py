@@ -1,7 +1,5 @@
 """The plan of the next recording against the diagnosis once that recording is made, on rings of their own."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Sequence

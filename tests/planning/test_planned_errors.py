@@ -1,7 +1,5 @@
 """What a sensor will measure: refusals, doubts and errors by simulated drives."""
 
-from __future__ import annotations
-
 import json
 import math
 from functools import cache

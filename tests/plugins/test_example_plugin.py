@@ -1,7 +1,5 @@
 """The example package of plug-ins, installed and used; packages that do not fit are refused with the reason."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

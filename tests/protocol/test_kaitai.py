@@ -1,7 +1,5 @@
 """The Kaitai Struct description, compiled by the real compiler, reads the test vectors."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The Wireshark dissector in the real tshark, on captures of TCP streams."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

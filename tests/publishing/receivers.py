@@ -1,7 +1,5 @@
 """Receivers that tests control."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager

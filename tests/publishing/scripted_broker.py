@@ -1,7 +1,5 @@
 """A broker for MQTT 5 of a few packets, which ends its connections when a test says so."""
 
-from __future__ import annotations
-
 import socket
 import struct
 import threading

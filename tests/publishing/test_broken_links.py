@@ -1,7 +1,5 @@
 """MQTT over a link that breaks many times: every item arrives, and the exit status tells of a broker that is away."""
 
-from __future__ import annotations
-
 import json
 import socket
 from contextlib import suppress

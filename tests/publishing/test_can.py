@@ -1,7 +1,5 @@
 """CAN frames on real buses of python-can, read back with the DBC file by cantools."""
 
-from __future__ import annotations
-
 import math
 
 import can

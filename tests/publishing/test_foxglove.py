@@ -1,7 +1,5 @@
 """Foxglove's server with a real WebSocket client: channels with schemas, numbers to plot, alarms in the log."""
 
-from __future__ import annotations
-
 import json
 import struct
 from collections import defaultdict

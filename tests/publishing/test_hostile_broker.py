@@ -1,7 +1,5 @@
 """A broker that states lengths that it should not."""
 
-from __future__ import annotations
-
 import socket
 import threading
 

@@ -1,7 +1,5 @@
 """Line protocol: read by a parser of the protocol, complete in a file, and confirmed by a server that may be away."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """JSON lines: valid by the schema, alone on standard output, whole lines only, whatever the reader does."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

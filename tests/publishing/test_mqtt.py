@@ -1,7 +1,5 @@
 """MQTT through a real broker: topics, retained states, last will, TLS, and a broker that stalls, dies and returns."""
 
-from __future__ import annotations
-
 import datetime
 import ipaddress
 import json

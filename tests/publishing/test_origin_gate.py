@@ -1,7 +1,5 @@
 """Web pages connect to the Foxglove server only from an allowed origin."""
 
-from __future__ import annotations
-
 import threading
 
 import pytest

@@ -1,7 +1,5 @@
 """The page with real WebSocket clients and in a real browser: content, pace, guests, refusals, marks, recordings."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

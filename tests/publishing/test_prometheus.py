@@ -1,7 +1,5 @@
 """The endpoint for Prometheus: read by the parser of its client library, and enough for the dashboard of Grafana."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading

@@ -1,7 +1,5 @@
 """Sessions that publish: no receiver holds them, and what it misses is an alarm, on the screen and in the summary."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

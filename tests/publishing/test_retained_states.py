@@ -1,7 +1,5 @@
 """States that a broker keeps after a session: they say that it is over, and none has a number of it."""
 
-from __future__ import annotations
-
 import json
 
 import jsonschema

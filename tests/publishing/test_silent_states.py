@@ -1,7 +1,5 @@
 """States of what is silent: no output repeats a number that has no successor, and all say how old it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import jsonschema

@@ -1,7 +1,5 @@
 """A slow, dead or faulty receiver holds nothing: its buffer is bounded, drops are counted, it is reached again."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 

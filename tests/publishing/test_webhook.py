@@ -1,7 +1,5 @@
 """Alarms by HTTP: each change arrives, also over a server that is away or refuses, and no secret is shown."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Damage of recording files, with exact knowledge of the frames that lost bytes."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from pathlib import Path

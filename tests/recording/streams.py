@@ -1,7 +1,5 @@
 """Byte streams of real frames, cut into chunks as by a link, and recordings of them."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterable, Iterator
 from pathlib import Path

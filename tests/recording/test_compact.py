@@ -1,7 +1,5 @@
 """Compaction keeps and verifies every message; hostile compressed chunks are rejected."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

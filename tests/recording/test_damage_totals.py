@@ -1,7 +1,5 @@
 """The stated damage is all of what is not read, and commands say so where nothing is left."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

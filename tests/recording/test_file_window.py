@@ -1,7 +1,5 @@
 """Tests of reading with a window, and of repairs and compressions that are disturbed from outside."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """Recordings that state or unpack to more than they should; memory is bounded."""
 
-from __future__ import annotations
-
 import struct
 import tracemalloc
 import zlib

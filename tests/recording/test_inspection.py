@@ -1,7 +1,5 @@
 """`inspect` reports losses to the sample, rates, restarts and events."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`kill -9` of a recorder in real time loses at most 0.3 s."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

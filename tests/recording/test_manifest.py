@@ -1,7 +1,5 @@
 """A manifest goes with its recordings, and a copy is compared with it."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

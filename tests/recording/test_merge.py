@@ -1,7 +1,5 @@
 """Recordings of one drive as one: every frame once, in the order of the computers' clocks."""
 
-from __future__ import annotations
-
 import tomllib
 
 import pytest

@@ -1,7 +1,5 @@
 """Files that are no recordings: the remedy is the command that takes them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

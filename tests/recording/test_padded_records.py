@@ -1,7 +1,5 @@
 """Records with fields of a later version of MCAP at their ends, which the format asks readers to skip."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A recording that is being written is called that until its process ends; a full disk leaves none."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """References in recordings that were compacted or repaired, and damaged ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What cannot be read at several places is refused, and waits for nobody."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A repaired recording lacks only the damaged frames and contains no wrong ones."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

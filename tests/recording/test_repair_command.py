@@ -1,7 +1,5 @@
 """Tests of `treadlink repair` and `treadlink compact`."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

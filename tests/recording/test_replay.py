@@ -1,7 +1,5 @@
 """Replay yields the recorded chunks, times and events at any speed."""
 
-from __future__ import annotations
-
 import itertools
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The schema of the revolution topic lists every field that a session records."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

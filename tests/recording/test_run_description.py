@@ -1,7 +1,5 @@
 """Descriptions of runs: in the metadata, with notes beside the recording, and as conditions to select by."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A recording in several files: no frame is lost, torn or in two of them, and only the last ones are kept."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Recordings read back unchanged, in every state of the file."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

@@ -1,7 +1,5 @@
 """Live sessions with sources and recorders that misbehave on purpose."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path

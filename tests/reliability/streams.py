@@ -1,7 +1,5 @@
 """A simulated hub's bytes for tests that change or interrupt them."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterable, Iterator
 

@@ -1,7 +1,5 @@
 """Memory that grows with the length of a recording stays small."""
 
-from __future__ import annotations
-
 import sys
 from types import SimpleNamespace
 

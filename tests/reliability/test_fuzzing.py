@@ -1,7 +1,5 @@
 """Changed and arbitrary input: no crash, bounded memory, clear errors. More cases: tools/fuzz_files.py."""
 
-from __future__ import annotations
-
 import tracemalloc
 
 import numpy as np

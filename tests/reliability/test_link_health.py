@@ -1,7 +1,5 @@
 """Faults of a link are reported by their code, once, and only while they hold."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Noise on the link: no corrupt frame accepted, no intact frame lost, resynchronised within one frame."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

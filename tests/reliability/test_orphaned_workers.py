@@ -1,7 +1,5 @@
 """A command that is killed leaves no process behind."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recordings survive kills, power cuts, full disks, removed folders and clock steps."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

@@ -1,7 +1,5 @@
 """A hub unplugged and plugged in again, on a pseudo-terminal, through the whole session."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

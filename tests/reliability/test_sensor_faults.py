@@ -1,7 +1,5 @@
 """Faulty sensors: effect on the estimates, and one notice at the faulty wheel only."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A slow view, terminal, disk or estimator delays nothing else; dropped items are counted by stage."""
 
-from __future__ import annotations
-
 import threading
 from collections import Counter
 

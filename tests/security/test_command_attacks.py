@@ -4,8 +4,6 @@ Written from the protocol page. Whatever is replayed, in whatever order, no comm
 did not execute, and none goes out unsigned.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator, Sequence
 from zlib import crc32

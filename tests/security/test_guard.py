@@ -1,7 +1,5 @@
 """Only new frames of the genuine sensor pass the guard."""
 
-from __future__ import annotations
-
 from collections import Counter
 from pathlib import Path
 

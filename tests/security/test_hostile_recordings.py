@@ -1,7 +1,5 @@
 """Malicious recordings: refused, escaped or read as far as possible, in bounded memory."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Key files: private, complete and never shown."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Recordings whose times are any that MCAP can hold: a result or a message in every command, never a traceback."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

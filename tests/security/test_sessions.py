@@ -1,7 +1,5 @@
 """Security policies through whole sessions, live and from recordings; no socket listens beyond this computer."""
 
-from __future__ import annotations
-
 import ast
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Policies other than `require`, keys that nobody would use, and what a killed process leaves."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

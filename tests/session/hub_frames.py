@@ -1,7 +1,5 @@
 """Frames of a hub that follows the protocol, to be bent by tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A tire is diagnosed from those of its recordings that agree; each of the others is named with its reason."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

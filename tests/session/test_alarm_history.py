@@ -1,7 +1,5 @@
 """The recording has when an alarm was raised, acknowledged and over, and `inspect` shows it."""
 
-from __future__ import annotations
-
 import json
 
 from click.testing import CliRunner

@@ -1,7 +1,5 @@
 """Alarms as events: raised and over with time and value, without a flood."""
 
-from __future__ import annotations
-
 from gateway.pipeline.results import Alarm
 from gateway.reasons import Code, Level, Reason
 from gateway.session.alarm_log import AlarmLog

@@ -1,7 +1,5 @@
 """Alarms: one per crossed threshold, with value and limit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

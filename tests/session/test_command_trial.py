@@ -1,7 +1,5 @@
 """The trial of a hub's commands: a right hub passes, each wrong one is named by its clause."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Events of this computer in a session: they are named, recorded and shown, and no link is blamed for them."""
 
-from __future__ import annotations
-
 import threading
 import time
 from dataclasses import replace

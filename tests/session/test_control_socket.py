@@ -1,7 +1,5 @@
 """Commands go through the session that has the hub: its recording loses nothing, and nobody else gets in."""
 
-from __future__ import annotations
-
 import os
 import socket
 import stat

@@ -1,7 +1,5 @@
 """DBC files as tools write them: their encoding, units, named values, ranges, and messages that are wrong."""
 
-from __future__ import annotations
-
 import math
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The disk of a recording: space and time left are said, and a disk that fills up is an alarm before it is full."""
 
-from __future__ import annotations
-
 import shutil
 from collections import namedtuple
 from pathlib import Path

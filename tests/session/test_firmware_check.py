@@ -1,7 +1,5 @@
 """The check of a firmware names every deliberate fault by its clause, and finds none where there is none."""
 
-from __future__ import annotations
-
 import re
 from functools import lru_cache
 from pathlib import Path

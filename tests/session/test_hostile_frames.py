@@ -1,7 +1,5 @@
 """Every message type repeated, flooded and bent: nothing is counted twice, notices stay few, and nothing is silent."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

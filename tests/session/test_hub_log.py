@@ -1,7 +1,5 @@
 """A hub's log text: shown behind the hub's name, on one line, escaped, at most ten lines a second."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Latency of a session: results come within the chosen time, and do not depend on it."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import pytest

@@ -1,7 +1,5 @@
 """Threads of a session: no failure is silent, nothing waits forever, dropped items are counted."""
 
-from __future__ import annotations
-
 import logging
 import threading
 

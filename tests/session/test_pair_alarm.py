@@ -1,7 +1,5 @@
 """The alarm of wheels that slip to opposite sides begins live and in batch at the same revolution."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """A positioning receiver: recorded beside the wheels, joined to revolutions, watched, and a witness for the radius."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import json

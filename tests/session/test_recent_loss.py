@@ -1,7 +1,5 @@
 """The loss of a link is that of the last seconds."""
 
-from __future__ import annotations
-
 import pytest
 
 from gateway.session.recent_loss import WINDOW_S, RecentLoss

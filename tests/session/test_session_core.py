@@ -1,7 +1,5 @@
 """The synchronous session: recordings replay to the same results, and a failing disk does not end it."""
 
-from __future__ import annotations
-
 import json
 import threading
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Work on recordings in several processes: results, progress, errors and lost processes."""
 
-from __future__ import annotations
-
 import os
 import signal
 from concurrent.futures.process import BrokenProcessPool

@@ -1,7 +1,5 @@
 """Commands to hubs with keys, to hubs of older protocols, and over serial ports and TCP."""
 
-from __future__ import annotations
-
 import os
 import threading
 from pathlib import Path

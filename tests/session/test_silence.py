@@ -1,7 +1,5 @@
 """Silence of hubs, sensors and parts of their streams: a state with a time, live and in recordings."""
 
-from __future__ import annotations
-
 import threading
 
 import pytest

@@ -1,7 +1,5 @@
 """Silence of a vehicle bus: an alarm as that of a hub, live and in recordings, and a gap in the inspection."""
 
-from __future__ import annotations
-
 import threading
 
 import pytest

@@ -1,7 +1,5 @@
 """What a hub states against what it sends: named once per wheel with a count, live, by blocks and in every output."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Signals of the vehicle's bus: recorded beside the wheels, joined to revolutions, witnesses for rate and radius."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import json

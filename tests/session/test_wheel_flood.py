@@ -1,7 +1,5 @@
 """Made-up wheel numbers: a session takes 64 wheels, reports the others once, and its cost grows with the bytes only."""
 
-from __future__ import annotations
-
 import cProfile
 import pstats
 import time

@@ -1,7 +1,5 @@
 """Wheels and sensors other than configured are reported, by `estimate` and `diagnose` alike."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -3,8 +3,6 @@
 The faults were written down before the check that finds them: what firmware authors get wrong, with the clause.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """Straight lines over gaps, against coarse, quiet, smooth and still signals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Clipped signals against smooth, quiet and coarsely quantised ones."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

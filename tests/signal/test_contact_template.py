@@ -1,7 +1,5 @@
 """Contact template against the exact ring: shifts, stretch, gain, offset and stated errors."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Double integration in the order domain, slope rows, running moments and roll calibration."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Mounting offset and pitch tilt from the circumferential axis of the exact ring."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

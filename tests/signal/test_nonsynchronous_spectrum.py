@@ -1,7 +1,5 @@
 """Spectrum and lines of signals with known content."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

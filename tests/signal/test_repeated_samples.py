@@ -1,7 +1,5 @@
 """Counter of repeated samples."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

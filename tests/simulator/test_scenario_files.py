@@ -1,7 +1,5 @@
 """Scenario files: the built-in ones, all faults listed together, and the vehicle file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`treadlink simulate` and its pseudo-terminal."""
 
-from __future__ import annotations
-
 import os
 import threading
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Vibration, run-out, jitter, blows and broken sensors, each against its closed form."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The lateral axis of the simulator: belt, slip, camber, directions, and the matching truth."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The simulator as a source of bytes: determinism, protocol, timing and truth."""
 
-from __future__ import annotations
-
 import math
 import threading
 from itertools import pairwise

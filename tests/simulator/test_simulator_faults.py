@@ -1,7 +1,5 @@
 """Link faults: each kind alone, all together, and against the decoder's counters."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """From scenario to counts: motion, filters, tire table, sensor chain; against closed forms and direct solutions."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

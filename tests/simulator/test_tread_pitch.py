@@ -1,7 +1,5 @@
 """Tread pitch, an undeclared AC coupling, and an inextensible belt."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

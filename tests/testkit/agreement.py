@@ -1,7 +1,5 @@
 """Agreement of results that were computed one at a time and in blocks."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence

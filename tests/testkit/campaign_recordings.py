@@ -1,7 +1,5 @@
 """Recordings of simulated wheels for campaigns."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

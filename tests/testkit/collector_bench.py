@@ -1,7 +1,5 @@
 """Records for the reference collector, and what its link delivered."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 

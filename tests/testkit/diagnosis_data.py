@@ -1,7 +1,5 @@
 """Diagnoses for tests of the views: an ordinary one, one full of hostile strings, and an empty one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Sensor signals of the geometrically exact ring, computed without the signal path that the tests check."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 

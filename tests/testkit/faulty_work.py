@@ -1,7 +1,5 @@
 """Work of campaign workers that fails as machines do: killed, out of memory, on a full disk."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

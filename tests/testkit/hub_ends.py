@@ -1,7 +1,5 @@
 """A serial port on a pseudo-terminal, a TCP hub on loopback, and a reader thread like that of a session."""
 
-from __future__ import annotations
-
 import os
 import queue
 import select

@@ -1,7 +1,5 @@
 """Work on recordings that other processes can import."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Revolutions and averages made from waveforms, for estimator tests."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Sensors of the reference board as the bus sees them, after their data sheets: registers, FIFO, commands."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

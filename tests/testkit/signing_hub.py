@@ -1,7 +1,5 @@
 """A hub in memory that signs, verifies commands and answers challenges as the protocol page says."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """One simulated wheel run through the whole pipeline, from bytes to results."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Steps of the signal chain for one revolution, which the gateway takes for several at once."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Histories of tires with planted trends, as a dataset of recordings gives them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

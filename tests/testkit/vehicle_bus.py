@@ -1,7 +1,5 @@
 """A vehicle's bus beside simulated wheels: a DBC file as a car maker writes it, and its frames during the drive."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Waiting for what other threads do, and a clock that waits for the test."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

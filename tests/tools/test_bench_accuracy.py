@@ -1,7 +1,5 @@
 """The accuracy bench measures what it says, and the weak form stays within its targets on the base case."""
 
-from __future__ import annotations
-
 import math
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Campaigns of the independent tire, and the orders of its edge waves."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

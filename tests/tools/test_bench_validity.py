@@ -1,7 +1,5 @@
 """The validity bench judges by the truth, and repeats itself."""
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import replace

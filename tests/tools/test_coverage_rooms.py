@@ -1,7 +1,5 @@
 """Coverage by room, from coverage's own report."""
 
-from __future__ import annotations
-
 import json
 
 from tools.coverage_rooms import main, rooms

@@ -1,7 +1,5 @@
 """The independent tire's matrices, road and sensor, which need no exudyn."""
 
-from __future__ import annotations
-
 import json
 import math
 import sys

@@ -1,7 +1,5 @@
 """A short soak of the program: nothing lost, nothing that grows, and a clock that is set."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The figures of docs/evidence/closure-ply-steer-tables.md."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

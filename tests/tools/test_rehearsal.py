@@ -1,7 +1,5 @@
 """A short test day is played, and the accounts of a day tell what is lost, missed and falsely named."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

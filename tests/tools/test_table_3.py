@@ -1,7 +1,5 @@
 """The figures of docs/evidence/closure-table-3.md."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

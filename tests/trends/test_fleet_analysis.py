@@ -1,7 +1,5 @@
 """Planted trends of tires are found with errors that hold; what is not there is not found."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """A change at the end of a history is found and followed; what does not change is left alone."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

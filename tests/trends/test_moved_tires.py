@@ -1,7 +1,5 @@
 """A sensor at another wheel is said to have moved, and two that change places are one finding."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

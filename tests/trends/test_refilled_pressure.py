@@ -1,7 +1,5 @@
 """The loss of a tire that is refilled at unknown times is covered by its interval; a tight tire loses nothing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

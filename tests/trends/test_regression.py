@@ -1,7 +1,5 @@
 """Standard errors of trends cover the truth, outliers are rarely false, steps are found."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy import stats

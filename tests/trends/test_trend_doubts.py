@@ -1,7 +1,5 @@
 """Trends follow what recordings say of themselves: status, alarms, changed statements, readings that cannot be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The vehicle's own signals stand on a line of their own, on the console and on the page."""
 
-from __future__ import annotations
-
 import math
 
 from gateway.estimators.estimator import Estimate, Status

@@ -1,7 +1,5 @@
 """The page of a drive: self-contained, escaped, and with what each wheel did."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Listing of the effect catalogue: every effect with its equation, units, ranges and confounders."""
 
-from __future__ import annotations
-
 import json
 import re
 

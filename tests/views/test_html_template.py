@@ -1,7 +1,5 @@
 """Pages show names that turn text around, or control a terminal that prints the page, as escapes."""
 
-from __future__ import annotations
-
 import pytest
 
 pytest.importorskip("jinja2")

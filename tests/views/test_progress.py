@@ -1,7 +1,5 @@
 """Progress on a terminal: bars, their labels and their end."""
 
-from __future__ import annotations
-
 import io
 import re
 

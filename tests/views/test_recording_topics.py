@@ -1,7 +1,5 @@
 """The topics of a recording: stated conditions and estimates side by side."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from gateway.estimators.estimator import Estimate, Status

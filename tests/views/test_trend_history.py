@@ -1,7 +1,5 @@
 """Trends: the last revolution of each second, in shown units, for ten minutes."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

@@ -1,7 +1,5 @@
 """The trend on the console: values, errors, gaps and scales."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

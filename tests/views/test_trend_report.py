@@ -1,7 +1,5 @@
 """Trends as a page, tables for scripts, and terminal lines."""
 
-from __future__ import annotations
-
 import csv
 import html
 import io

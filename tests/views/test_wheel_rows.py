@@ -1,7 +1,5 @@
 """Rows of recordings: a mean is as valid as the revolutions it comes from, and no impossible reading is in it."""
 
-from __future__ import annotations
-
 import pytest
 
 from firmware_protocol.messages import Environment

@@ -1,7 +1,5 @@
 """Reasons are made with the values that their templates need, and only views fill templates."""
 
-from __future__ import annotations
-
 import ast
 import math
 import re

@@ -1,7 +1,5 @@
 """Test cases: tires, loads, speeds, sensors, disturbances, and tires with properties unknown to the estimators."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Revolutions from samples by the gateway's own pipeline: segmentation, resampling, gravity, edges."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

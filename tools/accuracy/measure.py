@@ -1,7 +1,5 @@
 """Bias and standard deviation of every estimator in one case, with the Cramer-Rao bound."""
 
-from __future__ import annotations
-
 import math
 import zlib
 from collections.abc import Mapping, Sequence

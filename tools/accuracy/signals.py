@@ -1,7 +1,5 @@
 """Samples in time of a wheel with known truth: the exact ring, gravity, disturbances, noise and 16 bit."""
 
-from __future__ import annotations
-
 import math
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Tables of the results, as text for a terminal or as Markdown."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

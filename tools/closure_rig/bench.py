@@ -1,7 +1,5 @@
 """Baseline of a case: a tire, a sensor and runs that the exact baseline model describes completely."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Sensor element that the simulator lacks: a nonlinear radial axis, and a bond that yields."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

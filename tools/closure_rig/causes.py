@@ -1,7 +1,5 @@
 """Undeclared effects: every effect of the catalogue that the simulator can make, at three sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum

@@ -1,7 +1,5 @@
 """Drawing of a case from a seed: tire, sensor, undeclared effects with sizes, and the label that lists them."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass

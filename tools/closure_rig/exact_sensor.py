@@ -1,7 +1,5 @@
 """Sensor without noise and rounding, for the size of a contribution."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

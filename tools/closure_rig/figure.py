@@ -1,7 +1,5 @@
 """Reliability curve and confusion matrix as reproducible figures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final

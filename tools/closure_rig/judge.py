@@ -1,7 +1,5 @@
 """Judgement of a diagnosis against the opened label."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """Posterior of recordings under other correlation lengths of the discrepancy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final

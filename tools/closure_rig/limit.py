@@ -11,8 +11,6 @@ proportion to its parameter, the strength is the ratio of its size to the limit.
 - Outside the catalogue: the change of every sample over its noise.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

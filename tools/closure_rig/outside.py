@@ -1,7 +1,5 @@
 """Effects outside the catalogue: some made by the simulator, some added here to the sensor's input."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Plan of the cases of a benchmark: kinds, effects, wanted strengths and baseline models, all from one seed."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Recordings of a case: bytes of a simulated hub with the declared configuration only."""
 
-from __future__ import annotations
-
 import json
 import math
 import tomllib

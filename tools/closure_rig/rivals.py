@@ -1,7 +1,5 @@
 """Effects that a case's data cannot separate, computed from the contributions of both."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Final
 

@@ -1,7 +1,5 @@
 """Diagnosis of stored cases by one version of the gateway, and the judgement of each as a line of JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

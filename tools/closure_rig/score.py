@@ -1,7 +1,5 @@
 """Scores of one or several versions over the same cases, from their lines of results."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

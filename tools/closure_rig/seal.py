@@ -1,7 +1,5 @@
 """Label written before the diagnosis and opened after it."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Cases on disk: recordings that two versions of the gateway share, and their sealed labels."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

@@ -1,7 +1,5 @@
 """True values of what a diagnosis estimates: the tire's numbers in each state, and the parameters of effects."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any, Final, NamedTuple

@@ -3,8 +3,6 @@
 Run: python -m closure_rig.worker FOLDER MODEL RESULT SOURCE CPU_SECONDS
 """
 
-from __future__ import annotations
-
 import inspect
 import json
 import math

@@ -3,8 +3,6 @@
 `--run-notebooks` adds the outputs of the notebooks to their pages.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

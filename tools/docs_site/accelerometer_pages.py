@@ -1,7 +1,5 @@
 """Page of the accelerometers that are shipped: their data sheets, and what each can do on a tire at three speeds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Final
 

@@ -1,7 +1,5 @@
 """API reference: one page per package, filled from docstrings when the site is built."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Final
 

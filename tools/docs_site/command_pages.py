@@ -1,7 +1,5 @@
 """Command reference, generated from click."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterator
 from typing import Final

@@ -1,7 +1,5 @@
 """Reference of the TOML files: vehicle, import map and scenario, generated from the pydantic models."""
 
-from __future__ import annotations
-
 import enum
 import inspect
 import json

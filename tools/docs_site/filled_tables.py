@@ -1,7 +1,5 @@
 """Tables that the site adds to pages of docs/ from the code: `<!-- table: NAME -->` on a line stands for each."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from typing import Final

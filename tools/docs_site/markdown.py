@@ -1,7 +1,5 @@
 """Tables, escapes and sentences in Markdown."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Iterable, Sequence
 

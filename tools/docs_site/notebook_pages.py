@@ -1,7 +1,5 @@
 """Pages of the notebooks: their text and code, and their outputs when they are run."""
 
-from __future__ import annotations
-
 import re
 import tempfile
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Reference of the interface for Python, generated from its functions and tables."""
 
-from __future__ import annotations
-
 import inspect
 from dataclasses import fields
 from typing import Final

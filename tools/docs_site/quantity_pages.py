@@ -1,7 +1,5 @@
 """Reference of quantities, generated from their declarations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from math import isfinite
 from typing import Final

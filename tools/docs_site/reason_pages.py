@@ -1,7 +1,5 @@
 """Reference of reasons, generated from the codes and their templates."""
 
-from __future__ import annotations
-
 import inspect
 import re
 import string

@@ -1,7 +1,5 @@
 """The folder that the site generator renders: pages of docs/, top-level pages, generated pages and linked files."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Reference of the diagnosis' thresholds, generated from `gateway.closure.inference.criteria`."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 from collections.abc import Iterator

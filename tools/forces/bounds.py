@@ -5,8 +5,6 @@ contact shear of that ring is proportional to its pressure, which the estimator 
 below what a method that is free of it can reach.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace

@@ -5,8 +5,6 @@ twists out of its plane, loaded by a given distribution of side force, and whose
 no equation with the estimator: the operator of the estimator's rows is neither of the two.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace

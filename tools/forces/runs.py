@@ -3,8 +3,6 @@
 On random tires of the exact ring with losses, extension and a drifting speed, and on tires of finite elements.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

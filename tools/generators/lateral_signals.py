@@ -4,8 +4,6 @@ The lateral shape comes from the belt's force balance. The only equation in comm
 a = Omega^2 d2y/dtheta2.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

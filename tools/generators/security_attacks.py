@@ -1,7 +1,5 @@
 """Frames of a genuine sensor, and of an attacker who reads and sends everything but has no key."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from zlib import crc32
 

@@ -5,8 +5,6 @@ overshoots and wave packets, or the measured inner liner stretched to another co
 link are added to it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache

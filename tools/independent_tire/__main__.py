@@ -6,8 +6,6 @@ the parts of `independent_tire.sensor.Signals`, and `samples_<e>`, (3, n), time,
 force at 9600 Hz.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

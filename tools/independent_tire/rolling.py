@@ -5,8 +5,6 @@ alpha). Everything else is one object with constant matrices (Coriolis and centr
 a force: the road, by penalty at Gauss points, with tread damping and friction.
 """
 
-from __future__ import annotations
-
 import importlib
 import math
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Signals of a sensor at the inner liner, from the motion of a node of the belt."""
 
-from __future__ import annotations
-
 import math
 from typing import Final, NamedTuple
 

@@ -4,8 +4,6 @@ The belt shears in its plane by its plies as it is bent flat (ply steer paper, E
 of the tread touches down undeflected; its tip then stays on the road until friction gives way.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Final
 

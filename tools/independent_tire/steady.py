@@ -4,8 +4,6 @@ A material point passes the shape X(theta) once a revolution, so its rates are t
 belt. The strain energy is that of exudyn's ANCFCable2D.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

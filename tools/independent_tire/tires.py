@@ -1,7 +1,5 @@
 """The tires that are kept: two sizes, three speeds and loads each, with damping and friction."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, Final
 

@@ -5,8 +5,6 @@ the belt rolls in time with losses of its own. The chain's errors are those of p
 interpolated samples.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

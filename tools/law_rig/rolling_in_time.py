@@ -9,8 +9,6 @@ sidewall, tread or axle is finite and acts on its own nodes. Newmark's method; t
 revolution less that without it. Nothing here is linear, of a pattern, or of the first order, as the library's laws are.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

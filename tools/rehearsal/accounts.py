@@ -1,7 +1,5 @@
 """Accounts of a day: every frame, every name, and the numbers against those of a quiet day."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass, field

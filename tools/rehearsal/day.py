@@ -1,7 +1,5 @@
 """Driver of a day: hubs, bus, broker and disk beside a real session, whose clock moves as fast as it can follow."""
 
-from __future__ import annotations
-
 import resource
 import time
 from collections import defaultdict

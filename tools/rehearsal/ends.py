@@ -1,7 +1,5 @@
 """The far ends of a day's links, the clock that its driver moves, and gates that stop the gateway's readers."""
 
-from __future__ import annotations
-
 import socket
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Plan of a day: what is to go wrong, when, and what the session must say of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from enum import StrEnum
 from typing import Final, NamedTuple

@@ -1,7 +1,5 @@
 """Power cuts: recordings truncated anywhere or with torn last pages, and full disks."""
 
-from __future__ import annotations
-
 import resource
 import shutil
 import subprocess

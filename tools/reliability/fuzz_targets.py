@@ -3,8 +3,6 @@
 `tools/fuzz_files.py` runs them on seeded changes of good inputs, `tools/fuzz_atheris.py` with coverage guidance.
 """
 
-from __future__ import annotations
-
 import atexit
 import contextlib
 import io

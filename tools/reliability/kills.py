@@ -1,7 +1,5 @@
 """`kill -9` of `treadlink record` on a serial line: data on the wire 0.3 s earlier is in the file."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -6,8 +6,6 @@ equal steps of time: memory, descriptors, threads, processor time, and the time 
 needs to its line. At the end every byte that was sent must be in the recordings, in order.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import hashlib

@@ -1,7 +1,5 @@
 """Seeded changes of good inputs: bytes, numbers, lengths, lines, and the content behind checksums and compression."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Sequence

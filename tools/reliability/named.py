@@ -1,7 +1,5 @@
 """Notices of a session for each fault of a link, with the time until they are given."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """Link noise: which frames of a disturbed stream are intact is known byte by byte, and held against both decoders."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from zlib import crc32

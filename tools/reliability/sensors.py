@@ -1,7 +1,5 @@
 """Sensor faults: flag, time until it is raised, and resulting estimates."""
 
-from __future__ import annotations
-
 import tempfile
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Soak test: hours of four wheels through a whole session at full speed, with memory, time and revolutions checked."""
 
-from __future__ import annotations
-
 import argparse
 import gc
 import sys

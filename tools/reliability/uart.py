@@ -1,7 +1,5 @@
 """A UART line in bits: output of a receiver for bytes sent at another baud rate."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """One tire through all cases: calibration, runs, judgement."""
 
-from __future__ import annotations
-
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

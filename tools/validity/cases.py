@@ -1,7 +1,5 @@
 """Cases: everything true, and every single misstatement at several sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal

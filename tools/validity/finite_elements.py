@@ -1,7 +1,5 @@
 """Runs of tires made of finite elements, with friction: a referee that has no equation of the gateway's ring."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Self

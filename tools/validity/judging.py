@@ -1,7 +1,5 @@
 """Judgement of estimates by the truth: pulls, validity, and whether the data could determine the quantity at all."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

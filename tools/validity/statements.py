@@ -1,7 +1,5 @@
 """Statements about a tire and its sensor: what the configuration and the sensor's own messages say."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any, Final
 

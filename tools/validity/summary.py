@@ -1,7 +1,5 @@
 """Tables of the judgement."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
