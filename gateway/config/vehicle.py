@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import Final
+from typing import Final, Literal
 
 from pydantic import Field, model_validator
 
@@ -217,6 +217,11 @@ class Tire(Section):
         description="the signal was computed by Eq. 27 of the ring paper as printed: its order 1 is more than gravity, "
         "and ring-paper has no model error",
     )
+    ply_steer: Literal["peak", "first_half", "adhesion_line", "contact_line"] | None = Field(
+        default=None,
+        description="definition of the ply steer angle that is listed first; adhesion_line is that of the ply steer "
+        "paper, the slope behind the leading edge without slip",
+    )
     cavity_length_mm: float | None = Field(
         default=None,
         ge=500,
@@ -305,6 +310,7 @@ class Tire(Section):
             half_angle_rad=None if self.contact_half_angle_deg is None else math.radians(self.contact_half_angle_deg),
             half_angle_std_rad=math.radians(self.contact_half_angle_std_deg),
             is_linear_ring=self.linear_ring,
+            ply_steer_definition=self.ply_steer or "",
             reference=self.reference.numbers(self.pressure_pa),
             load_calibration=None if self.load_calibration is None else self.load_calibration.calibration(),
             slip_calibration=None if self.slip_calibration is None else self.slip_calibration.calibration(),

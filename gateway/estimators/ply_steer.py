@@ -202,9 +202,12 @@ class PlySteerEstimator(BlockEstimator):
             for measurement, estimates in zip(measured, self._measured(block, measured), strict=True):
                 results[measurement.index] = estimates
         return [
-            (*shape_estimates, *_of_laminate(condition.tire.laminate, condition, shape_estimates[0]))
-            if shape_estimates and condition.tire.laminate is not None
-            else shape_estimates
+            _headed(
+                (*shape_estimates, *_of_laminate(condition.tire.laminate, condition, shape_estimates[0]))
+                if shape_estimates and condition.tire.laminate is not None
+                else shape_estimates,
+                condition.tire.ply_steer_definition,
+            )
             for shape_estimates, condition in zip(results, block.conditions, strict=True)
         ]
 
@@ -447,6 +450,12 @@ def _roll_error(roll: Roll, conditions: TireConditions) -> float:
 def _zero_is_measured(roll: Roll, claims: SensorClaims) -> bool:
     """Return whether different speeds have separated the constant of the lateral mean from the roll."""
     return roll.offset_std_mps2 <= _OFFSET_MEASURED * max(claims.zero_g_std_mps2, OFFSET_STD_MPS2)
+
+
+def _headed(estimates: tuple[Estimate, ...], definition: str) -> tuple[Estimate, ...]:
+    """Return estimates with the ply steer angle of a definition first; as they are without one."""
+    name = f"ply_steer_{definition}_rad"
+    return tuple(sorted(estimates, key=lambda estimate: estimate.name != name)) if definition else estimates
 
 
 def _estimates(

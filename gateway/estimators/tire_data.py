@@ -157,6 +157,7 @@ class TireData:
         half_angle_std_rad: one standard error of it.
         is_linear_ring: whether the signal is that of the linear ring, computed by Eq. 27 of the ring paper as printed.
             Its order 1 is not gravity alone, and the model of `ring-paper` is exact.
+        ply_steer_definition: of the ply steer angle that is listed first, empty for the usual one.
         reference: numbers of the new tire.
         load_calibration: None when the tire is not calibrated.
         slip_calibration: None when the tire is not calibrated at known slip angles.
@@ -173,6 +174,7 @@ class TireData:
     half_angle_rad: float | None = None
     half_angle_std_rad: float = 0.0
     is_linear_ring: bool = False
+    ply_steer_definition: str = ""
     reference: ReferenceNumbers = field(default_factory=ReferenceNumbers)
     load_calibration: LoadCalibration | None = None
     slip_calibration: SlipCalibration | None = None

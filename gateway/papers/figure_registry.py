@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
 from gateway.errors import ConfigError
+from gateway.nearest_name import did_you_mean
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,5 +40,7 @@ def chosen(names: tuple[str, ...]) -> dict[str, Callable[[Figure], str]]:
     figures = all_figures()
     unknown = [name for name in names if name not in figures]
     if unknown:
-        raise ConfigError(f"no figure '{unknown[0]}'", f"Known figures: {', '.join(figures)}.")
+        raise ConfigError(
+            f"no figure '{unknown[0]}'", f"{did_you_mean(unknown[0], figures)}Known figures: {', '.join(figures)}."
+        )
     return {name: figures[name] for name in names} if names else figures

@@ -110,6 +110,13 @@ def test_angles_match_on_other_belts(belt: LateralBelt) -> None:
     assert angles_deg(estimate(rolled(ring, belt))) == pytest.approx(true_deg(ring, lateral(ring, belt)), abs=0.008)
 
 
+def test_asked_definition_comes_first_with_the_same_numbers() -> None:
+    asked = replace(CONDITIONS, tire=TireData(ply_steer_definition="adhesion_line"))
+    usual, headed = (estimate(rolled(radial(5000.0, 2.5e5)), conditions=at) for at in (CONDITIONS, asked))
+    assert next(iter(headed)) == "ply_steer_adhesion_line_rad"
+    assert headed == usual
+
+
 def test_roll_tilt_is_calibrated() -> None:
     straight = estimate(rolled(radial()))
     for degrees in (-2.0, 2.0):

@@ -11,6 +11,7 @@ import gateway
 from gateway.api.figure_sources import FigureSource, measured_tires, read_grid
 from gateway.cli import treadlink
 from gateway.errors import ConfigError, RecordingError
+from gateway.papers.figure_registry import chosen
 from gateway.papers.measured_figures import measured_figures
 from gateway.quantity_catalogue import RING_NUMBERS
 from tests.testkit.campaign_recordings import write_recording
@@ -87,9 +88,10 @@ def test_one_condition_has_no_trends(tires):
 
 
 def test_unknown_figure_is_named(tires):
-    with pytest.raises(ConfigError) as caught:
-        measured_figures(tires, ["ring-fig-71"])
-    assert "Did you mean ring-fig-7" in caught.value.remedy
+    for choose in (lambda names: measured_figures(tires, names), chosen):
+        with pytest.raises(ConfigError) as caught:
+            choose(["ring-fig-71"])
+        assert "Did you mean ring-fig-7" in caught.value.remedy
 
 
 def test_no_figure_at_all_is_no_result(folder, tmp_path, monkeypatch):
