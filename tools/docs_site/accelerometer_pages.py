@@ -9,12 +9,16 @@ from gateway.planning.plan_figure import fastest_mps
 from gateway.planning.planned_errors import AFTER, SensorPlan, plan_sensor
 from gateway.simulator.scenario import load_scenario
 from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.time_series import constant
 from gateway.views.numbers import split_name
 from tools.docs_site.markdown import code, escaped, table
 
 SPEEDS_KMH: Final = (60.0, 100.0, 150.0)
 _SCENARIO: Final = "lab"
+# Tires of a small car, of the scenario and of a van: belt radius in mm, load in N, pressure in kPa.
+_TIRES: Final = ((270.0, 3500.0, 220.0), (None, None, None), (370.0, 9000.0, 350.0))
 _WHEELS: Final = 40
+_SLOW_MPS: Final = 20.0
 
 _INTRODUCTION: Final = """\
 # Accelerometers
@@ -24,8 +28,8 @@ The parts of the list that `treadlink plan` has, and what each can do on the tir
 [`treadlink plan`](../how-to/choose-a-sensor.md). A value that no document was found for is left out; read the data
 sheet before you buy.
 
-**Up to** is the speed at which the peak fills the range. Words behind *no* and *yes* are the reasons `plan_...` of
-[Reasons](reasons.md). Without its noise, a part's errors cannot be planned.
+**Up to** is the speed at which the peak fills the range, on three tires by their belt radius. Words behind *no* and
+*yes* are the reasons `plan_...` of [Reasons](reasons.md). Without its noise, a part's errors cannot be planned.
 """
 
 
@@ -43,10 +47,19 @@ def accelerometers_markdown() -> str:
         )
     ]
     lines += ["## What each can do", ""]
+    tires = [_tire(scenario, *tire) for tire in _TIRES]
     lines += table(
-        ("Part", "Up to, km/h", *(f"{speed:g} km/h" for speed in SPEEDS_KMH)),
         (
-            (escaped(part.name), f"{3.6 * fastest_mps(plans[0]):.0f}", *(escaped(_ability(plan)) for plan in plans))
+            "Part",
+            *(f"Up to, km/h, {tire.wheels()[0].tire.radius_mm:.0f} mm" for tire in tires),
+            *(f"{speed:g} km/h" for speed in SPEEDS_KMH),
+        ),
+        (
+            (
+                escaped(part.name),
+                *(f"{3.6 * _fastest_mps(tire, part):.0f}" for tire in tires),
+                *(escaped(_ability(plan)) for plan in plans),
+            )
             for part, plans in rows
         ),
     )
@@ -66,6 +79,24 @@ def accelerometers_markdown() -> str:
     )
     lines += table(heads, (_sheet(part) for part, _ in rows))
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _tire(scenario: Scenario, radius_mm: float | None, load_n: float | None, pressure_kpa: float | None) -> Scenario:
+    """Return the scenario with another tire of the same numbers, or as it is."""
+    if radius_mm is None or load_n is None or pressure_kpa is None:
+        return scenario
+    (first, *_) = scenario.wheels()
+    changed = {
+        "load_n": constant(load_n),
+        "pressure_kpa": constant(pressure_kpa),
+        "tire": first.tire.model_copy(update={"radius_mm": radius_mm, "reference_pressure_kpa": pressure_kpa}),
+    }
+    return scenario.model_copy(update={"wheel": (first.model_copy(update=changed),)})
+
+
+def _fastest_mps(scenario: Scenario, part: Accelerometer) -> float:
+    """Return the speed at which the peak fills the range; no drive is needed for it."""
+    return fastest_mps(plan_sensor(scenario, part.model_copy(update={"noise_mg_rthz": None}), _SLOW_MPS, wheels=1))
 
 
 def _plans(scenario: Scenario, part: Accelerometer) -> list[SensorPlan]:
