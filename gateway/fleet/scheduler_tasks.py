@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from queue import Empty, SimpleQueue
 from typing import Any, Final
 
 from gateway.clock import SystemClock
@@ -38,10 +40,20 @@ def scheduler_tasks(address: str) -> Iterator[SchedulerTasks]:
     # What dask reports of ended workers, the campaign reports.
     level = logging.INFO if logging.getLogger("gateway").isEnabledFor(logging.DEBUG) else logging.CRITICAL
     logging.getLogger("distributed").setLevel(level)
-    try:
+
+    class AbandonedClient(Client):
+        """A client that may be left behind: that of dask waits for its scheduler when the program ends."""
+
+        def __del__(self) -> None:
+            """Leave the connection to the end of the process."""
+
+    def connected() -> Any:
         with dask.config.set({"distributed.comm.timeouts.connect": f"{_CONNECT_S:.0f}s"}):
-            client = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
-    except (OSError, ValueError, TypeError) as error:
+            return AbandonedClient(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
+
+    try:
+        client = _in_time(connected, 2 * _CONNECT_S)
+    except Exception as error:  # whatever dask makes of an answer that is not of a scheduler
         raise TreadlinkError(
             f"no dask scheduler answers at '{address}': {error}",
             "Start one with `dask scheduler`, and workers with `dask worker`; tls:// needs certificates on all sides.",
@@ -50,7 +62,32 @@ def scheduler_tasks(address: str) -> Iterator[SchedulerTasks]:
         _check_workers(client)
         yield SchedulerTasks(client)
     finally:
-        client.close(timeout=_CLOSE_S)  # type: ignore[no-untyped-call]
+        client.close(timeout=_CLOSE_S)
+
+
+def _in_time(call: Callable[[], Any], most_s: float) -> Any:
+    """Return the result of a call that is left to itself when it takes too long, as with a port that says nothing.
+
+    Raises:
+        TimeoutError: it takes longer than `most_s`.
+        Exception: the call's own.
+    """
+    results: SimpleQueue[tuple[Any, Exception | None]] = SimpleQueue()
+
+    def run() -> None:
+        try:
+            results.put((call(), None))
+        except Exception as error:
+            results.put((None, error))
+
+    threading.Thread(target=run, name="scheduler", daemon=True).start()
+    try:
+        result, error = results.get(timeout=most_s)
+    except Empty:
+        raise TimeoutError(f"no answer for {most_s:.0f} s") from None
+    if error is not None:
+        raise error
+    return result
 
 
 def code_of_worker() -> tuple[str, str]:

@@ -1,9 +1,14 @@
 """A campaign at the workers of a dask scheduler: plain with a warning, and by TLS with certificates."""
 
+from __future__ import annotations
+
+import contextlib
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -77,6 +82,27 @@ def work(order, report):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("answer", [b"", b"HTTP/1.1 400 Bad Request\r\n\r\n", bytes(range(256)) * 16], ids=len)
+def test_what_is_no_scheduler_is_an_error_in_time(monkeypatch, answer):
+    """It accepts the connection and then says nothing, or something else."""
+    monkeypatch.setattr("gateway.fleet.scheduler_tasks._CONNECT_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        connections = []
+
+        def serve():
+            with contextlib.suppress(OSError):
+                while True:
+                    connections.append(server.accept()[0])
+                    connections[-1].sendall(answer)
+
+        threading.Thread(target=serve, daemon=True).start()
+        address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        with pytest.raises(TreadlinkError, match="no dask scheduler answers"), scheduler_tasks(address):
+            pass
+        for connection in connections:
+            connection.close()
+
+
 def test_a_worker_that_ends_is_a_reason():
     import dask
 
