@@ -94,3 +94,18 @@ def test_every_dependency_is_explained():
     names = {re.match(r"[\w-]+", line).group() for line in wanted} - {"treadlink"}
     table = (ROOT / "docs" / "reference" / "dependencies.md").read_text()
     assert names == set(re.findall(r"^\| `([\w-]+)` \|", table, re.M))
+
+
+def test_container_is_given_what_its_build_copies() -> None:
+    """An image cannot be built by every test machine; what is left out of the context fails there."""
+    lines = [line.split() for line in (ROOT / "Containerfile").read_text("utf-8").splitlines()]
+    copied = {
+        name.rstrip("/")
+        for command, *names in (line for line in lines if line)
+        if command == "COPY" and not names[0].startswith("--from")
+        for name in names[:-1]
+    }
+    ignored, *more = (ROOT / ".dockerignore").read_text("utf-8").split()
+    assert ignored == "*"
+    assert copied == {name[1:] for name in more if name.startswith("!")}
+    assert all((ROOT / name).exists() for name in copied)
