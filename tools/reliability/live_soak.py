@@ -47,6 +47,8 @@ _STEPS_S: Final = (3600, -7200, 58 * _DAY_S, -58 * _DAY_S, -30, 40, -_DAY_S)
 _WINDOW_S: Final = 30.0
 _PAGE_S: Final = 10.0
 _END_S: Final = 60.0
+# A computer with too much other work may have a backlog.
+_DRAIN_S: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +236,7 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
         browsers.close()
         soak.pages, soak.refused_pages = browsers.served, browsers.refused
         process.send_signal(signal.SIGINT)
-        soak.status = process.wait(_END_S)
+        soak.status = process.wait(_DRAIN_S)
     finally:
         stop.set()
         if process.poll() is None:

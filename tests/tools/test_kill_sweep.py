@@ -1,0 +1,36 @@
+"""Commands that write, killed at each of their calls: the quick ones; `tools/reliability/kill_sweep.py` has all."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from tools.reliability.kill_sweep import sweep
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler"),
+]
+
+QUICK = (
+    "repair",
+    "compact",
+    "compact --in-place",
+    "note",
+    "manifest",
+    "import",
+    "keys new",
+    "calibrate load",
+    "orders",
+)
+
+
+def test_no_kill_leaves_half_a_result_or_stops_the_next_run(tmp_path: Path) -> None:
+    swept = list(sweep(tmp_path.resolve(), QUICK))
+    assert [each.name for each in swept] == list(QUICK)
+    for each in swept:
+        assert each.faults == []
+        assert each.kills >= each.calls > 1
