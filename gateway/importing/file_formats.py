@@ -10,6 +10,7 @@ from gateway.importing.columns import ColumnReader
 from gateway.importing.csv_columns import CsvColumns
 from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
 from gateway.importing.iso_times import IsoTimes
+from gateway.importing.plugin_reader import PluginReader
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
 from gateway.plugins import Plugin, PluginGroup, load, missing_members
 from gateway.reasons import Code, Reason
@@ -99,17 +100,7 @@ def _plugin_reader(path: Path) -> ColumnReader | None:
     """
     suffix = path.suffix.lower().removeprefix(".")
     reader: Any = load(PluginGroup.IMPORTERS, suffix, PLUGIN_NAMES_TAKEN, plugin_fault)
-    if reader is None:
-        return None
-    try:
-        opened: ColumnReader = reader(path)
-    except (ImportDataError, OSError):
-        raise
-    except Exception as error:  # code of others may raise anything
-        raise ImportDataError(
-            f"{path} cannot be read: {type(error).__name__}: {error}", "Check the file, or update the plug-in."
-        ) from error
-    return opened
+    return None if reader is None else PluginReader(path, reader)
 
 
 def _is_hdf5(path: Path) -> bool:
