@@ -295,8 +295,10 @@ class Sweep:
             self._must_run(line, self._inputs)
         self._arguments = case.arguments.split()
         for target in (self._reference, other):
-            shutil.copytree(self._inputs, target)
-            self._must_run(case.arguments, target)
+            # Where the killed runs are too: a dataset names its files by the paths of the recordings.
+            shutil.copytree(self._inputs, self._work)
+            self._must_run(case.arguments, self._work)
+            self._work.rename(target)
         self.swept = Swept(case.name, forked.calls)
         self._before = _contents(self._inputs)
         self._after = _contents(self._reference)
@@ -355,7 +357,7 @@ class Sweep:
         for name in contents.keys() - self._before.keys():
             if self._case.is_recording and name.endswith(".mcap"):
                 continue
-            if name == self._case.appends:
+            if name == self._case.appends or name.endswith(".lock"):
                 continue
             if name in self._after:
                 if not self._is_whole(name):

@@ -235,7 +235,7 @@ def run_live_soak(minutes: float, folder: Path, *, readings: int = 10, split_s: 
         time.sleep(2.0)
         browsers.close()
         soak.pages, soak.refused_pages = browsers.served, browsers.refused
-        process.send_signal(signal.SIGINT)
+        process.send_signal(signal.SIGTERM)  # SIGINT is ignored by what a shell starts in the background
         soak.status = process.wait(_DRAIN_S)
     finally:
         stop.set()
