@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from functools import partial
 from queue import Empty, SimpleQueue
@@ -159,6 +160,11 @@ class SchedulerTasks(WorkerTasks):
             return Reason(Code.WORKER_ENDED)
         except (MemoryError, TreadlinkError):
             raise
+        except CancelledError as error:  # this side cancels no task that it waits for
+            raise TreadlinkError(
+                "the connection to the dask scheduler was lost: it ended or restarted, or the network is down",
+                "Start it again with its workers, and repeat the command: recordings that are done are kept.",
+            ) from error
         except Exception as error:
             # What a worker raises before it calls the function: it cannot import this treadlink.
             raise _other_version(f"the workers cannot estimate: {type(error).__name__}: {error}") from error

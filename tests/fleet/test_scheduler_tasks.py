@@ -70,6 +70,14 @@ def test_a_scheduler_with_certificates_is_used_without_a_word(recordings, tmp_pa
         assert "no dask scheduler answers" in str(without.exception)
 
 
+_released = threading.Event()
+
+
+def held(order, report):
+    _released.wait(60.0)
+    return order
+
+
 def work(order, report):
     report(7)
     if order == "end":
@@ -136,6 +144,23 @@ def test_workers_of_another_version_are_named_before_the_first_recording(recordi
         result = run(recordings, tmp_path, address)
     assert "1 of 1 workers have another treadlink, or none" in str(result.exception)
     assert "same version" in result.exception.remedy
+
+
+def test_scheduler_that_ends_is_named_and_what_is_done_is_kept():
+    with cluster() as workers, scheduler_tasks(workers.scheduler_address) as tasks:
+        tasks.submit("done", work, "fine")
+        while (result := tasks.wait(1.0)) is None:
+            pass
+        assert result.ended is None
+        _released.clear()
+        tasks.submit("lost", held, "fine")
+        try:
+            workers.close()
+            with pytest.raises(TreadlinkError, match="connection to the dask scheduler was lost") as error:
+                tasks.wait(60.0)
+        finally:
+            _released.set()
+    assert "repeat the command" in error.value.remedy
 
 
 def test_cancelled_tasks_have_no_result():
