@@ -479,6 +479,7 @@ class Code(Enum):
     LINK_DISCONNECTED = "disconnected on request"
     LINK_ENDED = "ended"
     LINK_EVENT = "{event}: {details}"
+    LINK_IN_USE = "the session of process {process} has this hub too; many hubs serve one program alone"
     LINK_LOST = "connection lost"
     LINK_NOT_OPEN = "not open yet"
     LINK_RESTORED = "reconnected"

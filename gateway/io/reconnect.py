@@ -242,7 +242,7 @@ class ReconnectingSource:
             elif 0.0 < silence_s <= self._quiet_s():
                 raise LinkLostError(
                     f"{self._name} is connected, but silent for {silence_s:g} s",
-                    "Does its firmware hang? Connecting again.",
+                    "Does its firmware hang, or does another program have it? Connecting again.",
                     cause="silent",
                 )
             yield self._items_of(data)

@@ -16,7 +16,7 @@ from gateway.estimators.registry import DEFAULT_ESTIMATORS
 from gateway.io.reconnect import ReconnectingSource
 from gateway.io.source import Source, is_live, open_source, parse_source_uri
 from gateway.io.time_limit import limited
-from gateway.reasons import Reason
+from gateway.reasons import Code, Level, Notice, Reason
 from gateway.recording.replay_source import ReplaySource
 from gateway.recording.run_description import NO_DESCRIPTION, RunDescription
 from gateway.recording.split_writer import Split, SplitWriter
@@ -24,7 +24,7 @@ from gateway.recording.writer import RecordingWriter
 from gateway.security.guard import open_guard
 from gateway.security.key_file import command_keys
 from gateway.session.commands import TwoWaySource, with_commands
-from gateway.session.control_socket import ControlSocket, shared_links
+from gateway.session.control_socket import ControlSocket, session_of, shared_links
 from gateway.session.effects_opening import open_effects
 from gateway.session.latency import Latency
 from gateway.session.live import LiveSession
@@ -157,6 +157,11 @@ def open_session(
             latency_s=latency_s,
             control=ControlSocket(links),
         )
+        for link in links.values():
+            other = session_of(link.link)
+            if other is not None:
+                other.connection.close()
+                live.core.notify(Notice(link.link, Reason(Code.LINK_IN_USE, process=other.process), Level.WARNING))
         live.start()
     except BaseException:
         for source in sources:

@@ -20,7 +20,8 @@ from gateway.recording.reader import RecordingReader
 from gateway.session.commands import execute
 from gateway.session.control_socket import ControlSocket, SessionSource, SharedLink, session_of, shared_links
 from gateway.session.session_opening import open_session
-from tests.testkit.hub_ends import TIMEOUT_S, PtyPort
+from gateway.views.wording import notice_text
+from tests.testkit.hub_ends import TIMEOUT_S, PtyPort, TcpHub
 from tests.testkit.waiting import until
 
 pytestmark = pytest.mark.skipif(not hasattr(socket, "AF_UNIX"), reason="sockets of files exist on POSIX only")
@@ -125,6 +126,22 @@ def served(monkeypatch: pytest.MonkeyPatch):
         control = ControlSocket(links)
     yield stream, links[stream.link], control
     control.close()
+
+
+def test_second_session_of_a_hub_is_told(monkeypatch: pytest.MonkeyPatch, tcp_hub: TcpHub) -> None:
+    stream = Stream()
+    stream.link = f"tcp:127.0.0.1:{tcp_hub.port}"
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "getpid", lambda: 4242)
+        control = ControlSocket(shared_links([stream]))
+    opened = open_session([f"tcp://127.0.0.1:{tcp_hub.port}"], lambda _: None, clock=SystemClock())
+    try:
+        until(lambda: opened.live.snapshot().notices)
+        texts = [notice_text(notice) for notice in opened.live.snapshot().notices]
+        assert any("the session of process 4242 has this hub too" in text for text in texts)
+    finally:
+        control.close()
+        opened.live.close()
 
 
 def test_socket_is_of_this_user_alone(served, runtime: Path) -> None:
