@@ -134,6 +134,15 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     help="Time for reading and the search for effects; what is known by then is reported. The first fit and the errors "
     "on held-out revolutions are computed in any case; a note says how long each took.  [default: no limit]",
 )
+@click.option(
+    "--self-test",
+    "self_tests",
+    type=click.IntRange(0, 1000),
+    default=0,
+    metavar="N",
+    help="Simulate N times from the result and from what it leaves unexplained, diagnose again, and report how often "
+    "an effect is identified that is not there, and how far numbers are off. Each takes as long as the diagnosis.",
+)
 @force_option
 @click.option(
     "--list-effects",
@@ -164,6 +173,7 @@ def diagnose(
     folds: int,
     jobs: int | None,
     budget_s: float | None,
+    self_tests: int,
     force: bool,
     key_file: Path | None,
 ) -> None:
@@ -196,9 +206,9 @@ def diagnose(
     """
     if known_path is not None and (effects_path or plugin_path or empirical):
         raise click.UsageError("--effects only compares: leave out --save-effects, --law-plugin and --empirical.")
-    if known_path is not None and (wheel is not None or budget_s is not None):
+    if known_path is not None and (wheel is not None or budget_s is not None or self_tests):
         raise click.UsageError(
-            "--effects states the wheel, and nothing is searched for: leave out --wheel and --budget."
+            "--effects states the wheel, and nothing is searched for: leave out --wheel, --budget and --self-test."
         )
     if plans_next and (known_path is not None or model != "exact"):
         raise click.UsageError("--plan goes with a search on the exact ring: leave out --effects and --model.")
@@ -247,6 +257,7 @@ def diagnose(
             reverse=reverse,
             key_file=key_file,
             budget_s=budget_s,
+            self_tests=self_tests,
             on_progress=on_progress,
             on_posterior=posteriors.append,
         )

@@ -51,8 +51,9 @@ from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.unseen_recordings import tested_elsewhere
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
-from gateway.closure.report_curves import curves_of, trends_of
+from gateway.closure.report_curves import curves_of, effect_curves_of, trends_of
 from gateway.closure.result import Diagnosis, Finding, Fitted, Unexplained, Verdict
+from gateway.closure.self_test import self_test
 from gateway.constants import AXIS_NAMES
 from gateway.errors import TreadlinkError
 from gateway.reasons import Code, Reason
@@ -84,6 +85,7 @@ def diagnose(
     expired: Callable[[], bool] = lambda: False,
     workers: Workers | None = None,
     on_posterior: Callable[[Posterior], None] = lambda _posterior: None,
+    self_tests: int = 0,
 ) -> Diagnosis:
     """Find the effects that a baseline model lacks on a campaign.
 
@@ -95,6 +97,7 @@ def diagnose(
         expired: True when the time for the search is over; what is known by then is reported.
         workers: other processes that share the work; the result does not depend on them.
         on_posterior: called with the sets of effects that the result rests on, and their fits.
+        self_tests: number of recordings to simulate from the result and to diagnose again.
 
     Raises:
         TreadlinkError: there are too few data.
@@ -103,7 +106,22 @@ def diagnose(
         RecordingsContradictedError: recordings contradict their stated direction.
     """
     helpers = Helpers(workers or Workers())
-    return _diagnose(campaign, model, empirical, on_progress, expired, helpers, on_posterior)
+    parts = self_tests + 1
+
+    def part(share: float, text: str) -> None:
+        on_progress(share / parts, text)
+
+    diagnosis, fit = _diagnose(campaign, model, empirical, part, expired, helpers, on_posterior)
+    if not self_tests:
+        return diagnosis
+
+    def again(simulation: Campaign, on_share: Progress) -> Diagnosis:
+        return _diagnose(simulation, model, False, on_share, expired, helpers, lambda _posterior: None)[0]
+
+    def beyond(share: float, text: str) -> None:
+        on_progress((1.0 + self_tests * share) / parts, text)
+
+    return replace(diagnosis, self_test=self_test(fit, diagnosis, again, self_tests, beyond, expired))
 
 
 def _diagnose(
@@ -114,7 +132,8 @@ def _diagnose(
     expired: Callable[[], bool],
     helpers: Helpers,
     on_posterior: Callable[[Posterior], None],
-) -> Diagnosis:
+) -> tuple[Diagnosis, Fit]:
+    """Return the diagnosis of a campaign, and the fit of the best set."""
     core = make_core(model)
     data = whiten(campaign, core)
     if data.folds < 2:
@@ -199,7 +218,7 @@ def _diagnose(
     )
     shown = errors.fit_of[frozenset()], errors.fit_of[best.names]
     on_progress(1.0, "done")
-    return Diagnosis(
+    diagnosis = Diagnosis(
         model=str(model),
         wheel=campaign.wheel,
         recordings=campaign.recordings,
@@ -220,6 +239,7 @@ def _diagnose(
         determined=determined,
         determined_before=determined_before,
         curves=curves_of(*shown, data),
+        effect_curves=effect_curves_of(best.fit, [f for f in findings if f.verdict is Verdict.NAMED]),
         spectra=time_locked.spectra,
         trends=trends_of(*shown, data),
         empirical_rms_mps2=errors.with_discrepancy_mps2 if empirical else None,
@@ -251,6 +271,7 @@ def _diagnose(
         complete=search.complete,
         outvoted=outvoted,
     )
+    return diagnosis, best.fit
 
 
 def _searched(

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Final
 
 import numpy as np
 
 from gateway.closure.data.campaign_data import Group
+from gateway.closure.inference.effect_contribution import added_by
 from gateway.closure.inference.fit import Fit
-from gateway.closure.inference.likelihood import Whitened
+from gateway.closure.inference.likelihood import Whitened, as_complex
 from gateway.closure.inference.residual import group_residuals
 from gateway.closure.model.sensor_signal import THETA, orders_field
-from gateway.closure.result import Curves, Trend
+from gateway.closure.result import Curves, EffectCurves, Finding, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.types import BoolArray, ComplexArray, FloatArray
 
@@ -56,6 +57,33 @@ def curves_of(before: Fit, after: Fit, data: Whitened) -> tuple[Curves, ...]:
                 order_noise_mps2=order_noise,
             )
         )
+    return tuple(result)
+
+
+def effect_curves_of(fit: Fit, findings: Sequence[Finding]) -> tuple[EffectCurves, ...]:
+    """Return what each identified effect of a fit adds, in the group where that is most.
+
+    Args:
+        fit: of the best set.
+        findings: identified effects, with their parameters' errors.
+    """
+    effects = {effect.name: effect for effect in fit.model.effects}
+    groups = fit.model.campaign.groups
+    result = []
+    for finding in findings:
+        if finding.name not in effects:
+            continue
+        added = [orders_field(orders) for orders in added_by(fit, effects[finding.name])]
+        index = max(range(len(groups)), key=lambda number: float(np.nan_to_num(np.square(added[number])).sum()))
+        where = fit.model.layout.effect(finding.name)
+        rows = orders_field(as_complex(fit.rows[index][where]))
+        # Errors over all sets, and of the equation, are larger than the fit's own; correlations are the fit's.
+        covariance = fit.covariance[where, where]
+        own = np.sqrt(np.diagonal(covariance))
+        wider = np.array([fitted.std for fitted in finding.parameters.values()]) / np.where(own > 0.0, own, 1.0)
+        variance = np.einsum("pan,pq,qan->an", rows, covariance * np.outer(wider, wider), rows)
+        std = np.sqrt(np.maximum(variance, 0.0))
+        result.append(EffectCurves(finding.name, groups[index].label, THETA, added[index], std))
     return tuple(result)
 
 

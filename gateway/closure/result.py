@@ -247,6 +247,25 @@ class LawCurves:
 
 
 @dataclass(frozen=True, slots=True)
+class EffectCurves:
+    """What an identified effect adds to the signal, in the group where that is most, for the figure.
+
+    Attributes:
+        name: of the effect.
+        label: of the group.
+        theta_rad: (n,).
+        added_mps2: (3, n).
+        std_mps2: (3, n) one standard error, by the errors of its parameters.
+    """
+
+    name: str
+    label: str
+    theta_rad: FloatArray
+    added_mps2: FloatArray
+    std_mps2: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class Law:
     """A law, or a clue to one, for what no effect of the catalogue explains; never an identified effect.
 
@@ -467,6 +486,7 @@ class Origin:
         vehicle: name of the vehicle or test rig, empty if unknown or not the same in all recordings.
         tire: size of the tire, likewise.
         command: as given, empty where no command was.
+        commit: of the program, empty where it is not known.
     """
 
     recordings: tuple[RecordingOrigin, ...]
@@ -474,6 +494,31 @@ class Origin:
     vehicle: str = ""
     tire: str = ""
     command: str = ""
+    commit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class SelfTest:
+    """Diagnoses of recordings that were simulated from a result and from what it leaves.
+
+    Attributes:
+        count: of simulations.
+        wrong: of those in which an effect was identified that was not in them.
+        false: number of simulations by the name of such an effect.
+        missed: number of simulations by the name of an identified effect that was not identified again.
+        pulls: differences of determined numbers and of parameters from the truth over their standard errors.
+    """
+
+    count: int
+    wrong: int
+    false: Mapping[str, int]
+    missed: Mapping[str, int]
+    pulls: tuple[float, ...]
+
+    @property
+    def pull_rms(self) -> float:
+        """Root mean square of the pulls, NaN without any."""
+        return math.sqrt(sum(pull**2 for pull in self.pulls) / len(self.pulls)) if self.pulls else math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -496,6 +541,7 @@ class Diagnosis:
         determined: estimate with the named effects -> False when the data do not determine it.
         determined_before: likewise for the baseline model's.
         curves: for figures.
+        effect_curves: for figures.
         spectra: for figures.
         trends: for figures.
         empirical_rms_mps2: held-out rms with the fitted empirical correction, None when not requested.
@@ -511,6 +557,7 @@ class Diagnosis:
         left_out: recordings that were given but not used, each with its reason.
         laws: for the angle-locked part of `unexplained`, or clues to them; empty where nothing is credible.
         origin: what it was made of; None where that is not known.
+        self_test: how simulations of the result are diagnosed; None where none was asked for.
         taken_from: where the effects were found, if nothing was searched for and they are as found there.
     """
 
@@ -529,6 +576,7 @@ class Diagnosis:
     determined: Mapping[str, bool] = field(default_factory=dict)
     determined_before: Mapping[str, bool] = field(default_factory=dict)
     curves: tuple[Curves, ...] = ()
+    effect_curves: tuple[EffectCurves, ...] = ()
     spectra: tuple[Spectra, ...] = ()
     trends: tuple[Trend, ...] = ()
     empirical_rms_mps2: float | None = None
@@ -543,6 +591,7 @@ class Diagnosis:
     left_out: tuple[Reason, ...] = ()
     laws: tuple[Law, ...] = ()
     origin: Origin | None = None
+    self_test: SelfTest | None = None
     taken_from: str = ""
 
     @property

@@ -18,6 +18,7 @@ from gateway.closure.result import Diagnosis, Origin, RecordingOrigin
 from gateway.closure.transfer import Transfer, transfer
 from gateway.config.vehicle import VehicleConfig
 from gateway.reasons import Code, Reason
+from gateway.revision import commit
 from gateway.session.campaign import read_campaign, read_usable
 from gateway.signal.effect_correction import CorrectionTable
 from gateway.worker_pool import Workers
@@ -42,6 +43,7 @@ def diagnose_recordings(
     reverse: Collection[Path] = (),
     key_file: Path | None = None,
     budget_s: float | None = None,
+    self_tests: int = 0,
     clock: Clock | None = None,
     on_progress: Progress | None = None,
     on_posterior: Callable[[Posterior], None] = lambda _posterior: None,
@@ -60,6 +62,7 @@ def diagnose_recordings(
         key_file: keys of signed frames, where the configuration asks for them.
         budget_s: time after which the search for effects ends, reading included; None sets no limit. The baseline
             model, the error on held-out revolutions and figures are computed in any case; a note says how long.
+        self_tests: number of recordings to simulate from the result and to diagnose again.
         clock: of the budget; None for the system's.
         on_progress: called with the share done, 0 to 1, and the present step.
         on_posterior: called with the sets of effects that the result rests on, and their fits.
@@ -93,7 +96,7 @@ def diagnose_recordings(
 
     def on_share(share: float, text: str) -> None:
         nonlocal searched_ns
-        if share >= SEARCHED and searched_ns is None:
+        if share >= SEARCHED / (self_tests + 1) and searched_ns is None:
             searched_ns = clock.now_ns()
         report(_READING_SHARE + (1.0 - _READING_SHARE) * share, text)
 
@@ -105,6 +108,7 @@ def diagnose_recordings(
         expired=lambda: budget_s is not None and clock.now_ns() >= begin_ns + round(1e9 * budget_s),
         workers=workers,
         on_posterior=on_posterior,
+        self_tests=self_tests,
     )
     if budget_s is not None and not diagnosis.complete:
         end_ns = clock.now_ns()
@@ -128,6 +132,7 @@ def _with_origin(diagnosis: Diagnosis, campaign: Campaign, paths: Sequence[Path]
         campaign.sensor_id,
         campaign.vehicle,
         campaign.tire,
+        commit=commit(),
     )
     return replace(diagnosis, notes=_notes(diagnosis, campaign), stated=campaign.stated, origin=origin)
 

@@ -3,21 +3,27 @@
 import itertools
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gateway.closure import closed_loop
 from gateway.closure.closed_loop import diagnose
 from gateway.closure.effects.catalogue import catalogue
-from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL
+from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, GroupConditions
 from gateway.closure.model.exact_baseline import ExactCore
 from gateway.closure.result import Verdict
+from gateway.closure.self_test import simulated
 from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.reasons import Code, Reason
+from gateway.types import FloatArray
+from gateway.views.report.diagnosis_json import diagnosis_json
+from gateway.views.report.terminal import closure_summary_lines
 from tests.closure.planted_campaign import (
     ALL_AXES,
     ONE_SPEED,
     campaign_of,
+    evaluated,
     larger_belt,
     nothing,
     turned,
@@ -46,6 +52,45 @@ def test_exact_ring_gives_no_findings() -> None:
     assert all(earlier <= later for earlier, later in itertools.pairwise(shares))
     assert 0.0 <= shares[0] < shares[-1] == 1.0
     assert all(text for _, text in notices)
+
+
+@pytest.mark.usefixtures("few")
+def test_simulations_of_a_result_are_diagnosed_as_they_were_made() -> None:
+    notices: list[float] = []
+    found = diagnose(
+        campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES),
+        self_tests=1,
+        on_progress=lambda share, _text: notices.append(share),
+    )
+    tested = found.self_test
+    assert tested is not None
+    assert (tested.count, tested.wrong, tested.false, tested.missed) == (1, 0, {}, {})
+    # Numbers of the ring, and the tilt.
+    assert len(tested.pulls) >= 5
+    assert 0.3 < tested.pull_rms < 2.5
+    assert notices == sorted(notices)
+    assert notices[-1] == pytest.approx(1.0)
+    lines = " ".join(line.strip() for line in closure_summary_lines(found))
+    assert "0 of 1 simulation with a false effect" in lines
+    assert diagnosis_json(found)["self_test"]["count"] == 1
+
+
+def test_simulation_holds_scatter_and_unexplained_of_the_recording() -> None:
+    """The scatter of blocks keeps its size; what no effect explains is turned, and as large as it was."""
+
+    def hum(signal: FloatArray, theta: FloatArray, _: GroupConditions) -> FloatArray:
+        return np.asarray(signal + 10.0 * np.cos(40.0 * theta))
+
+    campaign = campaign_of(ONE_SPEED, hum, axes=ALL_AXES)
+    base, _ = evaluated(campaign)
+    made = simulated(base.fit, np.random.default_rng(3))
+    blocks, recorded = (np.stack([block.orders_mps2 for block in of.groups[0].blocks]) for of in (made, campaign))
+    spread, recorded_spread = (np.abs(orders - orders.mean(axis=0)).std() for orders in (blocks, recorded))
+    assert spread == pytest.approx(recorded_spread, rel=0.15)
+    left = blocks.mean(axis=0) - base.fit.model.predict_group(base.fit.vector, 0).mean(axis=0)
+    was_left = recorded.mean(axis=0) - base.fit.predicted[0]
+    assert np.abs(left[:, 40]) == pytest.approx(np.abs(was_left[:, 40]), rel=0.1)
+    assert np.abs(np.angle(left[0, 40] / was_left[0, 40])) > 0.1
 
 
 @pytest.mark.usefixtures("few")

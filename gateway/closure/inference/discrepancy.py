@@ -124,14 +124,6 @@ class Discrepancy:
         more.shape = self.shape[0], self.shape[1], self.shape[2] + 1
         return more
 
-    def scales(self, state: int, axis: int, group: int) -> FloatArray:
-        """Return the size of each part of the discrepancy in one group, (parts,)."""
-        for of, along, axis_groups in self._axis_groups:
-            if (of, along) == (state, axis):
-                result: FloatArray = axis_groups.scales[:, axis_groups.groups.index(group)]
-                return result
-        raise KeyError(f"no discrepancy on axis {axis} of state {state}")
-
     def enumerate(self) -> list[tuple[int, tuple[int, int, AxisGroups]]]:
         """Return the groups of every axis of a state, with their index, state and axis."""
         return list(enumerate(self._axis_groups))
@@ -199,20 +191,18 @@ class Applied:
                 total += inverse.products(axis_rows, batches)
         return total
 
-    def mean(self, weighted: Sequence[FloatArray]) -> list[tuple[int, int, FloatArray]]:
-        """Return the posterior mean of the discrepancy.
+    def mean(self, weighted: Sequence[FloatArray]) -> list[FloatArray]:
+        """Return the posterior mean of the discrepancy in every group, real coefficients (3, REAL) each.
 
         Args:
             weighted: C^-1 times the residual, (3, REAL) of each group.
-
-        Returns:
-            for every axis of a state the state, the axis and the coefficients (parts, REAL).
         """
-        means = []
-        for (_, (state, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
+        means = [np.zeros((_AXES, REAL)) for _ in weighted]
+        for (_, (_, axis, axis_groups)), inverse in zip(self.discrepancy.enumerate(), self.inverses, strict=True):
             seen = axis_groups.seen([weighted[index][axis][None] for index in axis_groups.groups])
-            coefficients = [prior @ part[0] for prior, part in zip(inverse.priors, seen, strict=True)]
-            means.append((state, axis, np.stack(coefficients)))
+            coefficients = np.stack([prior @ part[0] for prior, part in zip(inverse.priors, seen, strict=True)])
+            for index, scales in zip(axis_groups.groups, axis_groups.scales.T, strict=True):
+                means[index][axis] = scales @ coefficients
         return means
 
     def improved(self, weighted: Sequence[FloatArray], precision: FloatArray) -> Applied:

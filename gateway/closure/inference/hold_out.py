@@ -353,12 +353,7 @@ def _without(
         if predicted is None:
             whole.append(None)
             continue
-        corrected = predicted.copy()
-        for state, axis, coefficients in discrepancy_means:
-            if state == fit.model.campaign.groups[index].state:
-                scales = fit.applied.discrepancy.scales(state, axis, index)
-                corrected[axis] += as_complex(scales @ coefficients)
-        whole.append(corrected)
+        whole.append(predicted + as_complex(discrepancy_means[index]))
     if least is None:
         return _Fold(log_evidence(there), base, whole)
     # Its effects are those that the other folds determine, the tire's own parameters those of the least error beside.

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from gateway import __version__
 from gateway.closure.data.campaign_data import Remark
-from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Origin, Unexplained
+from gateway.closure.result import Diagnosis, Finding, Fitted, Law, Origin, SelfTest, Unexplained
 from gateway.reasons import Reason
 from gateway.views import wording
 from gateway.views.output_file import write_whole
@@ -59,6 +59,7 @@ def diagnosis_json(diagnosis: Diagnosis) -> dict[str, Any]:
         "effects": [_finding(finding) for finding in diagnosis.findings],
         "unexplained": [_unexplained(residual) for residual in diagnosis.unexplained],
         "laws": [_law(law) for law in diagnosis.laws],
+        "self_test": _self_test(diagnosis.self_test),
         "next_steps": [{"about": _text(about), "step": _text(step)} for about, step in next_steps(diagnosis)],
         "estimates": {
             "before": _estimates(diagnosis.estimates_before, diagnosis.determined_before),
@@ -114,6 +115,7 @@ def _origin(origin: Origin | None) -> dict[str, Any] | None:
         return None
     return {
         "command": _text(origin.command),
+        "commit": _text(origin.commit),
         "sensor_id": None if origin.sensor_id is None else f"{origin.sensor_id:08x}",
         "vehicle": _text(origin.vehicle),
         "tire": _text(origin.tire),
@@ -126,6 +128,19 @@ def _origin(origin: Origin | None) -> dict[str, Any] | None:
             }
             for recording in origin.recordings
         ],
+    }
+
+
+def _self_test(tested: SelfTest | None) -> dict[str, Any] | None:
+    if tested is None:
+        return None
+    return {
+        "count": tested.count,
+        "wrong": tested.wrong,
+        "false": {_text(name): count for name, count in tested.false.items()},
+        "missed": {_text(name): count for name, count in tested.missed.items()},
+        "pulls": _numbers(tested.pulls),
+        "pull_rms": _number(tested.pull_rms),
     }
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from gateway.closure.result import Curves, Law, Spectra, Trend, Unexplained
+from gateway.closure.result import Curves, EffectCurves, Law, Spectra, Trend, Unexplained
 from gateway.constants import AXIS_NAMES
 from gateway.optional_packages import require_packages
 from gateway.types import FloatArray
@@ -35,6 +35,8 @@ CONTACT_VIEW_DEG: Final = 40.0
 
 _WIDTH_INCH: Final = 10.0
 _UNIT: Final = "m/s²"
+# Share of an effect's largest axis below which one is not drawn.
+_VISIBLE: Final = 0.01
 # Ratio of the largest coefficient to the noise above which the scale is logarithmic.
 _LOG_FROM: Final = 30.0
 
@@ -184,6 +186,26 @@ def waveform_figure(curves: Curves, axis: int, unexplained: Sequence[Unexplained
         panel.set_ylabel(f"{label}, {_UNIT}")
     _legend(figure, [grid[0, 0], grid[2, 0]], _band_label(float(curves.noise_mps2[axis])))
     figure.align_ylabels(list(grid[:, 0]))
+    return figure
+
+
+def effect_figure(curves: EffectCurves) -> Figure:
+    """Draw what an effect adds to the axes on which it does, with a band of its error."""
+    sizes = np.nan_to_num(np.square(curves.added_mps2)).mean(axis=1)
+    axes = [axis for axis in range(len(AXIS_NAMES)) if sizes[axis] > _VISIBLE**2 * sizes.max()]
+    figure = new_figure(_WIDTH_INCH, 1.8 * max(len(axes), 1) + 0.8)
+    panels = figure.subplots(max(len(axes), 1), 1, sharex=True, squeeze=False)[:, 0]
+    degrees = np.degrees(curves.theta_rad)
+    for panel, axis in zip(panels, axes, strict=False):
+        added, band = curves.added_mps2[axis], NOISE_STDS * curves.std_mps2[axis]
+        label = f"±{NOISE_STDS:.0f} standard errors"
+        panel.fill_between(degrees, added - band, added + band, color=NOISE, alpha=0.6, lw=0, label=label)
+        panel.plot(degrees, added, color=AFTER, lw=1.2, label="added by the effect")
+        panel.set_ylabel(f"{AXIS_NAMES[axis]}, {_UNIT}")
+        panel.set_xlim(-180, 180)
+        panel.set_xticks(np.linspace(-180, 180, 9))
+    panels[-1].set_xlabel("angle from the contact's centre, deg")
+    _legend(figure, [panels[0]], "")
     return figure
 
 

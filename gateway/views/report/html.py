@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 
 from gateway import __version__
-from gateway.closure.result import Curves, Diagnosis, HeldOut, Law, Origin, Spectra, Trend
+from gateway.closure.result import Curves, Diagnosis, EffectCurves, HeldOut, Law, Origin, SelfTest, Spectra, Trend
 from gateway.constants import AXIS_NAMES
 from gateway.reasons import Code, Reason
 from gateway.views.html_template import html_template, report_css
@@ -21,6 +21,7 @@ from gateway.views.report.figures import (
     CONTACT_VIEW_DEG,
     NOISE_STDS,
     Drawing,
+    effect_figure,
     inline_svg,
     law_figure,
     orders_figure,
@@ -43,6 +44,7 @@ from gateway.views.report.phrases import (
     no_residual,
     place_text,
     remark,
+    self_test_text,
     sentence,
     undecided_sets,
 )
@@ -189,7 +191,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         recordings=[clean(path) for path in diagnosis.recordings],
         blocks=block_rows(diagnosis),
         origins=origin_rows(diagnosis.origin) if diagnosis.origin is not None else [],
-        made=_made(diagnosis.origin) if diagnosis.origin is not None else [],
+        made=_made(diagnosis.origin, diagnosis.self_test) if diagnosis.origin is not None else [],
         chapters=chapters(diagnosis),
     )
 
@@ -214,10 +216,17 @@ def _folds(diagnosis: Diagnosis) -> str:
     return f"{text}revolutions in all.{apart}"
 
 
-def _made(origin: Origin) -> list[tuple[str, str]]:
+def _made(origin: Origin, tested: SelfTest | None) -> list[tuple[str, str]]:
     """Return what a diagnosis was made of besides recordings, and how."""
     sensor = "" if origin.sensor_id is None else f"{origin.sensor_id:08x}"
-    every = (("Command", origin.command), ("Sensor", sensor), ("Vehicle", origin.vehicle), ("Tire", origin.tire))
+    every = (
+        ("Command", origin.command),
+        ("Commit", origin.commit),
+        ("Sensor", sensor),
+        ("Vehicle", origin.vehicle),
+        ("Tire", origin.tire),
+        ("Self-test", "" if tested is None else self_test_text(tested)),
+    )
     return [(label, clean(text)) for label, text in every if text]
 
 
@@ -331,6 +340,13 @@ def _chapters(diagnosis: Diagnosis) -> Iterator[Chapter]:
             "small-figures",
             [_residual(number, group) for number, group in enumerate(others)],
         )
+    yield Chapter(
+        "effects-curves",
+        "What each effect adds",
+        "At the group where it is largest. The band has the errors of all parameters of the effect.",
+        "figures",
+        [_effect(number, curves) for number, curves in enumerate(diagnosis.effect_curves)],
+    )
     yield from _time_locked(diagnosis)
     yield Chapter(
         "trends",
@@ -373,6 +389,17 @@ def _law(number: int, law: Law) -> Drawing:
         f"What is left without the law, and the law, in m/s² over the wheel's angle: {clean(law.title)}.",
         f"{kind}: {clean(law.title)}.",
         "Residual without it, and what it adds to the model, at the group where that is largest.",
+    )
+
+
+def _effect(number: int, curves: EffectCurves) -> Drawing:
+    title = effect_title(curves.name)
+    return _drawing(
+        effect_figure(curves),
+        f"e{number}",
+        f"What {title} adds to each axis, in m/s² over the wheel's angle, with its error.",
+        sentence(title),
+        f"{typeset(curves.label)}.",
     )
 
 

@@ -16,13 +16,15 @@ from gateway.closure.result import (
     Law,
     Scaling,
     ScalingStatus,
+    SelfTest,
     Unexplained,
     Verdict,
 )
 from gateway.reasons import Code, Reason
 from gateway.views import wording
+from gateway.views.numbers import fixed
 from gateway.views.report.quantities import orders_text, parameter_label, show_fitted, span_text, typeset
-from gateway.views.text import clean
+from gateway.views.text import clean, counted
 
 MODELS: Final = {
     "paper": "the ring paper's series as printed",
@@ -100,6 +102,21 @@ def law_text(law: Law) -> str:
     if law.certain:
         return f"{clean(law.summary)} It {explains}, on recordings that it has not seen too"
     return f"{clean(law.summary)} It {explains}, but {listed([reason_text(reason) for reason in law.reasons])}"
+
+
+def self_test_text(tested: SelfTest) -> str:
+    """Return how simulations of a result were diagnosed."""
+    if not tested.count:
+        return "no simulation was diagnosed: the time was over"
+    kinds = (("false", tested.false), ("not identified again", tested.missed))
+    named = [
+        f"{kind}: {listed([f'{effect_title(name)} ({count})' for name, count in names.items()])}"
+        for kind, names in kinds
+        if names
+    ]
+    pulls = f"rms {fixed(tested.pull_rms, 2)} of their errors" if tested.pulls else "none determined"
+    text = f"{tested.wrong} of {counted(tested.count, 'simulation')} with a false effect"
+    return "; ".join((text, *named, f"{counted(len(tested.pulls), 'number')} off by {pulls}"))
 
 
 def sentence(phrase: str) -> str:

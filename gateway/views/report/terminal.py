@@ -27,6 +27,7 @@ from gateway.views.report.phrases import (
     place_text,
     reason_text,
     remark,
+    self_test_text,
     single_turns,
     undecided_sets,
     undetermined,
@@ -100,6 +101,8 @@ class _Lines:
         yield from self._unexplained(diagnosis)
         yield from self._laws(diagnosis.laws)
         yield from self._estimates(diagnosis)
+        if diagnosis.self_test is not None:
+            yield from self._rows("self-test", self_test_text(diagnosis.self_test))
         yield from self._notes(diagnosis.notes)
 
     def _notes(self, notes: Sequence[Remark]) -> Iterator[str]:
