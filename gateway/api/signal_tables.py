@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from gateway.api.column_table import ColumnTable, TextArray, TimeArray, column, require_pandas, text_array, utc_array
 from gateway.constants import AXIS_NAMES
-from gateway.errors import OutputError
 from gateway.estimators.estimator import Revolution
+from gateway.optional_packages import require_packages
 from gateway.pipeline.mean_revolution import MeanOfRevolutions, MeanRevolution
 from gateway.pipeline.results import RevolutionResult
 from gateway.session.recorded_signals import EnvironmentReading, SignalBlock
@@ -318,10 +318,9 @@ class AngleWaveforms(ColumnTable):
         Raises:
             OutputError: xarray is not installed.
         """
-        try:
-            import xarray
-        except ImportError as error:
-            raise OutputError("this needs the package xarray", "Install it: pip install 'treadlink[xarray]'") from error
+        require_packages("the array of waveforms", "xarray", "xarray")
+        import xarray
+
         axes = (*AXIS_NAMES, "normalised")
         of_revolution = ("device_start_s", "omega_radps", "usable")
         return xarray.DataArray(
