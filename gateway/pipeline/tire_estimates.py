@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -382,7 +381,8 @@ class TireEstimates:
             pressure_pa=pressure,
             temperature_degc=temperature,
             load_std_n=self._setup.load_std_n,
-            pressure_std_pa=math.hypot(pressure_std, change_pa),
+            # What is no more than the errors of two readings is no change.
+            pressure_std_pa=max(pressure_std, change_pa),
             radius_std_m=self._setup.radius_std_m,
             claims=self._setup.sensor,
             tire=self._setup.tire,
