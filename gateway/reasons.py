@@ -972,6 +972,10 @@ class Code(Enum):
         "a block holds {samples:.0f} samples on average, {full} fit: the link carries {more:.0%} more bytes than it"
         " must"
     )
+    BLOCK_COPIED = (
+        "the {samples} samples from number {first} are those from number {earlier} again, noise included: a buffer was "
+        "sent before it was filled"
+    )
     BOOT_COUNT_GOES_BACK = (
         "the hub has restarted, and boot_count went from {before:.0f} back to {after:.0f}: it must be higher after "
         "every start"
@@ -996,10 +1000,6 @@ class Code(Enum):
     CHECK_NO_COMMANDS = "no command can be sent: a file, or a source that is only read"
     CHECK_NO_COMMANDS_WANTED = "commands were left out, as asked for"
     CHECK_NO_KEY = "there is no key of {identity}: give --keys FILE"
-    BLOCK_COPIED = (
-        "the {samples} samples from number {first} are those from number {earlier} again, noise included: a buffer was "
-        "sent before it was filled"
-    )
     CHECK_NO_RADIAL_AXIS = "the sensor has no radial axis"
     CHECK_STOPPED_EARLY = "the check ended before it came to this: give it more time with --for"
     CHECK_TOO_SHORT = "{duration_s:.1f s} are too short: {needed_s:g s} are needed"
