@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.data.campaign_data import Group
 from gateway.closure.effects.effect import GroupConditions
 from gateway.types import BoolArray, FloatArray, IntArray
 
@@ -23,6 +24,8 @@ _ANGLE_WIDTH: Final = 0.08
 _CONTACT_SPEED_WIDTH: Final = 0.1
 # Distance of speeds, as a logarithm, beyond which a further distance adds no information on speed dependence.
 _APART: Final = 0.2
+# Ratio of speeds, loads or pressures from which recordings can test each other.
+_OTHER: Final = 1.05
 # Difference of temperatures that counts as much as that of speeds.
 _WARMER_K: Final = 10.0
 
@@ -181,3 +184,22 @@ def folded(count: int, folds: int) -> list[slice]:
 
 def _split(group: IntArray, labels: IntArray) -> list[IntArray]:
     return [group[labels == label] for label in np.unique(labels)]
+
+
+def has_other_conditions(groups: Sequence[Group], recording: int) -> bool:
+    """Return whether a recording has a speed, load or pressure that no other one has."""
+
+    def apart(first: float, second: float) -> bool:
+        return max(first, second) > _OTHER * min(first, second)
+
+    of_recording = [group.conditions for group in groups if group.recording == recording]
+    others = [group.conditions for group in groups if group.recording != recording]
+    return bool(others) and any(
+        all(
+            apart(condition.omega_radps, there.omega_radps)
+            or apart(condition.load_n, there.load_n)
+            or apart(condition.pressure_pa, there.pressure_pa)
+            for there in others
+        )
+        for condition in of_recording
+    )

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
-from gateway.closure.data.condition_groups import far_apart, telling
+from gateway.closure.data.condition_groups import far_apart, has_other_conditions, telling
 from gateway.closure.effects.local_changes import LocalChange
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers, Scan
@@ -223,12 +223,12 @@ class SetSearch:
             if isinstance(effect, LocalChange) and not is_taken(effect, best.fit.model.effects)
         ]
         applied = best.fit.applied
-        if (
-            best.names in self._scanned_places
-            or not changes
-            or applied is None
-            or len(best.names) >= criteria.MOST_EFFECTS
-        ):
+        if best.names in self._scanned_places or not changes or applied is None:
+            return False
+        groups = self.campaign.groups
+        testable = any(has_other_conditions(groups, group.recording) for group in groups)
+        # Without recordings of other conditions nothing tells it from what resembles it; a law may be a clue there.
+        if not testable or len(best.names) >= criteria.MOST_EFFECTS:
             return False
         self._scanned_places.add(best.names)
         if residual_ratio(best.fit, self.data) - 1.0 < criteria.WORTH_A_SCAN:

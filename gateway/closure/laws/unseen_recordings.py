@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from gateway.closure.data.condition_groups import has_other_conditions
 from gateway.closure.effects.effect import SignalEffect
 from gateway.closure.effects.local_changes import LocalChange
 from gateway.closure.inference.fit import Fit
@@ -33,8 +34,6 @@ SIZES_APART: Final = 0.1
 """Relative difference of sizes of single recordings, beyond two errors, at which a law is another thing: right ones
 differ by 2 %, wrong ones by 17 % and more."""
 
-# Speeds or loads that differ by less are one.
-_APART: Final = 1.05
 # A size whose error is a larger share of it says nothing.
 _KNOWN_SIZE: Final = 0.3
 
@@ -45,26 +44,6 @@ def recordings_of(fit: Fit) -> dict[int, list[int]]:
     for index, group in enumerate(fit.model.campaign.groups):
         groups_of.setdefault(group.recording, []).append(index)
     return groups_of
-
-
-def has_other_conditions(fit: Fit, recording: int) -> bool:
-    """Return whether a recording has a speed, load or pressure that no other one has."""
-    groups = fit.model.campaign.groups
-
-    def apart(first: float, second: float) -> bool:
-        return max(first, second) > _APART * min(first, second)
-
-    of_recording = [group.conditions for group in groups if group.recording == recording]
-    others = [group.conditions for group in groups if group.recording != recording]
-    return any(
-        all(
-            apart(condition.omega_radps, there.omega_radps)
-            or apart(condition.load_n, there.load_n)
-            or apart(condition.pressure_pa, there.pressure_pa)
-            for there in others
-        )
-        for condition in of_recording
-    )
 
 
 def single_sizes(fit: Fit, data: Whitened, law: SignalEffect) -> tuple[LawSize, ...]:
@@ -97,7 +76,7 @@ def unseen_errors(before: Fit, after: Fit, data: Whitened, law: SignalEffect) ->
     recordings = recordings_of(after)
     for recording, groups in recordings.items():
         others = [index for index in range(len(data.orders)) if index not in groups]
-        if not others or not has_other_conditions(after, recording):
+        if not others or not has_other_conditions(after.model.campaign.groups, recording):
             continue
         free = np.concatenate([_own_parameters(after, others), np.arange(where.start, where.stop)])
         change, _ = _step(after, data, others, free)
