@@ -372,7 +372,13 @@ def opened(root: Path, description: Description, waiting: Callable[[str], bool])
     """
     with _explained(root):
         if root.is_dir() and not (root / DESCRIPTION).is_file():
-            others = [entry.name for entry in root.iterdir() if entry.name not in (_LOCK, INCOMING)]
+            # What a process leaves that is killed while it makes the dataset.
+            unfinished = f".{DESCRIPTION}."
+            others = [
+                entry.name
+                for entry in root.iterdir()
+                if entry.name not in (_LOCK, INCOMING) and not entry.name.startswith(unfinished)
+            ]
             if others:
                 raise OutputError(
                     f"'{root}' is not a dataset, but contains files such as '{sorted(others)[0]}'",

@@ -196,6 +196,18 @@ def test_waiting_can_be_given_up(tmp_path):
         open_dataset(root)
 
 
+def test_a_dataset_whose_making_was_killed_is_taken_up(tmp_path):
+    root = tmp_path / "ds"
+    (root / ".incoming").mkdir(parents=True)
+    (root / ".lock").touch()
+    left = root / f".treadlink-dataset.json.{10**8 * 5}.part"
+    left.write_text("{")
+    with opened(root, DESCRIPTION, lambda _: False):
+        pass
+    assert (root / "treadlink-dataset.json").is_file()
+    assert not left.exists()
+
+
 def test_other_folders_are_not_taken(tmp_path, files):
     with pytest.raises(OutputError, match="is not a dataset, but contains files"):
         open_dataset(tmp_path)
