@@ -95,6 +95,8 @@ class Watch:
         worse: sign of the changes that are faults; 0 for both.
         is_drawn: whether pages draw it.
         shifted_by: statements that shift its level.
+        follows: what of the tire's operation changes it, pressure and load.
+        explains: what its change is one of, so that changes of what rests on that, or follows it, are consequences.
         drift: finding where the sensor drifts, and its value that says by how much; None for what is of the tire.
     """
 
@@ -109,6 +111,8 @@ class Watch:
     worse: float = 0.0
     is_drawn: bool = False
     shifted_by: frozenset[Statement] = frozenset()
+    follows: frozenset[Basis] = frozenset({Basis.PRESSURE, Basis.LOAD})
+    explains: frozenset[Basis] = frozenset()
     drift: tuple[Code, str] | None = None
 
 

@@ -46,6 +46,8 @@ _ZEROS: Final = (-LARGEST_ZERO_MPS2, LARGEST_ZERO_MPS2)
 # A sensor glued by hand is within some degrees.
 _TILTS: Final = (-0.35, 0.35)
 _TO_THE_LEFT: Final = "to the left"
+# A drift of either shows in the steady value alone where the speed is always the same.
+_SCALE: Final = frozenset({Basis.GAIN, Basis.ZERO})
 _BY_RADIUS: Final = frozenset({Statement.RADIUS})
 _BY_RADIUS_AND_LOAD: Final = frozenset({Statement.RADIUS, Statement.LOAD})
 MOTION_FRAME: Final = BusFrame(0, "Motion")
@@ -235,6 +237,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 notable=2.0,
                 trend=Trend.SENSOR,
                 shifted_by=_BY_RADIUS,
+                explains=_SCALE,
                 drift=(Code.TREND_SENSOR_GAIN, "share"),
             ),
         ),
@@ -255,6 +258,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 notable=5.0,
                 trend=Trend.SENSOR,
                 shifted_by=_BY_RADIUS,
+                explains=_SCALE,
                 drift=(Code.TREND_SENSOR_ZERO, "change_mps2"),
             ),
         ),
@@ -343,6 +347,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 trend=Trend.APART,
                 is_drawn=True,
                 shifted_by=_BY_RADIUS_AND_LOAD | {Statement.THICKNESS, Statement.REFERENCE},
+                follows=frozenset(),
             ),
             scatter_memory_revolutions=_AVERAGE,
         ),
@@ -385,6 +390,8 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
                 trend=Trend.APART,
                 is_drawn=True,
                 shifted_by=_BY_RADIUS | {Statement.CALIBRATION},
+                follows=frozenset(),
+                explains=frozenset({Basis.LOAD}),
             ),
             scatter_memory_revolutions=_AVERAGE,
         ),

@@ -845,6 +845,10 @@ class Code(Enum):
     TREND_SENSOR_LOSSES = "sensor: {share:.1%} more of the samples are lost"
     TREND_SENSOR_MOVES = "sensor: its distance from the neutral layer has changed by {change_m:.1f mm}"
     TREND_SENSOR_NOISE = "sensor: its noise has become {factor:.1f} times as large"
+    TREND_SENSOR_STEADY = (
+        "sensor: its steady radial value has changed by {share:.1%}: its gain by as much, or its zero by "
+        "{change_mps2:.1f m/s²}. Recordings at several speeds tell which"
+    )
     TREND_SENSOR_ZERO = "sensor: its zero has changed by {change_mps2:.1f m/s²}"
     TREND_SLOPE_CHANGED = (
         "since {date}, {name:series} has another trend, and is {change:+.3g}{unit: } ± {std:.2g}{unit: } from its "

@@ -159,9 +159,9 @@ def write(plan: Planned) -> int:
     toml = vehicle_toml(scenario)
     toml = toml.replace('name = ""', f'name = "{plan.vehicle}"').replace(f"Bs = {softened:.9g}", f"Bs = {BENDING}")
     toml = toml.replace("[wheel.tire.reference]", "[wheel.tire.reference]\ntemperature_degc = 25.0")
-    toml = toml.replace(f"load_n = {LOAD_N}", f"load_n = {LOAD_N}\nload_std_n = {0.01 * LOAD_N}")
+    toml = toml.replace("load_std_n = 20.0", f"load_std_n = {0.01 * LOAD_N}")
     assert f"Bs = {BENDING}" in toml
-    assert "load_std_n" in toml
+    assert f"load_std_n = {0.01 * LOAD_N}" in toml
     part = path.with_suffix(".part")
     part.unlink(missing_ok=True)
     writer = RecordingWriter(part, start_ns=plan.start_ns, vehicle_toml=toml, sources=("sim",))

@@ -16,11 +16,13 @@ import numpy as np
 
 from gateway.constants import STANDARD_ATMOSPHERE_PA, ZERO_CELSIUS_K
 from gateway.estimators.estimator import Status
+from gateway.estimators.signal_evidence import Subject
 from gateway.estimators.wear import bending_left
+from gateway.quantity import Basis, Trend
 from gateway.quantity import Quantity as Declared
-from gateway.quantity import Trend
 from gateway.quantity_catalogue import NEW_TIRE_MM, declared
 from gateway.reasons import Code, Reason, Value
+from gateway.trends.causes import Finding, with_causes
 from gateway.trends.late_changes import LEAST_AFTER, LateChange, find_shape
 from gateway.trends.level_steps import LEAST_POINTS, find_steps, runs, with_steps
 from gateway.trends.moved_tires import findings_of_moves
@@ -31,6 +33,7 @@ from gateway.trends.refilled_pressure import LEAST_RECORDINGS, MOST_REFILLS, Pre
 from gateway.trends.regression import LEAST_FREEDOM, Fit, weights_of
 from gateway.trends.regression import fit as fitted
 from gateway.trends.stated_changes import StatedChange, findings_of_changes, places_of, stated_changes
+from gateway.trends.steady_value import parted_drift, zero_of
 from gateway.trends.tire_history import MONTH_NS, TireHistory
 from gateway.trends.trend_result import (
     FleetTrends,
@@ -71,8 +74,8 @@ _LEAST_REFILL_PA: Final = 3000.0
 _NOTABLE_LOSS_PA: Final = 1000.0
 # Within hours, the sensor's temperature is behind that of a gas that a drive warms: 10 K are 11 kPa.
 _NOTABLE_FALL_PA: Final = 20e3
-# Change with time at the same speed over that of the values, from which the two only cancel each other.
-_SHOWN: Final = 1.2
+# Inflation of the variance of a trend by a covariate from which the two are usually called collinear.
+_MOST_INFLATION: Final = 10.0
 # Share of a notable change below which numbers do not follow it: readings have a resolution.
 _FOLLOWED: Final = 0.1
 # Recordings from which the newest state has a line of its own, and from which its numbers are valid. A slope needs two
@@ -81,6 +84,8 @@ _LEAST_OWN_LINE: Final = 5
 _LEAST_VALID: Final = 8
 # Recordings in a row that deviate to the same side are no single errors.
 _LEAST_RUN: Final = 2
+# Share of the whole change of the steady value to which gain and zero are known where they are parted.
+_PARTED: Final = 0.25
 # Series of the sensor whose outliers are reported.
 _TESTED_OF_SENSOR: Final = frozenset({"noise_mps2", "mounting_offset_m"})
 # Value of the finding of a sensor that drifts, from the change in the unit of the series.
@@ -144,7 +149,8 @@ class _Tire:
     numbers: list[TrendNumber] = field(default_factory=list)
     series: list[TrendSeries] = field(default_factory=list)
     outliers: list[TrendOutlier] = field(default_factory=list)
-    findings: list[Reason] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    onsets: dict[str, list[int]] = field(default_factory=dict)
     tested: int = 0
 
 
@@ -253,9 +259,18 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
     for series in followed_by(Trend.STIFFNESS):
         _stiffness(tire, series)
     _sensor(tire)
-    tire.findings += findings_of_changes(history, tire.changes)
-    tire.findings += tire.readings.findings
-    tire.findings += findings_of_recordings(history)
+    findings = with_causes(tire.findings, tire.onsets)
+    findings += findings_of_changes(history, tire.changes)
+    findings += tire.readings.findings
+    of_steady_value = any(
+        finding.series and Basis.GAIN in SERIES[finding.series].watch.explains for finding in tire.findings
+    )
+    findings += [
+        finding
+        for finding in findings_of_recordings(history)
+        # Each recording alarms of the steady value by itself; the sensor's drift is the cause.
+        if not (of_steady_value and finding.code is Code.TREND_ALARMS and finding["name"] == Subject.STEADY)
+    ]
     trend = TireTrend(
         vehicle=history.vehicle,
         position=history.position,
@@ -267,7 +282,7 @@ def _trend_of(tire: _Tire) -> tuple[TireTrend, _Tire]:
         distance_km=float(history.km[-1] - history.km[0]),
         has_odometer=history.has_odometer,
         numbers=tuple(tire.numbers),
-        findings=tuple(tire.findings),
+        findings=tuple(findings),
         series=tuple(tire.series),
         is_identified=history.is_identified,
     )
@@ -378,12 +393,13 @@ def _pressure(tire: _Tire) -> None:
     tire.numbers.append(_at_end(Quantity.PRESSURE_NOW, "kPa", line))
     if loss.status is Status.INVALID:
         if line.doubt is None and (fell := _fallen(history, line)) is not None:
-            tire.findings.append(fell)
+            tire.findings.append(Finding(fell, "pressure_at_20_degc", int(line.places[0])))
         return
     least = loss.value - _quantile(line) * plain.std
     is_certain = (least if refilled is None else min(refilled.least, least)) > 0.0
     if loss.status is Status.VALID and is_certain and loss.value > _NOTABLE_LOSS_PA * 1e-3:
-        tire.findings.append(Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std))
+        loses = Reason(Code.TREND_LOSES_PRESSURE, loss_pa=1e3 * loss.value, std_pa=1e3 * loss.std)
+        tire.findings.append(Finding(loses, "pressure_at_20_degc"))
 
 
 def _hidden_by_frequent_refills(line: _Line) -> Reason | None:
@@ -447,7 +463,8 @@ def _load(tire: _Tire) -> None:
     else:
         tire.numbers += _measured_load(line, line.search.fit)
         if line.steps and line.doubt is None:
-            tire.findings.append(Reason(Code.TREND_LOAD_STEPS, count=len(line.steps)))
+            steps = Reason(Code.TREND_LOAD_STEPS, count=len(line.steps))
+            tire.findings.append(Finding(steps, "estimated_load_n", int(line.places[line.steps[0]])))
 
 
 def _over_months(tire: _Tire, series: Series) -> None:
@@ -539,9 +556,8 @@ def _stiffness(tire: _Tire, series: Series) -> None:
         and _is_significant(drift, line)
         and abs(drift.value) * _span(history.months) > watch.notable
     ):
-        tire.findings.append(
-            Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
-        )
+        drifts = Reason(Code.TREND_STIFFNESS_DRIFTS, name=name, share=drift.value / 100.0, std=drift.std / 100.0)
+        tire.findings.append(Finding(drifts, name))
 
 
 def _softened_by_wear(tire: _Tire, name: str, line: _Line, along: FloatArray) -> tuple[float, float] | None:
@@ -595,17 +611,67 @@ def _sensor(tire: _Tire) -> None:
             continue
         rate = _rate(quantity, unit, line)
         over = abs(rate.value) * _span(history.months)
-        # A change far beyond what the recordings show is the covariate's, which goes with the time.
-        shown = line.change is not None or not line.has_covariate or over < _SHOWN * float(np.ptp(line.values))
+        # Of a covariate that goes with the time, what bends its influence looks like a trend.
+        shown = not line.has_covariate or _inflation(line) < _MOST_INFLATION
+        if not shown:
+            del tire.findings[findings_before:]
         if not shown and rate.status is not Status.INVALID:
             why = Reason(Code.TREND_SPEED_WITH_TIME)
             rate = replace(rate, status=Status.PROVISIONAL, reasons=(why, *rate.reasons))
         tire.numbers.append(rate)
-        worse = not watch.worse or rate.value * watch.worse > 0.0
-        has_finding = line.change is not None and len(tire.findings) > findings_before
-        if not has_finding and worse and over > watch.notable and _is_significant(rate, line) and watch.drift:
+        if name == "gain" and line.doubt is not None:
+            # That gain and zero are not parted in a recording, or contradict what is stated, is what changes.
+            tire.findings += _steady_value(tire, line)
+            continue
+        change, std = _along(line, _from_first_to_last(line))
+        worse = not watch.worse or change * watch.worse > 0.0
+        # A single change that the series shows is told with its date; a drift beside it by the whole change.
+        is_told = len(tire.findings) == findings_before + 1 and over <= watch.notable
+        if is_told or not (worse and abs(change) > watch.notable and abs(change) > _quantile(line) * std):
+            continue
+        if rate.status is Status.VALID and shown and watch.drift:
+            del tire.findings[findings_before:]
             code, value = watch.drift
-            tire.findings.append(Reason(code, **{value: _DRIFTS[value](rate.value * _span(history.months))}))
+            tire.findings.append(Finding(Reason(code, **{value: _DRIFTS[value](change)}), name))
+
+
+def _inflation(line: _Line) -> float:
+    """Return the variance inflation factor of the trend by the covariate."""
+    time, covariate = (line.design[:, column] - line.design[:, column].mean() for column in (1, 2))
+    square = float(time @ covariate) ** 2 / float((time @ time) * (covariate @ covariate))
+    return 1.0 / max(1.0 - square, np.finfo(np.float64).eps)
+
+
+def _from_first_to_last(line: _Line) -> FloatArray:
+    """Return the coefficients (p,) of the change over all recordings, at one value of the covariate."""
+    along = line.design[-1] - line.design[0]
+    if line.has_covariate:
+        along[2] = 0.0
+    return np.asarray(along)
+
+
+def _steady_value(tire: _Tire, line: _Line) -> Iterator[Finding]:
+    """Yield what has changed of a sensor whose recordings do not part gain and zero: either, where all together do."""
+    history = tire.history
+    radius_m, speed_mps = history.column("stated_radius_m"), history.column("speed_mean_mps")
+    gain, zero = SERIES["gain"].watch, SERIES["zero_g_offset_mps2"].watch
+    parted = parted_drift(history.months, history.column("gain"), radius_m, speed_mps)
+    change, std = _along(line, _from_first_to_last(line))
+    share, least_gain = change / gain.factor, gain.notable / gain.factor
+    as_zero_mps2 = zero_of(share, radius_m, speed_mps)
+    # Two are parted where each is known to a share of what would explain all, or of what matters.
+    if (
+        parted is not None
+        and parted.gain_std < _PARTED * max(abs(share), 2.0 * least_gain)
+        and parted.zero_std_mps2 < _PARTED * max(abs(as_zero_mps2), 2.0 * zero.notable)
+    ):
+        many = _quantile_of(parted.freedom)
+        if abs(parted.gain) > max(many * parted.gain_std, least_gain):
+            yield Finding(Reason(Code.TREND_SENSOR_GAIN, share=parted.gain), "gain")
+        if abs(parted.zero_mps2) > max(many * parted.zero_std_mps2, zero.notable):
+            yield Finding(Reason(Code.TREND_SENSOR_ZERO, change_mps2=parted.zero_mps2), "zero_g_offset_mps2")
+    elif abs(change) > _quantile(line) * std and (abs(share) > least_gain or abs(as_zero_mps2) > zero.notable):
+        yield Finding(Reason(Code.TREND_SENSOR_STEADY, share=share, change_mps2=as_zero_mps2), "gain")
 
 
 def _std_of(name: str) -> str:
@@ -729,6 +795,8 @@ def _line(
     )
     if line.doubt is None:
         tire.findings += _findings_of_line(tire, name, line)
+    onsets = [*line.steps, *(begin for begin, _ in _runs(line)), *([line.change.begin] if line.change else [])]
+    tire.onsets[name] = [int(line.places[begin]) for begin in onsets]
     return line
 
 
@@ -780,14 +848,15 @@ def _along(line: _Line, along: FloatArray) -> tuple[float, float]:
     return float(along @ fit.coefficients), math.sqrt(max(variance, 0.0))
 
 
-def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Reason]:
+def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
     """Yield a finding for each notable change from one recording on, and for recordings in a row that deviate."""
     history, change, fit, watch = tire.history, line.change, line.search.fit, SERIES[name].watch
     assert fit is not None
     for begin, end in _runs(line):
         scale = fit.scale / np.sqrt(fit.weights[begin:end])
         least = float(np.abs(fit.residuals[begin:end] / scale).min()) if fit.scale > 0.0 else math.inf
-        yield Reason(Code.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
+        passed = Reason(Code.TREND_PASSED, name=name, deviations=least, **_recordings(history, line, begin, end))
+        yield Finding(passed, name, int(line.places[begin]))
     # Steps of the load have their own finding.
     for number, begin in enumerate(line.steps if name != "estimated_load_n" else ()):
         along = np.zeros(line.design.shape[1], dtype=np.float64)
@@ -796,7 +865,8 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Reason]:
         size, std = _along(line, along)
         if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
-            yield _changed(Code.TREND_LEVEL_CHANGED, history, name, line, (size, std), begin, end)
+            changed = _changed(Code.TREND_LEVEL_CHANGED, history, name, line, (size, std), begin, end)
+            yield Finding(changed, name, int(line.places[begin]))
     if change is None:
         return
     size, std = _size_of_change(line)
@@ -805,7 +875,7 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Reason]:
         size, std = size - explained[0], math.hypot(std, explained[1])
     if size * (watch.worse or size) <= 0.0:
         return
-    end = len(line.values)
+    end, onset = len(line.values), int(line.places[change.begin])
     if change.is_slope and name in ("wear_mm", "pressure_at_20_degc"):
         # Slower wear needs no attention; a leak does before it has become a low pressure.
         before, after = _along(line, _slope_before(line)), _along(line, _slope_after(line))
@@ -814,18 +884,20 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Reason]:
         if abs(bend) < _quantile(line) * bend_std:
             return
         if name == "wear_mm" and bend > 0.0 and abs(size) >= watch.notable:
-            yield Reason(
+            wears = Reason(
                 Code.TREND_WEAR_CHANGED, before_m=1e-3 * before[0], before_std_m=1e-3 * before[1],
                 after_m=1e-3 * after[0], after_std_m=1e-3 * after[1], **part,
             )  # fmt: skip
+            yield Finding(wears, name, onset)
         elif name != "wear_mm" and bend < 0.0 and -after[0] > max(1e-3 * _NOTABLE_LOSS_PA, 2.0 * after[1]):
-            yield Reason(
+            loses = Reason(
                 Code.TREND_LOSS_CHANGED, before_pa=-1e3 * before[0], before_std_pa=1e3 * before[1],
                 after_pa=-1e3 * after[0], after_std_pa=1e3 * after[1], **part,
             )  # fmt: skip
+            yield Finding(loses, name, onset)
     elif abs(size) >= watch.notable:
         code = Code.TREND_SLOPE_CHANGED if change.is_slope else Code.TREND_LEVEL_CHANGED
-        yield _changed(code, history, name, line, (size, std), change.begin, end)
+        yield Finding(_changed(code, history, name, line, (size, std), change.begin, end), name, onset)
 
 
 def _changed(
@@ -1039,12 +1111,17 @@ def _is_significant(number: TrendNumber, line: _Line) -> bool:
     return abs(number.value) > _quantile(line) * number.std
 
 
-def _quantile(line: _Line) -> float:
-    """Return Student's t beyond which a number of a line is a finding."""
+def _quantile_of(freedom: int) -> float:
+    """Return Student's t beyond which a number is a finding."""
     from scipy import stats
 
+    return float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, freedom))
+
+
+def _quantile(line: _Line) -> float:
+    """Return Student's t beyond which a number of a line is a finding."""
     assert line.search.fit is not None
-    return float(stats.t.ppf(0.5 + 0.5 * _FINDING_SHARE, line.search.fit.freedom))
+    return _quantile_of(line.search.fit.freedom)
 
 
 def _pairs(tires: Sequence[TireHistory]) -> Iterator[PairTrend]:

@@ -3,7 +3,8 @@
 The standard errors of single recordings hold parts that all recordings of a tire share, such as the error of its
 reference; they say little about a slope. Errors here are those of White's estimator in the form HC3 (MacKinnon and
 White 1985), which needs neither equal nor known errors, increased for residuals that follow each other (first-order
-autocorrelation).
+autocorrelation). What a bent curve leaves of a straight line follows each other too, but is no chance: it is taken out
+before the autocorrelation is measured.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ LEAST_FREEDOM: Final = 3
 _MAD_TO_STD: Final = 1.4826
 _WORST_CONDITION: Final = 1e6
 _LARGEST_LEVERAGE: Final = 0.999
+# Powers of the time that a bent curve has beside its line, and the probability of chance below which it is one.
+_BENDS: Final = (2, 3)
+_BENT: Final = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +81,7 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
     """Fit values by weighted least squares.
 
     Args:
-        design: (n, p).
+        design: (n, p); column 0 is the level, column 1 the time or distance where there is one.
         values: (n,) finite.
         weights: (n,) positive.
         used: (n,) False for points to leave out.
@@ -100,7 +104,7 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
     leverage = np.minimum(np.einsum("ij,jk,ik->i", rows, inverse, rows), _LARGEST_LEVERAGE)
     scaled = rows * (residuals / (1.0 - leverage))[:, None]
     covariance = inverse @ (scaled.T @ scaled) @ inverse
-    covariance *= correlation_factor(residuals / np.sqrt(1.0 - leverage), columns)
+    covariance *= _chance_correlation_factor(rows, residuals / np.sqrt(1.0 - leverage), design[used])
     everywhere = np.zeros(len(values))
     everywhere[used] = leverage
     expected = design @ coefficients
@@ -114,6 +118,32 @@ def fit(design: FloatArray, values: FloatArray, weights: FloatArray, used: BoolA
         weights=weights,
         freedom=freedom,
     )
+
+
+def _chance_correlation_factor(rows: FloatArray, residuals: FloatArray, design: FloatArray) -> float:
+    """Return the correlation factor of residuals without a bend of the curve, where that is significant.
+
+    Args:
+        rows: (n, p) weighted design.
+        residuals: (n,) weighted.
+        design: (n, p) without weights.
+    """
+    count, columns = rows.shape
+    freedom = count - columns - len(_BENDS)
+    if columns < 2 or freedom < LEAST_FREEDOM or not np.ptp(design[:, 1]) > 0.0:
+        return correlation_factor(residuals, columns)
+    from scipy import stats
+
+    root = np.linalg.norm(rows, axis=1) / np.linalg.norm(design, axis=1)
+    along = 2.0 * (design[:, 1] - design[:, 1].min()) / np.ptp(design[:, 1]) - 1.0
+    basis = np.linalg.qr(rows)[0]
+    bends = root[:, None] * np.column_stack([along**power for power in _BENDS])
+    across = np.linalg.qr(bends - basis @ (basis.T @ bends))[0]
+    straight = residuals - across @ (across.T @ residuals)
+    rest, gain = float(straight @ straight), float(residuals @ residuals) - float(straight @ straight)
+    if not rest > 0.0 or stats.f.sf(gain / len(_BENDS) * freedom / rest, len(_BENDS), freedom) > _BENT:
+        return correlation_factor(residuals, columns)
+    return correlation_factor(straight, columns + len(_BENDS))
 
 
 def correlation_factor(residuals: FloatArray, columns: int) -> float:

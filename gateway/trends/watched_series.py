@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final, NamedTuple
 
-from gateway.quantity import Statement, Trend, Watch
+from gateway.quantity import Basis, Statement, Trend, Watch
 from gateway.quantity_catalogue import declared
 from gateway.reasons import Code
 
@@ -23,7 +23,15 @@ _OF_RECORDINGS: Final = (
     Series(
         "pressure_at_20_degc",
         "pressure at 20 °C",
-        Watch(number="pressure", unit="kPa", notable=5.0, trend=Trend.APART, worse=-1.0, is_drawn=True),
+        Watch(
+            number="pressure",
+            unit="kPa",
+            notable=5.0,
+            trend=Trend.APART,
+            worse=-1.0,
+            is_drawn=True,
+            explains=frozenset({Basis.PRESSURE}),
+        ),
     ),
     # Less noise, losses or clipping is no fault.
     Series(
@@ -74,6 +82,7 @@ _OF_RECORDINGS: Final = (
             notable=1.0,
             trend=Trend.SENSOR,
             shifted_by=frozenset({Statement.RADIUS}),
+            explains=frozenset({Basis.OFFSET}),
             drift=(Code.TREND_SENSOR_MOVES, "change_m"),
         ),
     ),

@@ -86,8 +86,12 @@ _FORMATTER: Final = _Template()
 @lru_cache(maxsize=1024)
 def text(reason: Reason) -> str:
     """Return a reason as a phrase without a full stop."""
+    values = dict(reason.values)
     try:
-        return _FORMATTER.vformat(reason.code.text_template, (), dict(reason.values))
+        said = _FORMATTER.vformat(reason.code.text_template, (), values)
+        if "consequences" in values:
+            said += _FORMATTER.vformat("; this also changes {consequences:series}", (), values)
+        return said
     except (LookupError, TypeError, ValueError):  # a plug-in may give a code with values that are not the code's
         return str(reason.code)
 
