@@ -17,7 +17,7 @@ FOUNDATION = {
     "gateway.plugins", "gateway.quantity", "gateway.quantity_catalogue", "gateway.table_columns", "gateway.worker_pool",
     "gateway.bounded_input", "gateway.nearest_name", "gateway.optional_packages", "gateway.uri_parts",
     "gateway.compiled", "gateway.wheel_position",
-    "gateway.writing_lock",
+    "gateway.writing_lock", "gateway.revision",
 }  # fmt: skip
 # What each layer may import besides itself and the foundation; docs/contributing/architecture.md draws it.
 ALLOWED: dict[str, set[str]] = {

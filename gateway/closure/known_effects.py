@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.closure.effects.catalogue import candidates
 from gateway.closure.effects.effect import BaselineModel, Parameter
-from gateway.closure.effects.local_changes import LocalChange
+from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.inference import criteria
 from gateway.closure.laws.library import library
 from gateway.closure.model.baseline_registry import angle_effects

@@ -24,7 +24,7 @@ from gateway.closure.effects.effect import (
     ModelledBlock,
     SignalEffect,
 )
-from gateway.closure.effects.local_changes import LOCAL_CHANGES
+from gateway.closure.effects.local_effects import LOCAL_CHANGES
 from gateway.closure.inference.findings import findings_of
 from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law_plugin import plugin_files

@@ -16,7 +16,7 @@ import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.effect import BaselineModel
-from gateway.closure.effects.local_changes import LocalChange
+from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.inference.candidate_trial import Trial, shapes_of, try_effect
 from gateway.closure.inference.discrepancy import Applied, Discrepancy
 from gateway.closure.inference.discrepancy_kernels import Concentration

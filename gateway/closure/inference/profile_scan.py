@@ -15,7 +15,7 @@ import numpy as np
 
 from gateway.closure.data.campaign_data import ORDERS
 from gateway.closure.effects.effect import SignalEffect
-from gateway.closure.effects.local_changes import LocalChange
+from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_trial import bounds
 from gateway.closure.inference.fit import Fit, FitFailedError, fit_model

@@ -17,7 +17,7 @@ import numpy as np
 
 from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.data.condition_groups import far_apart, has_other_conditions, telling
-from gateway.closure.effects.local_changes import LocalChange
+from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.inference import criteria
 from gateway.closure.inference.candidate_scan import Helpers, Scan
 from gateway.closure.inference.candidate_trial import Trial, refit, start_of

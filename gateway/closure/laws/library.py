@@ -8,7 +8,7 @@ from typing import Final
 
 from gateway.closure.effects.acquisition import CIRCUMFERENTIAL_DELAY, LATERAL_DELAY
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, RADIAL, SignalEffect
-from gateway.closure.effects.local_changes import LOCAL_CHANGES, LOCAL_KINK, WheelOrder
+from gateway.closure.effects.local_effects import LOCAL_CHANGES, LOCAL_KINK, WheelOrder
 from gateway.closure.effects.mounting import SENSOR_LENGTH
 from gateway.closure.effects.sensor_response import CIRCUMFERENTIAL_HYSTERESIS, LATERAL_HYSTERESIS, RADIAL_HYSTERESIS
 from gateway.closure.laws.sensor_errors import AxisSquare, CrossAxis, GainBelowZero

@@ -15,7 +15,7 @@ import numpy as np
 
 from gateway.closure.data.condition_groups import has_other_conditions
 from gateway.closure.effects.effect import SignalEffect
-from gateway.closure.effects.local_changes import LocalChange
+from gateway.closure.effects.local_effects import LocalChange
 from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import Whitened, as_complex
 from gateway.closure.inference.residual import POWER_SHARE
