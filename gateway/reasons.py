@@ -306,6 +306,10 @@ class Code(Enum):
     PRESSURE_OUTSIDE_CALIBRATION = (
         "the pressure {pressure_pa:.0f kPa} is outside the calibrated {low_pa:.0f kPa} to {high_pa:.0f kPa}"
     )
+    SIDE_FORCE_PRESSURE_UNKNOWN = (
+        "the pressure of the side force calibration, or that of the tire, is not known: calibrate again, or state "
+        "pressure_min_kpa and pressure_max_kpa of its runs"
+    )
     TEMPERATURE_NOT_COMPENSATED = "temperature not compensated, its error assumes a difference of {difference_k:.0f K}"
     UNKNOWN_ESTIMATOR = "tire.reference names '{estimator}', which is not an estimator"
     WEAR_CONTRADICTED = "contradicts the stated wear of {stated_m:.1f mm} ± {stated_std_m:.1f mm}"

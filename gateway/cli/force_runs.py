@@ -45,6 +45,7 @@ class ForceRun:
     shifts: list[Estimate] = field(default_factory=list)
     yaws: list[Estimate] = field(default_factory=list)
     halves_rad: list[float] = field(default_factory=list)
+    pressures_pa: list[float] = field(default_factory=list)
     offered: int = 0
 
     def take(self, result: RevolutionResult) -> None:
@@ -57,6 +58,8 @@ class ForceRun:
         self.shifts.append(shift)
         self.yaws.append(yaw)
         self.halves_rad.append(0.5 * (result.revolution.trailing_edge_rad - result.revolution.leading_edge_rad))
+        if result.conditions.pressure_pa is not None:
+            self.pressures_pa.append(result.conditions.pressure_pa)
 
     @property
     def half_angle_rad(self) -> float:
@@ -110,7 +113,11 @@ def fit_side_force(runs: Sequence[ForceRun], stated: ForceRunsFile) -> SideForce
     if stated_moments:
         law = _fit("aligning moment", [_mean(run.yaws) for run in runs], stated_moments, stated.aligning_moment_std_nm)
     halves = [run.half_angle_rad for run in runs]
-    return SideForceCalibration(side, law, (min(halves), max(halves)))
+    pressures = [float(np.mean(run.pressures_pa)) for run in runs if run.pressures_pa]
+    is_known = len(pressures) == len(runs)
+    return SideForceCalibration(
+        side, law, (min(halves), max(halves)), (min(pressures), max(pressures)) if is_known else None
+    )
 
 
 def _mean(estimates: Sequence[Estimate]) -> tuple[float, float]:
@@ -170,7 +177,10 @@ def force_lines(runs: Sequence[ForceRun], calibration: SideForceCalibration) -> 
     low, high = (math.degrees(angle) for angle in calibration.half_angle_range_rad)
     if len(runs) == 2:
         lines.append("no check: two runs are just enough; one more would check the law")
-    lines.append(f"valid for half angles of {low:.2f} to {high:.2f} deg, this tire and sensor as mounted")
+    at = "at an unknown pressure"
+    if calibration.pressure_range_pa is not None:
+        at = "{:.0f} to {:.0f} kPa".format(*(1e-3 * pressure for pressure in calibration.pressure_range_pa))
+    lines.append(f"valid for half angles of {low:.2f} to {high:.2f} deg, {at}, this tire and sensor as mounted")
     return lines
 
 
@@ -194,5 +204,8 @@ def force_toml(calibration: SideForceCalibration) -> str:
         "half_angle_min_rad": rounded(calibration.half_angle_range_rad[0]),
         "half_angle_max_rad": rounded(calibration.half_angle_range_rad[1]),
     }
+    if calibration.pressure_range_pa is not None:
+        low_pa, high_pa = calibration.pressure_range_pa
+        stated |= {"pressure_min_kpa": rounded(1e-3 * low_pa), "pressure_max_kpa": rounded(1e-3 * high_pa)}
     table = SideForceCalibrationTable(**stated)
     return toml_text({"tire": {"side_force_calibration": table.model_dump(include=set(stated))}})

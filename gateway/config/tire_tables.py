@@ -91,10 +91,17 @@ class SideForceCalibrationTable(Section):
     yaw_zero_std_deg: float = Field(default=0.0, ge=0, le=10, description="standard error of yaw_zero_deg in degrees")
     half_angle_min_rad: float = Field(ge=0.01, le=1.5, description="smallest calibrated half angle in rad")
     half_angle_max_rad: float = Field(ge=0.01, le=1.5, description="largest calibrated half angle in rad")
+    pressure_min_kpa: float | None = Field(
+        default=None, ge=10, le=1500, description="lowest calibrated gauge pressure in kPa"
+    )
+    pressure_max_kpa: float | None = Field(
+        default=None, ge=10, le=1500, description="highest calibrated gauge pressure in kPa"
+    )
 
     def calibration(self) -> SideForceCalibration:
         """Return the calibration in SI."""
         deg = math.radians(1.0)
+        low_kpa, high_kpa = self.pressure_min_kpa, self.pressure_max_kpa
         moment = None
         if self.moment_nm_per_deg is not None:
             moment = LinearLaw(
@@ -112,6 +119,7 @@ class SideForceCalibrationTable(Section):
             ),
             moment=moment,
             half_angle_range_rad=(self.half_angle_min_rad, self.half_angle_max_rad),
+            pressure_range_pa=None if low_kpa is None or high_kpa is None else (low_kpa * 1e3, high_kpa * 1e3),
         )
 
 

@@ -90,14 +90,15 @@ def _forces(
     if calibration is None:
         needs = Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION)
         return Estimate.invalid(NAMES[2], needs), Estimate.invalid(NAMES[3], needs)
-    doubts = (*doubts, *calibration.outside(half_angle_rad))
+    doubts = (*doubts, *calibration.outside(half_angle_rad, conditions.pressure_pa))
+    by_pressure = calibration.factor_std(conditions.pressure_pa)
     load = conditions.load_n or _USUAL_LOAD_N
     unit = _USEFUL_LEVER * load * conditions.radius_m
     return (
-        _force(NAMES[2], calibration.side, displacements[0], load, doubts),
+        _force(NAMES[2], calibration.side, displacements[0], load, by_pressure, doubts),
         Estimate.invalid(NAMES[3], Reason(Code.NEEDS_SIDE_FORCE_CALIBRATION))
         if calibration.moment is None
-        else _force(NAMES[3], calibration.moment, displacements[1], unit, doubts),
+        else _force(NAMES[3], calibration.moment, displacements[1], unit, by_pressure, doubts),
     )
 
 
@@ -115,10 +116,18 @@ def _plain(name: str, value: float, std: float, scatter_std: float, doubts: tupl
     return Estimate(name, value, std, Status.PROVISIONAL if doubts else Status.VALID, doubts, scatter_std)
 
 
-def _force(name: str, law: LinearLaw, displacement: _Displacement, unit: float, doubts: tuple[Reason, ...]) -> Estimate:
+def _force(
+    name: str,
+    law: LinearLaw,
+    displacement: _Displacement,
+    unit: float,
+    by_pressure: float,
+    doubts: tuple[Reason, ...],
+) -> Estimate:
     """Return a force, valid where it is known to a share of the load, or to a third of itself."""
     shift, error, scatter = displacement
     value, std = law.force(shift, error)
+    std = math.hypot(std, by_pressure * value)
     if math.isfinite(std) and std > max(_USEFUL_STD * unit, abs(value) / DETERMINED):
         doubts = (*doubts, Reason(Code.FORCE_NOT_DETERMINED, share=std / unit, limit=_USEFUL_STD))
     return _plain(name, value, std, abs(law.factor) * scatter, doubts)

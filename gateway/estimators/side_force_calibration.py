@@ -9,11 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from gateway.estimators.calibrated_range import outside_calibration
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
-# Relative distance from the calibrated half angles at which the calibration still holds, as for loads.
-_MARGIN: Final = 0.1
 # Error of the linear law at another distribution of the contact's forces than the calibration's, over models of belts
 # with and without twist (docs/explanation/forces.md).
 LAW_STD: Final = 0.01
@@ -52,18 +51,32 @@ class SideForceCalibration:
         side: side force, N, of the belt's shift.
         moment: aligning moment, N m, of its yaw; None when it was not calibrated.
         half_angle_range_rad: lowest and highest contact half angle of the runs.
+        pressure_range_pa: lowest and highest gauge pressure of the runs; None where it is not known.
     """
 
     side: LinearLaw
     moment: LinearLaw | None
     half_angle_range_rad: tuple[float, float]
+    pressure_range_pa: tuple[float, float] | None
 
-    def outside(self, half_angle_rad: float) -> tuple[Reason, ...]:
-        """Return whether a half angle lies outside the calibrated range."""
-        low, high = self.half_angle_range_rad
-        if (1.0 - _MARGIN) * low <= half_angle_rad <= (1.0 + _MARGIN) * high:
-            return ()
-        return (Reason(Code.HALF_ANGLE_OUTSIDE_CALIBRATION, half_angle_rad=half_angle_rad, low_rad=low, high_rad=high),)
+    def outside(self, half_angle_rad: float, pressure_pa: float | None) -> tuple[Reason, ...]:
+        """Return what lies outside the calibrated ranges, or is not known of them."""
+        reasons = outside_calibration(half_angle_rad, self.half_angle_range_rad, pressure_pa, self.pressure_range_pa)
+        if pressure_pa is None or self.pressure_range_pa is None:
+            reasons.append(Reason(Code.SIDE_FORCE_PRESSURE_UNKNOWN))
+        return tuple(reasons)
+
+    def factor_std(self, pressure_pa: float | None) -> float:
+        """Return the relative error of the factors at another pressure than those of the runs.
+
+        The stiffness of the sidewalls that carry the belt is k = k_s + k_p p. The share of the pressure in it, between
+        0 and 1, is not known: a root mean square of 1 / sqrt(3).
+        """
+        if pressure_pa is None or self.pressure_range_pa is None or not pressure_pa > 0.0:
+            return 0.0
+        low, high = self.pressure_range_pa
+        nearest = min(max(pressure_pa, low), high)
+        return abs(math.log(pressure_pa / nearest)) / math.sqrt(3.0)
 
 
 def fit_linear_law(

@@ -8,14 +8,13 @@ from typing import Final
 
 import numpy as np
 
+from gateway.estimators.calibrated_range import MARGIN, outside_calibration
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
 LAW_STD: Final = 0.025
 """Error of the law relative to the change of the slope by slip, on the belts of tools/bench_lateral.py up to 2 deg:
 with ply steer, left and right slip saturate at different angles."""
-# Relative distance from the calibrated half angles and pressures at which the calibration still holds, as for loads.
-_MARGIN = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,17 +92,9 @@ class SlipCalibration:
 
     def outside(self, half_angle_rad: float, pressure_pa: float | None, slip_rad: float) -> tuple[Reason, ...]:
         """Return what lies outside the calibrated ranges."""
-        reasons = []
-        low, high = self.half_angle_range_rad
-        if not (1.0 - _MARGIN) * low <= half_angle_rad <= (1.0 + _MARGIN) * high:
-            reasons.append(
-                Reason(Code.HALF_ANGLE_OUTSIDE_CALIBRATION, half_angle_rad=half_angle_rad, low_rad=low, high_rad=high)
-            )
-        low, high = self.pressure_range_pa
-        if pressure_pa is not None and not (1.0 - _MARGIN) * low <= pressure_pa <= (1.0 + _MARGIN) * high:
-            reasons.append(Reason(Code.PRESSURE_OUTSIDE_CALIBRATION, pressure_pa=pressure_pa, low_pa=low, high_pa=high))
+        reasons = outside_calibration(half_angle_rad, self.half_angle_range_rad, pressure_pa, self.pressure_range_pa)
         low, high = self.slip_range_rad
-        span = _MARGIN * (high - low)
+        span = MARGIN * (high - low)
         if not low - span <= slip_rad <= high + span:
             reasons.append(Reason(Code.SLIP_OUTSIDE_CALIBRATION, slip_rad=slip_rad, low_rad=low, high_rad=high))
         return tuple(reasons)

@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from gateway.estimators.belt_laminate import BeltLaminate
+from gateway.estimators.calibrated_range import outside_calibration
 from gateway.estimators.side_force_calibration import SideForceCalibration
 from gateway.estimators.slip_calibration import SlipCalibration
-from gateway.reasons import Code, Reason
+from gateway.reasons import Reason
 
 # Relative loss of the ring's bending stiffness per kelvin, and its standard error over compounds, of a tire for which
 # it is not measured: the rubber softens, the cords do not (docs/reference/estimates.md).
@@ -130,16 +131,9 @@ class LoadCalibration:
 
     def outside(self, half_angle_rad: float, pressure_pa: float) -> tuple[Reason, ...]:
         """Return what lies outside the range it was fitted on by more than a tenth."""
-        reasons = []
-        low, high = self.half_angle_range_rad
-        if not 0.9 * low <= half_angle_rad <= 1.1 * high:
-            reasons.append(
-                Reason(Code.HALF_ANGLE_OUTSIDE_CALIBRATION, half_angle_rad=half_angle_rad, low_rad=low, high_rad=high)
-            )
-        low, high = self.pressure_range_pa
-        if not 0.9 * low <= pressure_pa <= 1.1 * high:
-            reasons.append(Reason(Code.PRESSURE_OUTSIDE_CALIBRATION, pressure_pa=pressure_pa, low_pa=low, high_pa=high))
-        return tuple(reasons)
+        return tuple(
+            outside_calibration(half_angle_rad, self.half_angle_range_rad, pressure_pa, self.pressure_range_pa)
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from gateway.physics.lateral_belt import LateralBelt, LateralSolution, solve_lat
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, codes_of
 from gateway.signal.lateral_deformation import lateral_coefficients
-from tests.testkit.exact_ring import RADIUS_M, on_grid, solution
+from tests.testkit.exact_ring import PRESSURE_PA, RADIUS_M, on_grid, solution
 from tests.testkit.revolution_data import CONDITIONS, OMEGA, exact_wave, make_revolution, settled
 
 GOOD = make_revolution(exact_wave(solution()))
@@ -45,6 +45,7 @@ def calibration() -> SideForceCalibration:
         fit_linear_law(shift.tolist(), stds, [p.side_force_n for p in points], small),
         fit_linear_law((yaw / RADIUS_M).tolist(), stds, [p.aligning_moment_nm for p in points], small),
         (half, half),
+        (PRESSURE_PA, PRESSURE_PA),
     )
 
 
@@ -112,6 +113,26 @@ def test_other_contact_length_makes_force_provisional() -> None:
     found = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=elsewhere)))
     assert found["side_force_n"].status is Status.PROVISIONAL
     assert Code.HALF_ANGLE_OUTSIDE_CALIBRATION in codes_of(found["side_force_n"].reasons)
+
+
+def test_force_at_another_pressure_has_the_error_of_the_sidewalls() -> None:
+    tire = TireData(side_force_calibration=calibration())
+    same = follow(4.0, replace(CONDITIONS, tire=tire))["side_force_n"]
+    near = follow(4.0, replace(CONDITIONS, tire=tire, pressure_pa=0.93 * PRESSURE_PA))["side_force_n"]
+    far = follow(4.0, replace(CONDITIONS, tire=tire, pressure_pa=1.3 * PRESSURE_PA))["side_force_n"]
+    assert (same.status, near.status, far.status) == (Status.VALID, Status.VALID, Status.PROVISIONAL)
+    assert codes_of(far.reasons) == (Code.PRESSURE_OUTSIDE_CALIBRATION,)
+    # Sidewalls that the pressure alone stiffens, and such as it does not change.
+    for estimate, ratio in ((near, 0.93), (far, 1.3)):
+        assert abs(same.value * ratio - estimate.value) < 2.0 * estimate.std
+        assert estimate.std > same.std
+
+
+def test_calibration_of_unknown_pressure_makes_force_provisional() -> None:
+    unknown = replace(calibration(), pressure_range_pa=None)
+    found = follow(1.0, replace(CONDITIONS, tire=TireData(side_force_calibration=unknown)))
+    assert codes_of(found["side_force_n"].reasons) == (Code.SIDE_FORCE_PRESSURE_UNKNOWN,)
+    assert found["belt_shift_m"].status is Status.VALID
 
 
 def test_no_lateral_axis_gives_nothing() -> None:

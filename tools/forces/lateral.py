@@ -134,6 +134,9 @@ class CalibratedStatement(Statement):
             "half_angle_min_rad": low,
             "half_angle_max_rad": high,
         }
+        if self.side_force.pressure_range_pa is not None:
+            low, high = self.side_force.pressure_range_pa
+            plain["tire"]["side_force_calibration"] |= {"pressure_min_kpa": 1e-3 * low, "pressure_max_kpa": 1e-3 * high}
         return parse_vehicle(toml_text(plain), "bench")
 
 
@@ -201,7 +204,8 @@ def _calibrated(
     side = fit_linear_law([s.value for s in shifts], [s.std for s in shifts], forces, [force_std] * count)
     moment = fit_linear_law([y.value for y in yaws], [y.std for y in yaws], moments, [moment_std] * count)
     halves = [half for _, _, half in points]
-    calibration = SideForceCalibration(side, moment, (min(halves), max(halves)))
+    pressure = ring.pressure_pa
+    calibration = SideForceCalibration(side, moment, (min(halves), max(halves)), (pressure, pressure))
     stated = {field.name: getattr(said, field.name) for field in fields(Statement)}
     return CalibratedStatement(**stated, side_force=calibration)
 
