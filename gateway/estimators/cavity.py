@@ -104,9 +104,10 @@ class CavityEstimator:
             against = Reason(
                 Code.CAVITY_CONTRADICTED, measured_degc=measured, found_degc=kelvin - ZERO_CELSIUS_K, ratio=ratio
             )
+            # Another gas, or the line of something else: a motor, a road surface.
             doubts = (against, *doubts)
         return (
-            frequency,
+            frequency._replace(status=status, reasons=doubts),
             Estimate(NAMES[1], kelvin - ZERO_CELSIUS_K, relative * kelvin, status, doubts),
             Estimate(NAMES[2], ratio, ratio_std, status, doubts),
         )
