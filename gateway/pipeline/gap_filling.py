@@ -34,11 +34,11 @@ def angles_in_gaps(gaps: Iterable[tuple[float, float]], phase: Phase, n: int) ->
         phase: of the revolution.
         n: size of the angle grid.
     """
-    places = phase.positions(elapsed_angles(n))
+    positions = phase.positions(elapsed_angles(n))
     inside = np.zeros(n, np.bool_)
     for first, end in gaps:
         # Between the last sample before the gap and the first behind it.
-        inside |= (places > first - 1.0 - _BESIDE_SAMPLES) & (places < end + _BESIDE_SAMPLES)
+        inside |= (positions > first - 1.0 - _BESIDE_SAMPLES) & (positions < end + _BESIDE_SAMPLES)
     return inside
 
 
@@ -79,6 +79,9 @@ class GapFilling:
         return is_whole
 
     def _fill(self, axes_mps2: FloatArray, omega_radps: float, inside: BoolArray) -> bool:
+        if not inside.any():
+            # Of a slow wheel a short gap lies between two angles of the grid.
+            return True
         measured = ~inside
         if not self._earlier or measured.mean() < LEAST_MEASURED:
             return False
@@ -94,6 +97,6 @@ class GapFilling:
         line = np.stack([np.ones_like(turned), turned], axis=1)
         rows = line[measured & (count > 0.0)]
         # Not by a common solver of all columns: an axis that is absent is no number, and must stay the only one.
-        own = np.linalg.inv(rows.T @ rows) @ (rows.T @ (axes_mps2 - shape)[:, measured & (count > 0.0)].T)
-        axes_mps2[:, inside] = (shape + (line @ own).T)[:, inside]
+        constant_and_ramp = np.linalg.inv(rows.T @ rows) @ (rows.T @ (axes_mps2 - shape)[:, measured & (count > 0.0)].T)
+        axes_mps2[:, inside] = (shape + (line @ constant_and_ramp).T)[:, inside]
         return True

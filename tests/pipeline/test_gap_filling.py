@@ -73,6 +73,17 @@ def test_gap_without_a_shape_for_it_is_left(why: str) -> None:
     assert (damaged[:, inside] == 999.0).all()
 
 
+def test_gap_between_two_angles_of_the_grid_leaves_the_revolution_whole() -> None:
+    # 40 samples lie between two angles of the grid.
+    inside = angles_in_gaps([(12, 28)], fit_phase(0.0, 40.0 * N), N)
+    assert not inside.any()
+    filling = GapFilling()
+    for _ in range(2):
+        row = axes(50.0)
+        assert filling.take(row, 50.0, inside, "state")
+        np.testing.assert_array_equal(row, axes(50.0))
+
+
 def test_angles_in_gaps_are_those_between_the_samples_beside_them() -> None:
     phase = fit_phase(100.0, 356.0)
     inside = angles_in_gaps([(150, 160)], phase, N)
