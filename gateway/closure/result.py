@@ -506,11 +506,13 @@ class SelfTest:
         wrong: of those in which an effect was identified that was not in them.
         false: number of simulations by the name of such an effect.
         missed: number of simulations by the name of an identified effect that was not identified again.
+        failed: number of further simulations that have no diagnosis.
         pulls: differences of determined numbers and of parameters from the truth over their standard errors.
     """
 
     count: int
     wrong: int
+    failed: int
     false: Mapping[str, int]
     missed: Mapping[str, int]
     pulls: tuple[float, ...]

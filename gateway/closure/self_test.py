@@ -7,6 +7,7 @@ answer of this tire to nothing. What does not repeat with the wheel stays as rec
 
 from __future__ import annotations
 
+import logging
 import math
 from collections import Counter
 from collections.abc import Callable
@@ -21,7 +22,10 @@ from gateway.closure.inference.fit import Fit
 from gateway.closure.inference.likelihood import as_complex
 from gateway.closure.inference.number_estimates import estimates_of
 from gateway.closure.result import Diagnosis, SelfTest, Verdict
+from gateway.errors import TreadlinkError
 from gateway.types import ComplexArray
+
+_logger = logging.getLogger(__name__)
 
 _SEED: Final = 1
 _ORDER: Final = np.arange(ORDERS)
@@ -45,32 +49,43 @@ def self_test(
         diagnose: of a campaign.
         count: number of simulations.
         on_progress: called with the share that is done and the present step.
-        expired: True when no further simulation is to be begun.
+        expired: True when no further simulation is to be begun; one that it cuts short does not count.
     """
     effects = {effect.name: fit.vector[fit.model.layout.effect(effect.name)] for effect in fit.model.effects}
     named = {finding.name for finding in diagnosis.named if finding.name in effects}
     numbers, _ = estimates_of([(fit, 1.0)])
     rng = np.random.default_rng(_SEED)
     false, missed, pulls, done = Counter[str](), Counter[str](), list[float](), 0
-    wrong = 0
+    wrong, failed = 0, 0
     for number in range(count):
         if expired():
             break
-        again = diagnose(simulated(fit, rng), partial(_report, on_progress, number, count))
-        found = {finding.name: finding for finding in again.findings if finding.verdict is Verdict.NAMED}
-        untrue = [name for name, finding in found.items() if finding.lock == "angle" and name not in effects]
+        try:
+            again = diagnose(simulated(fit, rng), partial(_report, on_progress, number, count))
+        except TreadlinkError as error:
+            # The result itself is whole: it outlives a simulation that no model fits.
+            _logger.info("simulation %d has no diagnosis: %s", number + 1, error)
+            failed += 1
+            continue
+        if not again.complete:
+            # What the search did not come to would count as missed.
+            break
+        identified = {finding.name: finding for finding in again.findings if finding.verdict is Verdict.NAMED}
+        untrue = [name for name, finding in identified.items() if finding.lock == "angle" and name not in effects]
         false.update(untrue)
-        missed.update(named - found.keys())
+        missed.update(named - identified.keys())
         wrong += bool(untrue)
-        for name in effects.keys() & found.keys():
-            for value, fitted in zip(effects[name].tolist(), found[name].parameters.values(), strict=True):
+        for name in effects.keys() & identified.keys():
+            for value, fitted in zip(effects[name].tolist(), identified[name].parameters.values(), strict=True):
                 pulls.append((fitted.value - value) / fitted.std if fitted.std > 0.0 else math.nan)
         for name, is_determined in again.determined.items():
             if is_determined and name in numbers and again.estimates_after[name].std > 0.0:
                 fitted = again.estimates_after[name]
                 pulls.append((fitted.value - numbers[name].value) / fitted.std)
         done += 1
-    return SelfTest(done, wrong, dict(false), dict(missed), tuple(pull for pull in pulls if math.isfinite(pull)))
+    return SelfTest(
+        done, wrong, failed, dict(false), dict(missed), tuple(pull for pull in pulls if math.isfinite(pull))
+    )
 
 
 def _report(on_progress: Progress, number: int, count: int, share: float, text: str) -> None:

@@ -1,6 +1,7 @@
 """A whole diagnosis: verdicts, errors before and after, progress, an end by time, and data that cannot be diagnosed."""
 
 import itertools
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -8,16 +9,19 @@ import pytest
 
 from gateway.closure import closed_loop
 from gateway.closure.closed_loop import diagnose
+from gateway.closure.data.campaign_data import Campaign
 from gateway.closure.effects.catalogue import catalogue
 from gateway.closure.effects.effect import CIRCUMFERENTIAL, LATERAL, GroupConditions
+from gateway.closure.inference.fit import Fit
 from gateway.closure.model.exact_baseline import ExactCore
-from gateway.closure.result import Verdict
-from gateway.closure.self_test import simulated
+from gateway.closure.result import Diagnosis, Verdict
+from gateway.closure.self_test import self_test, simulated
 from gateway.errors import TreadlinkError
 from gateway.physics.rolling_ring import RingNotConvergedError
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 from gateway.views.report.diagnosis_json import diagnosis_json
+from gateway.views.report.phrases import self_test_text
 from gateway.views.report.terminal import closure_summary_lines
 from tests.closure.planted_campaign import (
     ALL_AXES,
@@ -73,6 +77,30 @@ def test_simulations_of_a_result_are_diagnosed_as_they_were_made() -> None:
     lines = " ".join(line.strip() for line in closure_summary_lines(found))
     assert "0 of 1 simulation with a false effect" in lines
     assert diagnosis_json(found)["self_test"]["count"] == 1
+
+
+@pytest.mark.usefixtures("few")
+def test_result_outlives_simulations_that_fail_or_are_cut_short() -> None:
+    fits: list[Fit] = []
+    result = diagnose(
+        campaign_of(ONE_SPEED, turned(LATERAL, 0.03), axes=ALL_AXES),
+        on_posterior=lambda posterior: fits.append(posterior.best.fit),
+    )
+    blind = replace(result, findings=())
+    outcomes = iter([TreadlinkError("no model fits"), result, replace(blind, complete=False), blind])
+
+    def again(_campaign: Campaign, _progress: Callable[[float, str], None]) -> Diagnosis:
+        outcome = next(outcomes)
+        if isinstance(outcome, TreadlinkError):
+            raise outcome
+        return outcome
+
+    tested = self_test(fits[0], result, again, 4, lambda *_: None, lambda: False)
+    assert (tested.count, tested.failed, tested.missed) == (1, 1, {})
+    words = self_test_text(tested)
+    assert "1 simulation without a diagnosis" in words
+    assert "0 of 1 simulation with a false effect" in words
+    assert self_test_text(replace(tested, count=0)) == "1 simulation without a diagnosis"
 
 
 def test_simulation_holds_scatter_and_unexplained_of_the_recording() -> None:

@@ -137,6 +137,7 @@ def _self_test(tested: SelfTest | None) -> dict[str, Any] | None:
     return {
         "count": tested.count,
         "wrong": tested.wrong,
+        "failed": tested.failed,
         "false": {_text(name): count for name, count in tested.false.items()},
         "missed": {_text(name): count for name, count in tested.missed.items()},
         "pulls": _numbers(tested.pulls),

@@ -106,8 +106,9 @@ def law_text(law: Law) -> str:
 
 def self_test_text(tested: SelfTest) -> str:
     """Return how simulations of a result were diagnosed."""
+    failed = f"{counted(tested.failed, 'simulation')} without a diagnosis" if tested.failed else ""
     if not tested.count:
-        return "no simulation was diagnosed: the time was over"
+        return failed or "no simulation was diagnosed: the time was over"
     kinds = (("false", tested.false), ("not identified again", tested.missed))
     named = [
         f"{kind}: {listed([f'{effect_title(name)} ({count})' for name, count in names.items()])}"
@@ -116,7 +117,8 @@ def self_test_text(tested: SelfTest) -> str:
     ]
     pulls = f"rms {fixed(tested.pull_rms, 2)} of their errors" if tested.pulls else "none determined"
     text = f"{tested.wrong} of {counted(tested.count, 'simulation')} with a false effect"
-    return "; ".join((text, *named, f"{counted(len(tested.pulls), 'number')} off by {pulls}"))
+    parts = text, failed, *named, f"{counted(len(tested.pulls), 'number')} off by {pulls}"
+    return "; ".join(filter(None, parts))
 
 
 def sentence(phrase: str) -> str:
