@@ -46,19 +46,21 @@ def with_causes(findings: Sequence[Finding], onsets: Mapping[str, Sequence[int]]
 
     Args:
         findings: of one tire.
-        onsets: recordings at which each series changes, also where that is no finding, as a refill.
+        onsets: recordings at which each series changes notably, also where that is no finding, as a refill.
     """
     consequences: dict[int, list[str]] = {}
     explained: set[int] = set()
     for cause, _, watch in _CAUSES:
         of_cause = [index for index, finding in enumerate(findings) if finding.series == cause]
-        drifts = any(findings[index].begin is None for index in of_cause)
+        begins = [findings[index].begin for index in of_cause]
+        drifts = None in begins
+        changes = [*onsets.get(cause, ()), *(begin for begin in begins if begin is not None)]
         for index, finding in enumerate(findings):
             quantity = _QUANTITIES.get(finding.series)
             if index in explained or quantity is None or not watch.explains & _bases_of(quantity):
                 continue
             begin = finding.begin
-            near = begin is not None and any(abs(begin - onset) <= _TOGETHER for onset in onsets.get(cause, ()))
+            near = begin is not None and any(abs(begin - onset) <= _TOGETHER for onset in changes)
             if near or (begin is None and drifts):
                 explained.add(index)
                 if of_cause:

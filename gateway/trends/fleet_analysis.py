@@ -795,8 +795,7 @@ def _line(
     )
     if line.doubt is None:
         tire.findings += _findings_of_line(tire, name, line)
-    onsets = [*line.steps, *(begin for begin, _ in _runs(line)), *([line.change.begin] if line.change else [])]
-    tire.onsets[name] = [int(line.places[begin]) for begin in onsets]
+    tire.onsets[name] = [int(line.places[begin]) for begin in _notable_changes(line, watch.notable)]
     return line
 
 
@@ -834,6 +833,24 @@ def _size_of_change(line: _Line) -> tuple[float, float]:
     return _along(line, _size_of_change_at(line))
 
 
+def _size_of_step(line: _Line, number: int) -> tuple[float, float]:
+    """Return the change of level at a step, and its error."""
+    along = np.zeros(line.design.shape[1])
+    along[line.design.shape[1] - len(line.steps) + number - (0 if line.change is None else 1 + line.has_own_line)] = 1.0
+    return _along(line, along)
+
+
+def _notable_changes(line: _Line, notable: float) -> Iterator[int]:
+    """Yield where a series changes by so much that others may follow it, whether that is a fault or not.
+
+    A long series shows changes that are too small to be the cause of anything.
+    """
+    yield from (begin for begin, _ in _runs(line))
+    yield from (begin for number, begin in enumerate(line.steps) if abs(_size_of_step(line, number)[0]) >= notable)
+    if line.change is not None and abs(_size_of_change(line)[0]) >= notable:
+        yield line.change.begin
+
+
 def _along(line: _Line, along: FloatArray) -> tuple[float, float]:
     """Return a combination (p,) of the coefficients of a line and its error.
 
@@ -859,10 +876,7 @@ def _findings_of_line(tire: _Tire, name: str, line: _Line) -> Iterator[Finding]:
         yield Finding(passed, name, int(line.places[begin]))
     # Steps of the load have their own finding.
     for number, begin in enumerate(line.steps if name != "estimated_load_n" else ()):
-        along = np.zeros(line.design.shape[1], dtype=np.float64)
-        column = line.design.shape[1] - len(line.steps) + number - (0 if change is None else 1 + line.has_own_line)
-        along[column] = 1.0
-        size, std = _along(line, along)
+        size, std = _size_of_step(line, number)
         if abs(size) >= watch.notable and size * (watch.worse or size) > 0.0:
             end = min([after for after in line.steps if after > begin], default=len(line.values))
             changed = _changed(Code.TREND_LEVEL_CHANGED, history, name, line, (size, std), begin, end)

@@ -102,6 +102,20 @@ def test_consequences_of_a_refill_are_no_finding():
     assert with_causes(findings, onsets) == [changed, changed]
 
 
+@pytest.mark.parametrize(("gain", "name"), [(0.004, "Cw"), (0.03, "gain")])
+def test_a_change_too_small_for_a_finding_hides_none(gain, name):
+    tire = history()
+    after = np.arange(100) >= 60
+    columns = {
+        **tire.columns,
+        "gain": tire.columns["gain"] + gain * after,
+        "Cw": tire.columns["Cw"] * np.where(after, 1.2, 1.0),
+    }
+    changed = findings_of(replace(tire, columns=columns))[Code.TREND_LEVEL_CHANGED]
+    assert changed["name"] == name
+    assert ("Cw" in dict(changed.values).get("consequences", ())) == (name == "gain")
+
+
 def test_numbers_of_the_sensor_are_no_consequences_of_the_pressure():
     noise = Reason(Code.TREND_SENSOR_NOISE, factor=6.0)
     leak = Reason(Code.TREND_LOSES_PRESSURE, loss_pa=3e3, std_pa=100.0)
