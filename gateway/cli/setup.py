@@ -15,6 +15,9 @@ def _by_position(ctx: click.Context, param: click.Parameter, texts: tuple[str, .
     values: dict[str, float] = {}
     for text in texts:
         position, _, number = text.rpartition("=")
+        if position in values:
+            wheels = f"wheel '{position}'" if position else "all wheels"
+            raise click.BadParameter(f"Two numbers for {wheels}.")
         try:
             values[position] = float(number)
         except ValueError as error:
@@ -28,7 +31,12 @@ def _assigned(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
     wrong = next((position for position, _, sensor in pairs if not position or not sensor), None)
     if wrong is not None:
         raise click.BadParameter("Give POSITION=SENSOR, such as FL=0000a001 or FL=0.1.")
-    return {position: sensor for position, _, sensor in pairs}
+    sensors: dict[str, str] = {}
+    for position, _, sensor in pairs:
+        if position in sensors:
+            raise click.BadParameter(f"'{position}' has two sensors: {sensors[position]} and {sensor}.")
+        sensors[position] = sensor
+    return sensors
 
 
 @click.command()
@@ -63,7 +71,9 @@ def _assigned(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
 )
 @click.option("--pressure-kpa", multiple=True, callback=_by_position, metavar="[POSITION=]KPA", help="Gauge pressure.")
 @click.option("--load-n", multiple=True, callback=_by_position, metavar="[POSITION=]N", help="Vertical load.")
-@click.option("--no-input", is_flag=True, help="Ask nothing: what no option states is left unknown.")
+@click.option(
+    "--no-input", is_flag=True, help="Ask nothing: what no option states is left unknown. Needs --wheel, and a radius."
+)
 def setup(
     sources: tuple[str, ...],
     out: Path,
@@ -93,7 +103,12 @@ def setup(
 
     check_outputs([out], [], force=force)
     if no_input and not assigned:
-        raise click.UsageError("--no-input needs --wheel POSITION=SENSOR for each wheel.")
+        raise click.UsageError("--no-input needs --wheel POSITION=SENSOR for each wheel, such as FL=0.0.")
+    without_radius = [position for position in assigned if not {position, ""} & radius_mm.keys()]
+    if no_input and distance_m is None and without_radius:
+        raise click.UsageError(
+            f"--no-input needs --radius-mm or --distance-m: no radius for {', '.join(without_radius)}."
+        )
     if radius_mm and distance_m is not None:
         raise click.UsageError("Give --radius-mm or --distance-m.")
     answers = Answers(

@@ -164,11 +164,15 @@ class Dialogue:
         positions = self._answers.positions
         if not positions:
             usual = _USUAL.get(len(sensors), ",".join(f"W{number + 1}" for number in range(len(sensors))))
-            positions = self._ask(f"Positions of the wheels [{usual}]:", _names, _names(usual))
+            positions = self._ask(f"Positions of the wheels [{usual}]:", _names, _names(usual), self._check_names)
         left = list(sensors)
         for position in positions:
             stated = self._answers.assigned.get(position)
-            sensor = _stated_sensor(position, stated, sensors) if stated is not None else self._tapped(position, left)
+            sensor = (
+                _stated_sensor(position, stated, sensors)
+                if stated is not None
+                else self._tapped(position, sensors, left)
+            )
             if sensor is None:
                 continue
             if sensor not in left:
@@ -182,14 +186,16 @@ class Dialogue:
         for sensor in left:
             click.echo(f"  sensor {sensor.sensor_id} is on no wheel")
 
-    def _tapped(self, position: str, left: Sequence[HeardSensor]) -> HeardSensor | None:
+    def _tapped(self, position: str, sensors: Sequence[HeardSensor], left: Sequence[HeardSensor]) -> HeardSensor | None:
         """Return the sensor that is tapped or turned, or typed; None where the position is left out."""
         if not self._asks or not left:
             return None
-        numbers = {str(number): sensor for number, sensor in enumerate(self._listener.sensors.values(), 1)}
+        numbers = {str(number): sensor for number, sensor in enumerate(sensors, 1)}
+        click.echo(f"{position}: tap its tire when asked, or type the number of its sensor, or '{_LEFT_OUT}' for none.")
         while True:
-            self._rest()
-            click.echo(f"Tap the tire {position} firmly, or turn it. (Or its number, or '{_LEFT_OUT}' for none.)")
+            self._rest(or_line=True)
+            if not self._lines:
+                click.echo(f"Tap the tire {position} firmly, or turn it.")
             self._until(lambda: bool(self._lines or self._listener.moved()))
             if self._lines:
                 line = self._lines.pop(0).strip()
@@ -215,11 +221,11 @@ class Dialogue:
             else:
                 return first
 
-    def _rest(self) -> None:
-        """Wait until all sensors stand still."""
+    def _rest(self, *, or_line: bool = False) -> None:
+        """Wait until all sensors stand still, or with `or_line` until the user has typed a line."""
         click.echo("Leave all wheels standing ...")
         self._listener.begin_rest()
-        self._until(lambda: self._listener.is_rest_known)
+        self._until(lambda: self._listener.is_rest_known or (or_line and bool(self._lines)))
 
     # Numbers
 
@@ -232,7 +238,7 @@ class Dialogue:
             else:
                 stated = {"": answer}
         if distance_m is not None and not self._roll(distance_m) and self._asks:
-            stated = {"": self._ask("Belt radius of the others in mm:", float, check=self._fits("radius_mm"))}
+            stated = {"": self._ask("Belt radius of the others in mm:", _number, check=self._fits("radius_mm"))}
         self._set_numbers("radius_mm", stated)
         self._checked()
 
@@ -304,6 +310,11 @@ class Dialogue:
                     parse_vehicle(toml_text({"tire": tire, "wheel": [wheel]}), "answer")
 
         return check
+
+    def _check_names(self, positions: Sequence[str]) -> None:
+        """Check names of wheels before a sensor is known."""
+        wheels = [{"position": position, "hub": 0, "wheel": number} for number, position in enumerate(positions)]
+        parse_vehicle(toml_text({"tire": _ANY_RADIUS, "wheel": wheels}), "answer")
 
     def _check_wheels(self) -> None:
         """Check the wheels while their radius is not asked yet."""
@@ -379,12 +390,19 @@ def _names(line: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in line.replace(" ", ",").split(",") if name.strip())
 
 
+def _number(line: str) -> float:
+    try:
+        return float(line)
+    except ValueError:
+        raise ValueError(f"'{line}' is no number") from None
+
+
 def _radius(line: str) -> float | str:
-    return "roll" if line.lower() == "roll" else float(line)
+    return "roll" if line.lower() == "roll" else _number(line)
 
 
 def _distance(line: str) -> float:
-    distance_m = float(line)
+    distance_m = _number(line)
     if not 1.0 <= distance_m <= 1000.0:
         raise ValueError("give 1 to 1000 m")
     return distance_m
@@ -392,9 +410,9 @@ def _distance(line: str) -> float:
 
 def _numbers(count: int) -> Callable[[str], tuple[float, ...]]:
     def parse(line: str) -> tuple[float, ...]:
-        numbers = tuple(map(float, line.replace(",", " ").split()))
+        numbers = tuple(map(_number, line.replace(",", " ").split()))
         if len(numbers) not in (1, count):
-            raise ValueError(f"give one number, or {count}")
+            raise ValueError("give one number" if count == 1 else f"give one number, or {count}")
         return numbers
 
     return parse

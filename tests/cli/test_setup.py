@@ -185,12 +185,18 @@ def test_options_answer_everything(scenario, tmp_path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--no-input", "--wheel", "FL=0.7"], "no sensor '0.7' is heard"),
-        (["--no-input", "--wheel", "FL=0.0", "--wheel", "FR=0.0"], "sensor of another wheel"),
+        (["--no-input", "--wheel", "FL=0.7", "--radius-mm", "320"], "no sensor '0.7' is heard"),
+        (["--no-input", "--wheel", "FL=0.0", "--wheel", "FR=0.0", "--radius-mm", "320"], "sensor of another wheel"),
+        (["--no-input", "--wheel", "FL=0.0", "--wheel", "FL=0.1"], "'FL' has two sensors: 0.0 and 0.1"),
+        (
+            ["--no-input", "--wheel", "FL=0.0", "--radius-mm", "320", "--radius-mm", "310"],
+            "Two numbers for all wheels",
+        ),
         (["--no-input", "--wheel", "FL=0.0", "--radius-mm", "3"], "radius_mm"),
         (["--no-input", "--wheel", "FL=0.0", "--radius-mm", "320", "--load-n", "RR=4000"], "'RR', which has no sensor"),
-        (["--no-input", "--wheel", "F L=0.0"], "position"),
-        (["--no-input", "--wheel", "FL=0.0"], "the belt radius is required"),
+        (["--no-input", "--wheel", "F L=0.0", "--radius-mm", "320"], "position"),
+        (["--no-input", "--wheel", "FL=0.0"], "no radius for FL"),
+        (["--no-input"], "needs --wheel"),
         (["--wheel", "FL=0.0", "--wheel", "FR=0.1", "--name", "x"], "the input has ended"),
     ],
 )
@@ -200,3 +206,16 @@ def test_wrong_and_missing_answers_write_nothing(scenario, tmp_path, options, wo
     assert done.exit_code != 0
     assert words in f"{done.output} {done.exception}"
     assert not out.exists()
+
+
+def test_each_answer_is_checked_at_once_and_numbers_replace_taps(scenario, tmp_path) -> None:
+    out = tmp_path / "car.toml"
+    answers = ["Car", "FL,FL", "FL,FR", "3", "2", "2", "1", "abc", "320", "2.2 bar", "", ""]
+    done = run(scenario, "--out", str(out), lines="\n".join(answers) + "\n")
+    assert done.exit_code == 0, done.output + str(done.exception)
+    refused = [line for line in done.output.splitlines() if "not possible" in line or "no free sensor" in line]
+    assert [
+        words in line
+        for words, line in zip(["FL", "'3'", "'2'", "'abc' is no number", "'bar' is no number"], refused, strict=True)
+    ]
+    assert [(wheel.position, wheel.wheel) for wheel in load_vehicle(out).wheel] == [("FL", 1), ("FR", 0)]
