@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -255,8 +256,8 @@ class Dialogue:
                 if sensor.is_turning:
                     stopped_at[address] = sensor.window_count
             return all(
-                sensor.window_count - stopped_at[address] >= _STOPPED_WINDOWS
-                for address, sensor in listener.sensors.items()
+                sensor.window_count - stopped_at.get(sensor.address, 0) >= _STOPPED_WINDOWS
+                for sensor in listener.sending
             )
 
         self._until(has_stopped)
@@ -285,17 +286,18 @@ class Dialogue:
         self._set_numbers(key, stated)
 
     def _set_numbers(self, key: str, stated: Mapping[str, float]) -> None:
-        known = {entry["position"]: entry for entry in self._document["wheel"]}
+        entries = {entry["position"]: entry for entry in self._document["wheel"]}
         for position, number in stated.items():
-            if position and position not in known:
+            if position and position not in entries:
                 raise ConfigError(
-                    f"{key} is given for '{position}', which has no sensor", f"It has: {', '.join(known)}."
+                    f"{key} is given for '{position}', which has no sensor",
+                    f"Wheels with one: {', '.join(entries) or 'none'}.",
                 )
             if key != "load_n":
-                table = known[position].setdefault("tire", {}) if position else self._document["tire"]
+                table = entries[position].setdefault("tire", {}) if position else self._document["tire"]
                 table[key] = number
                 continue
-            for entry in [known[position]] if position else known.values():
+            for entry in [entries[position]] if position else entries.values():
                 entry[key] = number
 
     def _fits(self, key: str) -> Callable[[Any], None]:
@@ -331,7 +333,7 @@ class Dialogue:
         """Ask until the answer is right; return `default` for an empty one, or where nothing is asked."""
         while self._asks:
             click.echo(f"{question} ", nl=False)
-            self._until(lambda: bool(self._lines), silence_s=None)
+            self._until(lambda: bool(self._lines), is_timed=False)
             line = self._lines.pop(0).strip()
             if not line and default is not _REQUIRED:
                 return default
@@ -344,22 +346,26 @@ class Dialogue:
             return answer
         return default
 
-    def _until(self, is_done: Callable[[], bool], silence_s: float | None = _SILENT_S) -> None:
-        """Take events until `is_done`, or until there is none for `silence_s`.
+    def _until(self, is_done: Callable[[], bool], *, is_timed: bool = True) -> None:
+        """Take events until `is_done`, or until no sensor sends samples for a time.
 
         Raises:
             TreadlinkError: a link cannot be opened, or all are silent.
             ConfigError: the user's lines have ended.
         """
+        heard_s = time.monotonic()
         while not is_done():
             try:
-                event = self._events.get(timeout=silence_s)
+                remaining_s = max(heard_s + _SILENT_S - time.monotonic(), 0.0) if is_timed else None
+                event = self._events.get(timeout=remaining_s)
             except queue.Empty:
                 raise SourceError(
-                    f"nothing was received for {silence_s:g} s", "Is the hub on? `treadlink live` shows more."
+                    f"no samples of a sensor were received for {_SILENT_S:g} s",
+                    "Are hub and sensors on? `treadlink live` shows more.",
                 ) from None
             if isinstance(event, Chunk):
-                self._listener.take(event)
+                if self._takes_samples(event):
+                    heard_s = time.monotonic()
             elif isinstance(event, str):
                 self._lines.append(event)
             elif isinstance(event, TreadlinkError):
@@ -372,6 +378,11 @@ class Dialogue:
                 raise ConfigError(
                     "an answer is missing: the input has ended", "Give it as an option, or --no-input to leave it out."
                 )
+
+    def _takes_samples(self, chunk: Chunk) -> bool:
+        """Take bytes of a link; return whether a window of samples ends in them."""
+        self._listener.take(chunk)
+        return any(sensor.heard_ns == chunk.host_ns for sensor in self._listener.sensors.values())
 
     def _read(self, source: Source) -> None:
         try:

@@ -1,5 +1,6 @@
 """`treadlink setup`: sensors are named by turning wheels, radii measured by rolling; the file is whole or not there."""
 
+import math
 import subprocess
 import sys
 import threading
@@ -9,11 +10,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from gateway.cli import treadlink
+from gateway.cli import setup_dialogue, treadlink
 from gateway.clock import ManualClock
 from gateway.config.vehicle import load_vehicle
 from gateway.io.source import Chunk, open_source
-from gateway.session.sensor_setup.heard_sensors import SensorListener
+from gateway.session.sensor_setup.heard_sensors import HeardSensor, SensorAddress, SensorListener
 from gateway.session.sensor_setup.rolled_turns import rolled_radius
 from tests.testkit.hub_ends import PtyPort
 
@@ -76,6 +77,46 @@ def test_only_the_turned_sensor_moves_and_the_pushed_distance_gives_the_radius(c
         assert abs(rolled.radius_m - RADIUS_M) < 3.0 * rolled.std_m
         assert rolled.std_m < 0.006
         assert rolled_radius(tuple(sensor.windows)[:30], PUSHED_M) is None, "a wheel that stands has no turns"
+
+
+def test_nothing_waits_for_a_sensor_that_is_out_of_reach(chunks) -> None:
+    listener = SensorListener()
+    for at_s, chunk in chunks:
+        if at_s > 1.0:
+            break
+        listener.take(chunk)
+    silent = SensorAddress(chunk.link, 0, 9)
+    listener.sensors[silent] = HeardSensor(silent, listener.sensors[SensorAddress(chunk.link, 0, 0)].hello)
+    listener.begin_rest()
+    rest_at_s = math.inf
+    for at_s, chunk in chunks:
+        if 1.0 < at_s < 5.0:
+            listener.take(chunk)
+            rest_at_s = min(rest_at_s, at_s if listener.is_rest_known else math.inf)
+    assert rest_at_s < 3.0
+    assert [sensor.address.wheel for sensor in listener.sending] == [0, 1]
+
+
+def test_bytes_without_samples_are_no_sensor(monkeypatch, tmp_path) -> None:
+    class Babble:
+        """A link of another device."""
+
+        link, vehicle_toml = "serial:other", None
+
+        def items(self, stop):
+            while not stop.wait(0.01):
+                yield Chunk(self.link, START_NS, b"$GPGGA,,,\r\n")
+
+        def close(self) -> None:
+            pass
+
+    monkeypatch.setattr(setup_dialogue, "open_source", lambda _uri, _clock: Babble())
+    monkeypatch.setattr(setup_dialogue, "_SILENT_S", 0.3)
+    out = tmp_path / "car.toml"
+    options = ["setup", "serial:other", "--out", str(out), "--no-input", "--wheel", "FL=0.0"]
+    done = CliRunner().invoke(treadlink, options)
+    assert "no samples of a sensor were received for 0.3 s" in f"{done.output} {done.exception}"
+    assert not out.exists()
 
 
 class User:

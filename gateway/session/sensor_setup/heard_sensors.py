@@ -19,14 +19,16 @@ from gateway.types import FloatArray
 _WINDOW_S: Final = 0.1
 # Windows at rest that tell how much a sensor scatters by itself.
 REST_WINDOWS: Final = 10
-_KEPT_WINDOWS: Final = 6000
+_MOST_WINDOWS: Final = 6000
 # A tap is a peak of several times the noise, and more than a step beside the car.
 _TAP_RATIO: Final = 4.0
 _TAP_MPS2: Final = 5.0
-# A turn by 30 degrees moves gravity by half of it in one of two axes.
 # Less is noise of a window's mean, or the creeping of a wheel that has stopped.
 _STEADY_MPS2: Final = 0.1 * STANDARD_GRAVITY_MPS2
+# A turn by 30 degrees moves gravity by half of it in one of two axes.
 _TURN_MPS2: Final = 0.5 * STANDARD_GRAVITY_MPS2
+# Time without samples after which a sensor is out of reach, asleep, or has no hello; nothing waits for it.
+_SILENT_NS: Final = 5_000_000_000
 
 
 class SensorAddress(NamedTuple):
@@ -61,13 +63,15 @@ class HeardSensor:
         pressure_pa: last reported, None without one.
         windows: the latest.
         window_count: number of all of them.
+        heard_ns: when the latest ended, ns of the host's clock.
     """
 
     address: SensorAddress
     hello: Hello | None = None
     pressure_pa: float | None = None
-    windows: deque[Window] = field(default_factory=lambda: deque(maxlen=_KEPT_WINDOWS))
+    windows: deque[Window] = field(default_factory=lambda: deque(maxlen=_MOST_WINDOWS))
     window_count: int = 0
+    heard_ns: int = 0
     _blocks: list[FloatArray] = field(default_factory=list)
     _rest: Window | None = None
 
@@ -76,8 +80,8 @@ class HeardSensor:
         """Serial number in hexadecimal digits, empty before a hello."""
         return "" if self.hello is None else f"{self.hello.sensor_id:08x}"
 
-    def take(self, message: SampleBlock) -> None:
-        """Take samples; without a hello they have no unit."""
+    def take(self, message: SampleBlock, host_ns: int) -> None:
+        """Take samples that arrived at a time; without a hello they have no unit."""
         hello = self.hello
         if hello is None:
             return
@@ -92,6 +96,7 @@ class HeardSensor:
             self._blocks.clear()
             span = np.nanmax(np.ptp(samples, axis=0)) if axes else math.nan
             self.window_count += 1
+            self.heard_ns = host_ns
             self.windows.append(Window(samples.mean(axis=0), float(span), len(samples) / hello.rate_hz))
 
     def begin_rest(self) -> None:
@@ -111,7 +116,7 @@ class HeardSensor:
             if not any(_is_moved(window, rest) for window in latest):
                 self._rest = rest
                 # A roll begins here, at rest.
-                self.windows = deque(latest, maxlen=_KEPT_WINDOWS)
+                self.windows = deque(latest, maxlen=_MOST_WINDOWS)
         return self._rest is not None
 
     @property
@@ -154,10 +159,10 @@ class SensorListener:
         decoder = self._decoders.setdefault(chunk.link, FrameDecoder())
         for frame in decoder.feed(chunk.data):
             if frame.wheel != HUB_ITSELF:
-                self._frame(chunk.link, frame)
+                self._frame(chunk, frame)
 
-    def _frame(self, link: str, frame: Frame) -> None:
-        address = SensorAddress(link, frame.hub, frame.wheel)
+    def _frame(self, chunk: Chunk, frame: Frame) -> None:
+        address = SensorAddress(chunk.link, frame.hub, frame.wheel)
         sensor = self.sensors.setdefault(address, HeardSensor(address))
         message = frame.message
         if isinstance(message, Hello):
@@ -165,7 +170,7 @@ class SensorListener:
         elif isinstance(message, Environment):
             sensor.pressure_pa = message.pressure_pa if message.pressure_pa is not None else sensor.pressure_pa
         elif isinstance(message, SampleBlock):
-            sensor.take(message)
+            sensor.take(message, chunk.host_ns)
 
     def begin_rest(self) -> None:
         """Measure every sensor at rest again."""
@@ -173,9 +178,16 @@ class SensorListener:
             sensor.begin_rest()
 
     @property
+    def sending(self) -> list[HeardSensor]:
+        """The sensors whose samples arrive."""
+        sensors = self.sensors.values()
+        newest_ns = max((sensor.heard_ns for sensor in sensors), default=0)
+        return [sensor for sensor in sensors if newest_ns - sensor.heard_ns <= _SILENT_NS]
+
+    @property
     def is_rest_known(self) -> bool:
-        """Whether all sensors were at rest for long enough."""
-        return all(sensor.is_rest_known for sensor in self.sensors.values())
+        """Whether all sensors that send were at rest for long enough."""
+        return all(sensor.is_rest_known for sensor in self.sending)
 
     def moved(self) -> list[HeardSensor]:
         """Return the sensors that are tapped or turned now."""
