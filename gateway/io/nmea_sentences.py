@@ -20,10 +20,12 @@ _TYPE: Final = slice(3, 6)
 _RMC: Final = b"RMC"
 # NMEA 0183 allows 82 characters.
 _LONGEST: Final = 256
-_WITH_POSITION: Final = re.compile(rb"\$..RMC,[^,\r\n]*,A,\d")
+# Dead reckoning (E) may rest on the wheels that it would be compared with; M is typed in, S simulated, N none.
 _NO_MODES: Final = frozenset("EMSN")
-
-
+# Status A, a latitude, eight fields more, a mode from NMEA 0183 version 2.3 on, and a checksum.
+_WITH_POSITION: Final = re.compile(
+    rb"\$..RMC,[^,\r\n]*,A,\d[^,*\r\n]*(?:,[^,*\r\n]*){8}(?:,(?![EMSN])[^*\r\n]*)?\*[0-9A-Fa-f]{2}"
+)
 # Sentences whose arrival is compared with their time, and the fewest that say something.
 _COMPARED: Final = 15
 _FEWEST_COMPARED: Final = 3
@@ -56,7 +58,7 @@ _NO_FIX: Final = Fix(math.nan, math.nan, math.nan, None)
 
 
 def has_position(lines: bytes) -> bool:
-    """Return whether lines have a sentence with a position, without checking it."""
+    """Return whether lines have a sentence with a position that can be used, if its checksum and numbers are right."""
     return _WITH_POSITION.search(lines) is not None
 
 
@@ -130,8 +132,8 @@ def _fix(line: bytes) -> Fix | None:
             return None
         message = NMEAReader.parse(line + b"\r\n")
         utc_ns = _utc_ns(message.date, message.time)
-        # Dead reckoning (E) may rest on the wheels that it would be compared with; M is typed in, S simulated, N none.
-        if message.status != "A" or message.lat == "" or message.lon == "" or message.posMode in _NO_MODES:
+        mode = getattr(message, "posMode", "")
+        if message.status != "A" or message.lat == "" or message.lon == "" or mode in _NO_MODES:
             return _NO_FIX._replace(utc_ns=utc_ns)
         latitude_deg, longitude_deg = float(message.lat), float(message.lon)
         speed_mps = math.nan if message.spd == "" else float(message.spd) * _MPS_PER_KNOT

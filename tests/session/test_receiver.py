@@ -14,7 +14,7 @@ from gateway.cli import treadlink
 from gateway.clock import ManualClock, SystemClock
 from gateway.config.vehicle import parse_vehicle
 from gateway.errors import SourceError
-from gateway.io.nmea_sentences import SentenceReader
+from gateway.io.nmea_sentences import SentenceReader, has_position
 from gateway.io.nmea_source import GpsdLink
 from gateway.io.source import LinkEvent, LinkEventKind, Sentences, is_live, open_source
 from gateway.io.tcp_link import HostPort
@@ -199,6 +199,26 @@ def test_damaged_sentences_give_no_position() -> None:
     (none,) = reader.read(rmc(START_NS, 0.0, 0.0, 0.0, has_fix=False))
     assert not none.has_position
     assert not list(reader.read(b'{"class":"VERSION"}\r\n$GNGGA,1*00\r\n'))
+
+
+@pytest.mark.parametrize(
+    ("line", "is_read"),
+    [
+        # NMEA 0183 before 2.3 has no mode, from 4.1 on a status follows it.
+        (b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,E*78\r\n", True),
+        (b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,E,D,V*6A\r\n", True),
+        (b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,E,E*11\r\n", False),
+        (b"$GPRMC,123519,A,4807.038,N,01131.000,E,022.4,084.4,230394,003.1,E\r\n", False),
+    ],
+)
+def test_position_that_is_not_read_is_no_sign_of_one(line: bytes, is_read: bool) -> None:
+    reader = SentenceReader()
+    fixes = [fix for fix in reader.read(line) if fix.has_position]
+    assert len(fixes) == reader.fixes == is_read
+    assert has_position(line) == is_read
+    if is_read:
+        assert fixes[0].latitude_deg == pytest.approx(48.1173)
+        assert fixes[0].ground_speed_mps == pytest.approx(22.4 * 1852.0 / 3600.0)
 
 
 def sentences_of(reader: Reader, count: int) -> bytes:
