@@ -14,7 +14,7 @@ from gateway.reasons import Code, Reason
 from gateway.recording.mcap_layout import MAX_TIME_NS
 from gateway.recording.reader import REPAIR_REMEDY, RecordingReader
 from gateway.recording.run_description import copy_notes
-from gateway.recording.writer import RecordingWriter
+from gateway.recording.writer import whole_recording
 
 # What is left of a step after the time was moved by it.
 _NEGLIGIBLE_S: Final = 1e-3
@@ -44,6 +44,8 @@ def set_clock(
 ) -> None:
     """Write a copy of a recording with `ahead_s` added to all its times; decoded topics are left out.
 
+    The copy appears under its name when it is complete, or not at all.
+
     Args:
         path: a finished recording.
         target: must not exist yet.
@@ -52,7 +54,7 @@ def set_clock(
 
     Raises:
         RecordingError: the recording is unfinished or damaged, a time would lie outside 1970 to 2116, `target` exists,
-            or the disk is full. There is no target then.
+            or the disk is full.
     """
     reader = RecordingReader(path)
     info, ahead_ns = reader.info, round(ahead_s * 1e9)
@@ -68,26 +70,20 @@ def set_clock(
             )
         return host_ns + ahead_ns
 
-    writer = RecordingWriter(
+    with whole_recording(
         target,
         start_ns=moved(info.start_ns or 0),
         vehicle_toml=info.vehicle_toml,
         sources=info.sources,
         dbc_text=info.dbc_text,
         run=info.run,
-    )
-    try:
+    ) as writer:
         for item in reader.items():
             on_position(reader.position, info.size_bytes)
             writer.write(_corrected(item, moved(item.host_ns), ahead_s))
         if reader.damage is not None:
             raise RecordingError(f"'{path}' is damaged", REPAIR_REMEDY)
-        writer.close()
         copy_notes(path, target)
-    except BaseException:
-        writer.close()
-        target.unlink(missing_ok=True)
-        raise
 
 
 def _ahead_s(detail: Reason) -> float | None:

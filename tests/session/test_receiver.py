@@ -20,6 +20,7 @@ from gateway.io.source import LinkEvent, LinkEventKind, Sentences, is_live, open
 from gateway.io.tcp_link import HostPort
 from gateway.reasons import Code, Reason, codes_of
 from gateway.recording.reader import RecordingReader
+from gateway.recording.set_clock import set_clock
 from gateway.recording.writer import RecordingWriter
 from gateway.session.core import SessionCore
 from gateway.session.recording_pass import OpenedRecording, RecordingPass
@@ -426,3 +427,18 @@ def test_clock_is_set_by_the_step_of_the_system_time(drive, tmp_path) -> None:
     far = CliRunner().invoke(treadlink, ["set-clock", str(path), "--ahead=-4e9", "--out", str(tmp_path / "c.mcap")])
     assert "1970" in str(far.exception)
     assert not (tmp_path / "c.mcap").exists()
+
+
+def test_copy_with_another_time_has_its_name_when_it_is_whole(drive, tmp_path) -> None:
+    items, toml = drive
+    path = written(items, toml, tmp_path / "r.mcap")
+    target = tmp_path / "dated.mcap"
+
+    def stops(position: int, _total: int) -> None:
+        assert not target.exists()
+        if position > 20_000:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        set_clock(path, target, 60.0, stops)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["r.mcap"]
