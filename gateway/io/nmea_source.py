@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import re
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import IO, Final
@@ -30,7 +30,6 @@ from gateway.io.source import (
     silence_option,
 )
 from gateway.io.tcp_link import TcpLink, parse_host_port
-from gateway.nearest_name import did_you_mean
 
 GPSD_PORT: Final = 2947
 """Port at which gpsd serves its clients."""
@@ -61,9 +60,8 @@ def open_nmea(address: SourceAddress, clock: Clock) -> Source:
     options = dict(address.options)
     if _HOST.fullmatch(address.target) and not address.target.upper().startswith("COM"):
         silence_s = silence_option(options)
-        options.pop("silence", None)
-        host_port = parse_host_port(SourceAddress(address.uri, address.scheme, address.target, {}))
-        _refuse(options, ("silence",), "a receiver behind TCP")
+        address.check_options(("silence",))
+        host_port = parse_host_port(address)
         kind = GpsdLink if host_port.port == GPSD_PORT else TcpLink
         return ReceiverSource(ReconnectingSource(name, lambda: kind(host_port), clock, silence_s=silence_s))
     port = parse_source_uri(address.target) if address.target.startswith(("/dev/", "COM")) else address
@@ -127,7 +125,7 @@ class ReceiverSource:
 
 
 def _open_file(address: SourceAddress, clock: Clock) -> Source:
-    _refuse(address.options, _FILE_OPTIONS, "a log file of a receiver")
+    address.check_options(_FILE_OPTIONS)
     path = Path(address.target)
     if not path.is_file():
         raise SourceError(f"log file '{path}' does not exist", "Check the path.")
@@ -209,10 +207,3 @@ def _dated(file: IO[bytes]) -> Iterator[tuple[int, bytes]]:
             yield times_ns[-1], b"".join(lines)
         if times_ns or size > _LONGEST_LINE * 16:
             lines, size = [], 0
-
-
-def _refuse(options: Iterable[str], allowed: tuple[str, ...], what: str) -> None:
-    for name in options:
-        if name not in allowed:
-            hint = did_you_mean(name, allowed)
-            raise SourceError(f"{what} has no option '{name}'", f"{hint}Options are {', '.join(allowed)}.")
