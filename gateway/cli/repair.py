@@ -94,7 +94,13 @@ def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
     from gateway.views.text import clean
 
     start_ns = RecordingReader(recording).info.start_ns or 0
-    ahead_s = recorded_clock_error_s(recording) if ahead_s is None else ahead_s
+    recorded_s = recorded_clock_error_s(recording) if ahead_s is None else ahead_s
+    if ahead_s is None and recorded_s == 0.0:
+        raise RecordingError(
+            f"the times of '{recording}' agree with its receiver's",
+            "Nothing is to be set. To add a time all the same: --ahead SECONDS.",
+        )
+    ahead_s = recorded_s
     if ahead_s is None:
         raise RecordingError(
             f"'{recording}' says nothing of another time: it has neither a receiver's nor a step of the system time",

@@ -21,7 +21,7 @@ _NEGLIGIBLE_S: Final = 1e-3
 
 
 def recorded_clock_error_s(path: Path) -> float | None:
-    """Return what a recording says is to be added to its times, in s; None where it says nothing.
+    """Return what a recording says is to be added to its times, in s: 0 if a receiver agrees, None if it says nothing.
 
     A positioning receiver counts more than a step of the system time, which may have set it from wrong to wrong.
 
@@ -36,7 +36,7 @@ def recorded_clock_error_s(path: Path) -> float | None:
                 clock.take(fix, item.host_ns)
         elif isinstance(item, LinkEvent):
             ahead_s = next(filter(None, map(_ahead_s, item.details)), ahead_s)
-    return clock.ahead_s if clock.has_time else ahead_s or None
+    return (clock.ahead_s or 0.0) if clock.has_time else ahead_s or None
 
 
 def set_clock(
