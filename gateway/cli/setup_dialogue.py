@@ -166,30 +166,30 @@ class Dialogue:
         if not positions:
             usual = _USUAL.get(len(sensors), ",".join(f"W{number + 1}" for number in range(len(sensors))))
             positions = self._ask(f"Positions of the wheels [{usual}]:", _names, _names(usual), self._check_names)
-        left = list(sensors)
+        free = list(sensors)
         for position in positions:
             stated = self._answers.assigned.get(position)
             sensor = (
                 _stated_sensor(position, stated, sensors)
                 if stated is not None
-                else self._tapped(position, sensors, left)
+                else self._tapped(position, sensors, free)
             )
             if sensor is None:
                 continue
-            if sensor not in left:
+            if sensor not in free:
                 raise ConfigError(f"{position} has the sensor of another wheel", "Give each wheel a sensor of its own.")
-            left.remove(sensor)
+            free.remove(sensor)
             entry = {"position": position, "hub": sensor.address.hub, "wheel": sensor.address.wheel}
             entry["sensor_id"] = sensor.sensor_id
             self._document["wheel"].append(entry)
             self._check_wheels()
             click.echo(f"  {position} is sensor {sensor.sensor_id}")
-        for sensor in left:
+        for sensor in free:
             click.echo(f"  sensor {sensor.sensor_id} is on no wheel")
 
-    def _tapped(self, position: str, sensors: Sequence[HeardSensor], left: Sequence[HeardSensor]) -> HeardSensor | None:
-        """Return the sensor that is tapped or turned, or typed; None where the position is left out."""
-        if not self._asks or not left:
+    def _tapped(self, position: str, sensors: Sequence[HeardSensor], free: Sequence[HeardSensor]) -> HeardSensor | None:
+        """Return the sensor that is tapped or turned, or typed; None where the position gets none."""
+        if not self._asks or not free:
             return None
         numbers = {str(number): sensor for number, sensor in enumerate(sensors, 1)}
         click.echo(f"{position}: tap its tire when asked, or type the number of its sensor, or '{_LEFT_OUT}' for none.")
@@ -203,7 +203,7 @@ class Dialogue:
                 if line == _LEFT_OUT:
                     return None
                 typed = numbers.get(line)
-                if typed in left:
+                if typed in free:
                     return typed
                 click.echo(f"  there is no free sensor '{clean(line)}'")
                 continue
@@ -217,7 +217,7 @@ class Dialogue:
             self._until(watched)
             if len(moved) > 1:
                 click.echo(f"  several moved: {', '.join(sorted(moved))}. One at a time, please.")
-            elif first not in left:
+            elif first not in free:
                 click.echo(f"  that was sensor {first.sensor_id}, which has its wheel already")
             else:
                 return first
@@ -433,5 +433,5 @@ def _stated_sensor(position: str, stated: str, sensors: Sequence[HeardSensor]) -
     for sensor in sensors:
         if stated.lower() in (sensor.sensor_id, f"{sensor.address.hub}.{sensor.address.wheel}"):
             return sensor
-    known = ", ".join(sensor.sensor_id for sensor in sensors) or "none"
-    raise ConfigError(f"no sensor '{stated}' is heard for {position}", f"Heard: {known}.")
+    serials = ", ".join(sensor.sensor_id for sensor in sensors) or "none"
+    raise ConfigError(f"no sensor '{stated}' is heard for {position}", f"Heard: {serials}.")

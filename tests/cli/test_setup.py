@@ -113,10 +113,24 @@ def test_bytes_without_samples_are_no_sensor(monkeypatch, tmp_path) -> None:
     monkeypatch.setattr(setup_dialogue, "open_source", lambda _uri, _clock: Babble())
     monkeypatch.setattr(setup_dialogue, "_SILENT_S", 0.3)
     out = tmp_path / "car.toml"
-    options = ["setup", "serial:other", "--out", str(out), "--no-input", "--wheel", "FL=0.0"]
+    options = ["setup", "serial:other", "--out", str(out), "--no-input", "--wheel", "FL=0.0", "--radius-mm", "320"]
     done = CliRunner().invoke(treadlink, options)
     assert "no samples of a sensor were received for 0.3 s" in f"{done.output} {done.exception}"
     assert not out.exists()
+
+
+def test_a_typed_number_is_that_of_the_list(chunks, monkeypatch) -> None:
+    dialogue = setup_dialogue.Dialogue([], setup_dialogue.Answers(), asks=True)
+    listener = dialogue._listener
+    unnamed = SensorAddress(chunks[0][1].link, 0, 9)
+    # Samples of a sensor came before its hello: it is not in the list.
+    listener.sensors[unnamed] = HeardSensor(unnamed)
+    for _, chunk in chunks[:200]:
+        listener.take(chunk)
+    listed = dialogue._listed()
+    monkeypatch.setattr(dialogue, "_rest", lambda: None)
+    dialogue._lines.append("1\n")
+    assert dialogue._tapped("FL", listed, listed) is listed[0]
 
 
 class User:
