@@ -79,7 +79,7 @@ def compact(recordings: tuple[Path, ...], out: Path | None, in_place: bool) -> N
     metavar="SECONDS",
     help="Time to add.  [default: as the recording says]",
 )
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help="New file.  [default: NAME.dated.mcap]")
+@path_option("--out", help="New file.  [default: NAME.dated.mcap]")
 def set_clock(recording: Path, ahead_s: float | None, out: Path | None) -> None:
     """Write a copy of RECORDING with right times, if its computer's clock was wrong or was set later.
 

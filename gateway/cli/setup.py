@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gateway.cli.path_option import path_option
 from gateway.errors import ConfigError
 
 
@@ -41,14 +42,7 @@ def _assigned(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
 
 @click.command()
 @click.argument("sources", nargs=-1, required=True, metavar="SOURCE...")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("vehicle.toml"),
-    show_default=True,
-    metavar="FILE",
-    help="Vehicle file to write.",
-)
+@path_option("--out", default=Path("vehicle.toml"), show_default=True, help="Vehicle file to write.")
 @click.option("--force", is_flag=True, help="Overwrite the file.")
 @click.option("--name", metavar="TEXT", help="Name of the vehicle.")
 @click.option("--positions", metavar="FL,FR,...", help="Positions of the wheels, in the order of tapping.")
