@@ -34,10 +34,10 @@ def merge(
             exists.
         ConfigError: the configuration has faults.
     """
-    given, target = paths(recordings), Path(out)
-    if len(given) < 2:
+    sources, target = paths(recordings), Path(out)
+    if len(sources) < 2:
         raise RecordingError("there is nothing to merge", "Give two recordings or more.")
-    check_outputs([target], [*given, path_of(config)], force=True)
+    check_outputs([target], [*sources, path_of(config)], force=True)
     vehicle_toml = None
     if isinstance(config, Mapping):
         vehicle_toml = document_text(config, _CONFIGURATION)
@@ -45,4 +45,4 @@ def merge(
         vehicle_toml = read_text(Path(config), _CONFIGURATION)
     if vehicle_toml is not None:
         parse_vehicle(vehicle_toml, _CONFIGURATION)
-    return open_recording(merge_recordings(given, target, vehicle_toml=vehicle_toml).target)
+    return open_recording(merge_recordings(sources, target, vehicle_toml=vehicle_toml).target)

@@ -79,8 +79,10 @@ def effect_curves_of(fit: Fit, findings: Sequence[Finding]) -> tuple[EffectCurve
         rows = orders_field(as_complex(fit.rows[index][where]))
         # Errors over all sets, and of the equation, are larger than the fit's own; correlations are the fit's.
         covariance = fit.covariance[where, where]
-        own = np.sqrt(np.diagonal(covariance))
-        wider = np.array([fitted.std for fitted in finding.parameters.values()]) / np.where(own > 0.0, own, 1.0)
+        fit_stds = np.sqrt(np.diagonal(covariance))
+        wider = np.array([fitted.std for fitted in finding.parameters.values()]) / np.where(
+            fit_stds > 0.0, fit_stds, 1.0
+        )
         variance = np.einsum("pan,pq,qan->an", rows, covariance * np.outer(wider, wider), rows)
         std = np.sqrt(np.maximum(variance, 0.0))
         result.append(EffectCurves(finding.name, groups[index].label, THETA, added[index], std))

@@ -121,14 +121,14 @@ def _scatter(group: Group, rng: np.random.Generator) -> list[ComplexArray]:
     """Return the scatter of a group's blocks, in another order and with random signs; NaN where nothing is known."""
     counts = np.array([block.count for block in group.blocks], dtype=np.float64)
     orders = np.stack([block.orders_mps2 for block in group.blocks])
-    known = np.where(np.isnan(orders[0]), math.nan, 1.0)
+    measured = np.where(np.isnan(orders[0]), math.nan, 1.0)
     if len(counts) == 1:
         real, imaginary = rng.normal(size=(2, *orders.shape)) * np.sqrt(np.nan_to_num(group.variance) / counts[0])
         imaginary[..., 0] = 0.0
-        return list((real + 1j * imaginary) * known)
+        return list((real + 1j * imaginary) * measured)
     # About their mean blocks scatter by less than about the truth.
     apart = (orders - np.tensordot(counts / counts.sum(), orders, 1)) * np.sqrt(counts)[:, None, None]
     apart *= math.sqrt(len(counts) / (len(counts) - 1.0))
     signs = rng.choice([-1.0, 1.0], len(counts))
     drawn = signs[:, None, None] * apart[rng.permutation(len(counts))] / np.sqrt(counts)[:, None, None]
-    return list(drawn * known)
+    return list(drawn * measured)

@@ -312,8 +312,8 @@ class PageSink(Sink):
         if asked.get("acknowledge") is True:
             await self._control(page, lambda control: control.acknowledge(), "alarms acknowledged")
         if isinstance(asked.get("record"), bool):
-            is_start, given = asked["record"], asked.get("run")
-            fields = given.items() if isinstance(given, dict) else ()
+            is_start, asked_run = asked["record"], asked.get("run")
+            fields = asked_run.items() if isinstance(asked_run, dict) else ()
             form = {str(name): clean(value) for name, value in fields if isinstance(value, str)}
             await self._control(
                 page,

@@ -63,10 +63,10 @@ class SimulatedReceiver:
 def rmc(utc_ns: int, latitude_deg: float, longitude_deg: float, speed_mps: float, *, has_fix: bool = True) -> bytes:
     """Return a sentence RMC with its checksum and line end, course north."""
     utc = datetime.fromtimestamp(utc_ns // 1_000_000_000, UTC)
-    at = f"{utc:%H%M%S}.{utc_ns // 10_000_000 % 100:02d}"
-    place = f"{_angle(latitude_deg, 2, 'NS')},{_angle(longitude_deg, 3, 'EW')},{speed_mps / _KNOT_MPS:.3f},0.00"
-    fields = f"A,{place}" if has_fix else "V,,,,,,"
-    body = f"GNRMC,{at},{fields},{utc:%d%m%y},,,{'A' if has_fix else 'N'}"
+    time_text = f"{utc:%H%M%S}.{utc_ns // 10_000_000 % 100:02d}"
+    position = f"{_angle(latitude_deg, 2, 'NS')},{_angle(longitude_deg, 3, 'EW')},{speed_mps / _KNOT_MPS:.3f},0.00"
+    fields = f"A,{position}" if has_fix else "V,,,,,,"
+    body = f"GNRMC,{time_text},{fields},{utc:%d%m%y},,,{'A' if has_fix else 'N'}"
     checksum = 0
     for byte in body.encode():
         checksum ^= byte

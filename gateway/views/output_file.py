@@ -218,15 +218,15 @@ def scratch_folder(target: Path) -> Iterator[Path]:
     """
     folder = target.resolve().parent
     _remove_abandoned(folder, target.name)
-    made = folder / f".{target.name[:_LONGEST_NAME]}.{os.getpid()}.scratch"
-    shutil.rmtree(made, ignore_errors=True)
-    made.mkdir(mode=0o700)
+    scratch = folder / f".{target.name[:_LONGEST_NAME]}.{os.getpid()}.scratch"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(mode=0o700)
     try:
-        with FileIO(made / _LOCK, "xb") as lock:
+        with FileIO(scratch / _LOCK, "xb") as lock:
             lock_for_writing(lock)
-            yield made
+            yield scratch
     finally:
-        shutil.rmtree(made, ignore_errors=True)
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _remove_abandoned(folder: Path, name: str) -> None:

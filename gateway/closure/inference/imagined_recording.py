@@ -112,18 +112,18 @@ class ImaginedRecording:
         last = len(larger.groups) - 1
         places, predicted, rows = model.group_derivatives(vector, last)
         # NaN stays where the sensor has no axis or no order.
-        given = larger.groups[last].blocks[0].orders_mps2
-        orders = np.where(np.isfinite(given), predicted, given)
+        reference_orders = larger.groups[last].blocks[0].orders_mps2
+        orders = np.where(np.isfinite(reference_orders), predicted, reference_orders)
         group = replace(larger.groups[last], blocks=(Block(most_revolutions, there, orders),))
         larger = replace(larger, groups=(*larger.groups[:last], group))
         data = whiten(larger, fit.model.core)
         chosen = _chosen(data.used[last])
-        own = _places(fit.model, model)
+        positions = _places(fit.model, model)
         applied = _applied(
             fit, fit.applied, larger, Discrepancy(larger, data, concentrations=fit.applied.discrepancy.concentrations)
         )
         precision = model.prior_precision(vector)
-        precision[np.ix_(own, own)] = fit.precision
+        precision[np.ix_(positions, positions)] = fit.precision
         derivatives = np.zeros((model.layout.size, _AXES, REAL))
         derivatives[places] = as_real(rows)
         units = np.repeat(np.eye(REAL)[:, None], _AXES, axis=1)
@@ -134,21 +134,21 @@ class ImaginedRecording:
             inverse = np.asarray(np.linalg.inv(cross[last][used, axis][:, used]), dtype=np.float64)
             # What the recordings left, as the discrepancy carries it over; the parameters would change what is left.
             seen = [weighted[used, axis] for weighted in cross[:last]]
-            left = sum(weighted @ residual[axis] for weighted, residual in zip(seen, fit.residual, strict=True))
+            remaining = sum(weighted @ residual[axis] for weighted, residual in zip(seen, fit.residual, strict=True))
             follows = sum(weighted @ of[:, axis].T for weighted, of in zip(seen, fit.rows, strict=True))
-            mean[axis, used] -= inverse @ left
-            derivatives[own[:, None], axis, used] += (inverse @ follows).T
+            mean[axis, used] -= inverse @ remaining
+            derivatives[positions[:, None], axis, used] += (inverse @ follows).T
             spread.append(inverse)
-        known = cls(
+        prediction = cls(
             np.concatenate([mean[axis, used] for axis, used in enumerate(chosen)]),
             np.concatenate([derivatives[:, axis, used].T for axis, used in enumerate(chosen)]),
             np.zeros((0, 0)),
             np.asarray(np.linalg.inv(precision), dtype=np.float64),
-            own,
+            positions,
             group,
             fit.model.core,
         )
-        return replace(known, unexplained=_block_diagonal(spread) - known.scatter(most_revolutions))
+        return replace(prediction, unexplained=_block_diagonal(spread) - prediction.scatter(most_revolutions))
 
     def scatter(self, revolutions: int) -> FloatArray:
         """Return the covariance of the mean of so many revolutions about their expectation, (m, m)."""

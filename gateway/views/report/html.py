@@ -155,7 +155,7 @@ class _Page:
     recordings: list[str]
     blocks: list[BlockRow]
     origins: list[OriginRow]
-    made: list[tuple[str, str]]
+    provenance: list[tuple[str, str]]
     chapters: list[Chapter]
 
 
@@ -191,7 +191,7 @@ def _page(diagnosis: Diagnosis) -> _Page:
         recordings=[clean(path) for path in diagnosis.recordings],
         blocks=block_rows(diagnosis),
         origins=origin_rows(diagnosis.origin) if diagnosis.origin is not None else [],
-        made=_made(diagnosis.origin, diagnosis.self_test) if diagnosis.origin is not None else [],
+        provenance=_provenance(diagnosis.origin, diagnosis.self_test) if diagnosis.origin is not None else [],
         chapters=chapters(diagnosis),
     )
 
@@ -216,7 +216,7 @@ def _folds(diagnosis: Diagnosis) -> str:
     return f"{text}revolutions in all.{apart}"
 
 
-def _made(origin: Origin, tested: SelfTest | None) -> list[tuple[str, str]]:
+def _provenance(origin: Origin, tested: SelfTest | None) -> list[tuple[str, str]]:
     """Return what a diagnosis was made of besides recordings, and how."""
     sensor = "" if origin.sensor_id is None else f"{origin.sensor_id:08x}"
     every = (
