@@ -2,7 +2,7 @@
 
 The samples say nothing of these angles. What stands there is the shape of the revolutions just before, at this speed
 and with this revolution's own constant and ramp, so that sums over the revolution are not moved by the gap. Whatever
-averages revolutions weights such a one by the share of it that was measured.
+averages revolutions lets the share of such a one that was measured stand for the scatter of all of it.
 """
 
 from __future__ import annotations

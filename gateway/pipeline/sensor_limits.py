@@ -88,6 +88,8 @@ class SensorLimits:
         self._highpass_hz = hello.highpass_hz if ac_coupled and hello.highpass_hz > 0.0 else None
         self._count_mps2 = abs(hello.scale_mps2[Axis.RADIAL])
         self._steps: list[float] = []
+        # Of the latest revolution whose contacts were seen; without one the bias by a band has no size yet.
+        self._contact_rad = math.inf
 
     def doubts(self, revolution: Revolution, counts: NDArray[np.int16], radius_m: float) -> Iterator[Doubt]:
         """Yield what they bias of a revolution, and why; `counts` are its samples of the radial axis."""
@@ -97,7 +99,9 @@ class SensorLimits:
         if (band := narrow_band(self._bandwidth_hz, wheel_hz)) is not None:
             assert self._bandwidth_hz is not None
             contact_rad = revolution.trailing_edge_rad - revolution.leading_edge_rad
-            yield Doubt(Basis.SAMPLES, band, wheel_hz / (self._bandwidth_hz * contact_rad))
+            if math.isfinite(contact_rad):
+                self._contact_rad = contact_rad
+            yield Doubt(Basis.SAMPLES, band, wheel_hz / (self._bandwidth_hz * self._contact_rad))
         if (corner := high_corner(self._highpass_hz, wheel_hz)) is not None:
             assert self._highpass_hz is not None
             yield Doubt(Basis.COUPLING, corner, self._highpass_hz / math.hypot(self._highpass_hz, wheel_hz))

@@ -1,14 +1,17 @@
 """What is known of a sensor itself, and what it biases."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gateway.estimators.estimator import Status
 from gateway.estimators.sensor_claims import SensorClaims
-from gateway.pipeline.sensor_limits import coarse_steps, high_corner, narrow_band
+from gateway.pipeline.sensor_limits import SensorLimits, coarse_steps, high_corner, narrow_band
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code, codes_of
+from tests.testkit.signing_hub import hello_message
 from tests.testkit.simulated_wheel import last, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, load_n=5000.0, pressure_pa=210e3)
@@ -52,6 +55,17 @@ def test_narrow_band_doubts_all_but_times() -> None:
     assert found["contact_length_m"] == (Status.PROVISIONAL, (Code.SENSOR_BAND,))
     assert Code.SENSOR_BAND in found["Bs"][1]
     assert found["speed_mps"][0] is Status.VALID
+
+
+def test_bias_by_a_band_has_a_size_where_a_contact_was_lost() -> None:
+    revolution = simulated("[sensor]\nrange_g = 1000\n" + SPEED, 4.0, SETUP, ESTIMATORS)[0][-1].revolution
+    lost = replace(revolution, leading_edge_rad=math.nan, trailing_edge_rad=math.nan)
+    counts = np.arange(100, dtype=np.int16)
+    limits = SensorLimits(hello_message(1, 0), 300.0, ac_coupled=False)
+    shares = [doubt.share for each in (lost, revolution, lost) for doubt in limits.doubts(each, counts, 0.32)]
+    assert shares[0] == 0.0
+    assert shares[1] == shares[2]
+    assert 0.01 < shares[1] < 0.2
 
 
 @pytest.mark.parametrize(
