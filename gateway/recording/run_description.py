@@ -239,9 +239,6 @@ def _not_written(path: Path, error: OSError) -> RecordingError:
     )
 
 
-FORM_FIELDS: Final = ("test", "driver", "tire", "comment", "tags")
-"""Fields of the form that asks for the description of a run, in their order."""
-
 # Key of a tire in options and forms -> field, and factor to SI with the largest value; None for a text.
 TIRE_KEYS: Final[Mapping[str, tuple[str, float | None, float]]] = {
     "maker": ("maker", None, 0.0),
