@@ -216,7 +216,7 @@ class SetSearch:
 
         A chain would have to try every place of each.
         """
-        best, applied = self.best, self.best.fit.applied
+        best = self.best
         changes = [
             effect
             for effect in self.effects.values()
