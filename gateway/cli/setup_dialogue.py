@@ -5,7 +5,6 @@ from __future__ import annotations
 import queue
 import sys
 import threading
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
@@ -85,8 +84,8 @@ class Dialogue:
         self._lines: list[str] = []
         self._lines_ended = False
         self._document: dict[str, Any] = {"vehicle": {}, "tire": {}, "wheel": []}
-        clock = SystemClock()
-        self._sources = [with_commands(open_source(uri, clock), clock) for uri in sources]
+        self._clock = SystemClock()
+        self._sources = [with_commands(open_source(uri, self._clock), self._clock) for uri in sources]
 
     def __enter__(self) -> Self:
         for source in self._sources:
@@ -353,10 +352,11 @@ class Dialogue:
             TreadlinkError: a link cannot be opened, or all are silent.
             ConfigError: the user's lines have ended.
         """
-        heard_s = time.monotonic()
+        heard_ns = self._clock.now_ns()
         while not is_done():
             try:
-                remaining_s = max(heard_s + _SILENT_S - time.monotonic(), 0.0) if is_timed else None
+                silence_s = (self._clock.now_ns() - heard_ns) * 1e-9
+                remaining_s = max(_SILENT_S - silence_s, 0.0) if is_timed else None
                 event = self._events.get(timeout=remaining_s)
             except queue.Empty:
                 raise SourceError(
@@ -365,7 +365,7 @@ class Dialogue:
                 ) from None
             if isinstance(event, Chunk):
                 if self._takes_samples(event):
-                    heard_s = time.monotonic()
+                    heard_ns = self._clock.now_ns()
             elif isinstance(event, str):
                 self._lines.append(event)
             elif isinstance(event, TreadlinkError):
