@@ -339,6 +339,7 @@ SCRIPT = textwrap.dedent(
 
     class Session:
         calls = 0
+        may_record = False
         def snapshot(self):
             self.calls += 1
             return SessionSnapshot(float(self.calls), (WheelSnapshot("FL"),), (), (Alarm("FL", "load", LOAD),),

@@ -337,3 +337,15 @@ def test_values_side_by_side_never_touch():
         ["a" * 20],
         ["aaa", "aaaa"],
     ]
+
+
+def test_keys_name_the_recording_where_it_can_be_begun_and_all_fit(made):
+    def keys(cells, recording=None, **changes):
+        shown = made.snapshot(["FL", "FR"], recording=recording)
+        return page(shown, (cells, 24), ViewState(**{"may_record": True} | changes))[-1]
+
+    assert "r record" in keys(100)
+    assert "r record" not in keys(100, may_record=False)
+    assert "r record" not in keys(100, recording=made.snapshot(["FL"]).recording)
+    for cells in (79, 80, 81, 90):
+        assert "q quit" in keys(cells, zoom=Zoom.CONTACT, paused_at_s=1.0)

@@ -26,6 +26,7 @@ class ViewState:
         help_shown: whether the help page covers the wheels.
         plots: waveforms or trends.
         addresses: of the page in a browser.
+        may_record: whether a recording can be begun.
     """
 
     selected: int = 0
@@ -34,6 +35,7 @@ class ViewState:
     help_shown: bool = False
     plots: Plots = field(default_factory=Plots)
     addresses: tuple[str, ...] = ()
+    may_record: bool = False
 
 
 def panel_grid(wheels: int, cells: int, height: int) -> tuple[int, int] | None:
@@ -75,7 +77,12 @@ def compose(
         *status.notices(live.notices, cells, notice_rows),
         *[fit(((f"page: {address}", Role.LABEL),), cells) for address in view.addresses],
         status.keys(
-            len(snapshot.wheels), view.zoom, view.paused_at_s is not None, cells, has_trend=view.plots.trend is not None
+            len(snapshot.wheels),
+            view.zoom,
+            view.paused_at_s is not None,
+            cells,
+            has_trend=view.plots.trend is not None,
+            may_record=view.may_record and not live.recording,
         ),
     ]
     room = max(height - len(top) - len(bottom), 0)

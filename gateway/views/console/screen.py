@@ -123,7 +123,7 @@ class ConsoleApp(App[None]):
         self._form: dict[str, str] | None = None
         self._asked: list[str] = []
         self._leaving = False
-        self.view = ViewState(addresses=addresses)
+        self.view = ViewState(addresses=addresses, may_record=session.may_record)
         self._board = WheelBoard()
         self._input = MarkInput()
 

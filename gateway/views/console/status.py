@@ -225,10 +225,12 @@ def notices(latest: Sequence[Notice], cells: int, rows: int) -> list[Row]:
     return [fit(((f"· {clean(notice_text(notice))}", Role.TEXT),), cells) for notice in shown]
 
 
-def keys(wheels: int, zoom: Zoom, paused: bool, cells: int, *, has_trend: bool = False) -> Row:
-    """Return the line of keys."""
+def keys(
+    wheels: int, zoom: Zoom, paused: bool, cells: int, *, has_trend: bool = False, may_record: bool = False
+) -> Row:
+    """Return the line of keys; that of a recording only where there is room for all."""
     other = "whole turn" if zoom is Zoom.CONTACT else "±90°"
-    entries = (
+    entries: tuple[tuple[str, str], ...] = (
         ("space", "resume" if paused else "pause"),
         ("m", "mark"),
         (f"tab 1-{wheels}" if wheels > 1 else "tab", "wheel"),
@@ -237,6 +239,10 @@ def keys(wheels: int, zoom: Zoom, paused: bool, cells: int, *, has_trend: bool =
         ("?", "help"),
         ("q", "quit"),
     )
+    if may_record:
+        longer = (*entries[:2], ("r", "record"), *entries[2:])
+        if sum(len(key) + len(action) + 3 for key, action in longer) <= cells:
+            entries = longer
     row: list[Run] = []
     for key, action in entries:
         row += [(f" {key}", Role.TITLE), (f" {action} ", Role.BAR)]
