@@ -9,6 +9,7 @@ from typing import Final
 import click
 
 from gateway.cli.path_option import path_option
+from gateway.nearest_name import missing_path_remedy
 from gateway.security.cmac import SecurityError
 from gateway.security.freshness import Ledger
 from gateway.security.key_file import (
@@ -69,7 +70,7 @@ def import_(origin: str, path: Path | None, replace: bool) -> None:
     else:
         text = read_private(Path(origin), _MAX_INPUT_BYTES)
     if text is None:
-        raise SecurityError(f"file '{origin}' does not exist", "Check the path.")
+        raise SecurityError(f"file '{origin}' does not exist", missing_path_remedy(Path(origin)))
     taken = dict(parse_keys(text, "standard input" if origin == "-" else f"'{origin}'"))
     with key_file_to_change(_path(path)) as file:
         changed = [name for name, key in taken.items() if name in file.keys and file.keys[name] != key]

@@ -19,7 +19,7 @@ from gateway.bounded_input import NotRegularFileError, read_bounded
 from gateway.config.toml_reader import MAX_TOML_BYTES, parse_toml
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.errors import ConfigError
-from gateway.nearest_name import nearest
+from gateway.nearest_name import missing_path_remedy, nearest
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 Location = tuple[int | str, ...]
@@ -79,7 +79,7 @@ def read_text(path: Path, what: str, *, max_bytes: int = MAX_TOML_BYTES) -> str:
     try:
         data = read_bounded(path, max_bytes)
     except FileNotFoundError as error:
-        raise ConfigError(f"{path}: {what} cannot be read: no such file", "Check the path.") from error
+        raise ConfigError(f"{path}: {what} cannot be read: no such file", missing_path_remedy(path)) from error
     except IsADirectoryError as error:
         raise ConfigError(f"{path}: {what} cannot be read: this is a folder", "Give a file in it.") from error
     except NotRegularFileError as error:

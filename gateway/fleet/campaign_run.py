@@ -23,6 +23,7 @@ from gateway.fleet.recording_estimation import (
     estimate_recording,
 )
 from gateway.fleet.worker_tasks import TaskResult, WorkerTasks
+from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent, read_content
 from gateway.recording.reader import RecordingReader
@@ -322,7 +323,7 @@ def find_recordings(paths: Sequence[Path], where: RunFilter = EVERY_RUN) -> list
         elif path.exists():
             recordings[path.resolve()] = None
         else:
-            raise RecordingError(f"'{path}' does not exist", "Check the path.")
+            raise RecordingError(f"'{path}' does not exist", missing_path_remedy(path))
     if not recordings:
         raise RecordingError(
             f"no recording in {', '.join(map(repr, map(str, paths)))}",

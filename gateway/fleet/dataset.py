@@ -34,6 +34,7 @@ from gateway.errors import OutputError
 from gateway.fleet.content_keys import path_key
 from gateway.fleet.parquet_parts import FORMAT, PartFile, read_rows
 from gateway.fleet.recording_estimation import RECORDINGS, REVOLUTIONS, Failure
+from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Code, Reason
 from gateway.recording.file_content import FileContent
 from gateway.table_columns import FAILURE_COLUMNS
@@ -416,6 +417,8 @@ def read_description(root: Path) -> Description:
             tuple(map(str, entries["estimators"])), tuple(map(str, entries["estimates"])), str(entries["rows"])
         )
     except FileNotFoundError as error:
+        if not root.exists():
+            raise OutputError(f"dataset '{root}' does not exist", missing_path_remedy(root)) from error
         raise OutputError(
             f"'{root}' is not a dataset: it has no file {DESCRIPTION}",
             "Make one: treadlink campaign PATH... --out DATASET",

@@ -12,6 +12,7 @@ from gateway.importing.import_map import ISO, SUFFIXES, FileFormat, ImportMap
 from gateway.importing.iso_times import IsoTimes
 from gateway.importing.plugin_reader import PluginReader
 from gateway.importing.reader_process import ProcessColumns, ReaderProcesses
+from gateway.nearest_name import missing_path_remedy
 from gateway.plugins import Plugin, PluginGroup, load, missing_members
 from gateway.reasons import Code, Reason
 
@@ -59,7 +60,7 @@ def open_columns(path: Path, import_map: ImportMap, processes: ReaderProcesses |
     if path.is_dir():
         raise ImportDataError(f"{path} is a folder", "Give the measurement file itself.")
     if not path.exists():
-        raise ImportDataError(f"{path} does not exist", "Check the path.")
+        raise ImportDataError(f"{path} does not exist", missing_path_remedy(path))
     layout, sampling = import_map.file, import_map.sampling
     file_format = layout.format or suffix_format(path)
     added = _plugin_reader(path) if file_format is None else None

@@ -27,6 +27,7 @@ from gateway.io.source import (
     SourceAddress,
     positive_option,
 )
+from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Code, Reason
 
 if TYPE_CHECKING:
@@ -191,7 +192,7 @@ def _open_file(address: SourceAddress, clock: Clock, dbc_text: str | None) -> Ca
     address.check_options(sorted(_FILE_OPTIONS))
     path = Path(address.target)
     if not path.is_file():
-        raise SourceError(f"CAN log file '{path}' does not exist", "Check the path.")
+        raise SourceError(f"CAN log file '{path}' does not exist", missing_path_remedy(path))
     text = address.options.get("offset_s", "0")
     try:
         offset_ns = round(float(text) * 1e9)

@@ -30,6 +30,7 @@ from gateway.io.source import (
     silence_option,
 )
 from gateway.io.tcp_link import TcpLink, parse_host_port
+from gateway.nearest_name import missing_path_remedy
 
 GPSD_PORT: Final = 2947
 """Port at which gpsd serves its clients."""
@@ -128,7 +129,7 @@ def _open_file(address: SourceAddress, clock: Clock) -> Source:
     address.check_options(_FILE_OPTIONS)
     path = Path(address.target)
     if not path.is_file():
-        raise SourceError(f"log file '{path}' does not exist", "Check the path.")
+        raise SourceError(f"log file '{path}' does not exist", missing_path_remedy(path))
     text = address.options.get("offset_s", "0")
     try:
         offset_ns = round(float(text) * 1e9)

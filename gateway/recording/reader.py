@@ -16,6 +16,7 @@ from mcap.records import Channel, Metadata
 from firmware_protocol.decoder import FrameDecoder
 from gateway.errors import RecordingError
 from gateway.io.source import LinkItem
+from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Code, Reason
 from gateway.recording.mcap_layout import (
     CHANNEL_METADATA,
@@ -388,7 +389,7 @@ class RecordingReader:
         try:
             return open_regular(self._path)
         except FileNotFoundError as error:
-            raise RecordingError(f"recording '{self._path}' does not exist", "Check the path.") from error
+            raise RecordingError(f"recording '{self._path}' does not exist", missing_path_remedy(self._path)) from error
         except OSError as error:
             raise RecordingError(
                 f"cannot read recording '{self._path}': {error.strerror}", "Check its permissions."

@@ -8,6 +8,7 @@ from typing import Final, Protocol
 
 from gateway.errors import RecordingError
 from gateway.io.source import Chunk, LinkItem
+from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Reason
 from gateway.recording.mcap_records import MAGIC
 from gateway.recording.reader import RecordingInfo, RecordingReader
@@ -95,7 +96,7 @@ def open_recorded_file(path: Path | str, rate_bytes_per_s: float | None = None) 
         with open_regular(path) as file:
             magic = file.read(len(MAGIC))
     except FileNotFoundError as error:
-        raise RecordingError(f"recording '{path}' does not exist", "Check the path.") from error
+        raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path)) from error
     except OSError as error:
         raise RecordingError(f"cannot read recording '{path}': {error.strerror}", "Check its permissions.") from error
     return RecordingReader(path) if magic == MAGIC else RawDump(path, rate_bytes_per_s)

@@ -9,6 +9,7 @@ from typing import BinaryIO
 
 from firmware_protocol.decoder import FrameDecoder
 from gateway.errors import RecordingError
+from gateway.nearest_name import missing_path_remedy
 from gateway.recording.container import McapOutput
 from gateway.recording.file_window import FileWindow
 from gateway.recording.mcap_layout import RAW_ENCODING, REPAIR_METADATA, SESSION_METADATA
@@ -156,6 +157,6 @@ def _opened(path: Path) -> BinaryIO:
     try:
         return open_regular(path)
     except FileNotFoundError as error:
-        raise RecordingError(f"recording '{path}' does not exist", "Check the path.") from error
+        raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path)) from error
     except OSError as error:
         raise RecordingError(f"cannot read '{path}': {error.strerror}", "Check its permissions.") from error

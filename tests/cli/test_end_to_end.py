@@ -207,6 +207,32 @@ def test_errors_name_the_cause_and_the_remedy(arguments, words, tmp_path, monkey
         assert word in f"{error}\n{error.remedy}"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "likely"),
+    [
+        (("estimate", "day/mondya.mcap"), "day/monday.mcap"),
+        (("estimate", "day/monday.mcpa"), "day/monday.mcap"),
+        (("import", "day/run1.cvs", "--guess"), "day/run.csv"),
+        (("live", "sim:demo", "--config", "day/cra.toml"), "day/car.toml"),
+        (("campaign", "dya", "--out", "new.dataset"), "day"),
+        (("trends", "fleet.datset"), "fleet.dataset"),
+        (("live", "nmea:day/lgo.nmea"), "day/log.nmea"),
+        (("estimate", "day/friday_at_noon.mcap"), None),
+        (("estimate", "nosuch/monday.mcap"), None),
+    ],
+)
+def test_a_file_of_a_similar_name_is_proposed(arguments, likely, tmp_path, monkeypatch):
+    (tmp_path / "day").mkdir()
+    (tmp_path / "fleet.dataset").mkdir()
+    for name in ("monday.mcap", "monday.csv", "run.csv", "car.toml", "log.nmea"):
+        (tmp_path / "day" / name).touch()
+    monkeypatch.chdir(tmp_path)
+    error = CliRunner().invoke(command, arguments).exception
+    assert isinstance(error, TreadlinkError)
+    assert "does not exist" in str(error) or "no such file" in str(error)
+    assert error.remedy == "Check the path." + (f" Did you mean {Path(likely)}?" if likely else "")
+
+
 def test_error_is_printed_without_a_traceback(tmp_path):
     done = treadlink("estimate", "nosuch.mcap", cwd=tmp_path, check=False)
     assert done.returncode == 1
