@@ -128,7 +128,7 @@ def test_a_typed_number_is_that_of_the_list(chunks, monkeypatch) -> None:
     for _, chunk in chunks[:200]:
         listener.take(chunk)
     listed = dialogue._listed()
-    monkeypatch.setattr(dialogue, "_rest", lambda: None)
+    monkeypatch.setattr(dialogue, "_rest", lambda *, or_line: None)
     dialogue._lines.append("1\n")
     assert dialogue._tapped("FL", listed, listed) is listed[0]
 
