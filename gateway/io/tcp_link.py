@@ -55,7 +55,8 @@ def parse_host_port(address: SourceAddress) -> HostPort:
     """
     match = _TARGET.fullmatch(address.target)
     if match is None or not 1 <= int(match["port"]) <= 65535:
-        raise SourceError(f"'{address.uri}' is not an address", "Give tcp://host:port, port 1 to 65535.")
+        form = "tcp://host:port" if address.scheme == "tcp" else f"{address.scheme}:host:port"
+        raise SourceError(f"'{address.uri}' is not an address", f"Give {form}, port 1 to 65535.")
     address.check_options(("rate", "silence"))
     return HostPort(match["host"].strip("[]"), int(match["port"]))
 

@@ -322,6 +322,7 @@ def test_options_of_receivers_are_checked(tmp_path) -> None:
         (f"nmea:{tmp_path}/a.nmea?sped=1", "Did you mean"),
         ("nmea:/dev/ttyX?baud=1", "no option 'baud'"),
         ("nmea:localhost:2947?rate=9600", "no option 'rate'"),
+        ("nmea:localhost:99999", "Give nmea:host:port"),
     ):
         with pytest.raises(SourceError) as error:
             open_source(uri, ManualClock())
