@@ -621,7 +621,9 @@ def _sensor(tire: _Tire) -> None:
         tire.numbers.append(rate)
         if name == "gain" and line.doubt is not None:
             # That gain and zero are not parted in a recording, or contradict what is stated, is what changes.
-            tire.findings += _steady_value(tire, line)
+            steady = list(_steady_value(tire, line))
+            tire.findings += steady
+            tire.onsets |= {finding.series: list(_notable_changes(line, watch.notable)) for finding in steady}
             continue
         change, std = _along(line, _from_first_to_last(line))
         worse = not watch.worse or change * watch.worse > 0.0
@@ -795,7 +797,7 @@ def _line(
     )
     if line.doubt is None:
         tire.findings += _findings_of_line(tire, name, line)
-    tire.onsets[name] = [int(line.places[begin]) for begin in _notable_changes(line, watch.notable)]
+        tire.onsets[name] = list(_notable_changes(line, watch.notable))
     return line
 
 
@@ -841,14 +843,15 @@ def _size_of_step(line: _Line, number: int) -> tuple[float, float]:
 
 
 def _notable_changes(line: _Line, notable: float) -> Iterator[int]:
-    """Yield where a series changes by so much that others may follow it, whether that is a fault or not.
+    """Yield the recordings at which a series changes so much that others may follow it, whether that is a fault or not.
 
     A long series shows changes that are too small to be the cause of anything.
     """
-    yield from (begin for begin, _ in _runs(line))
-    yield from (begin for number, begin in enumerate(line.steps) if abs(_size_of_step(line, number)[0]) >= notable)
+    begins = [begin for begin, _ in _runs(line)]
+    begins += [begin for number, begin in enumerate(line.steps) if abs(_size_of_step(line, number)[0]) >= notable]
     if line.change is not None and abs(_size_of_change(line)[0]) >= notable:
-        yield line.change.begin
+        begins.append(line.change.begin)
+    yield from (int(line.places[begin]) for begin in begins)
 
 
 def _along(line: _Line, along: FloatArray) -> tuple[float, float]:

@@ -116,6 +116,21 @@ def test_a_change_too_small_for_a_finding_hides_none(gain, name):
     assert ("Cw" in dict(changed.values).get("consequences", ())) == (name == "gain")
 
 
+def test_a_doubted_change_hides_none():
+    # Of a load that is in doubt nothing is said; the belt's stiffness is not.
+    tire = history()
+    after = np.arange(100) >= 60
+    columns = {
+        **tire.columns,
+        "estimated_load_n": tire.columns["estimated_load_n"] + 600.0 * after,
+        "Cw": tire.columns["Cw"] * np.where(after, 1.2, 1.0),
+    }
+    doubts = {"estimated_load_n": ("the load is outside the calibration",) * 100}
+    findings = findings_of(replace(tire, columns=columns, doubts=doubts))
+    assert set(findings) == {Code.TREND_LEVEL_CHANGED}
+    assert findings[Code.TREND_LEVEL_CHANGED]["name"] == "Cw"
+
+
 def test_numbers_of_the_sensor_are_no_consequences_of_the_pressure():
     noise = Reason(Code.TREND_SENSOR_NOISE, factor=6.0)
     leak = Reason(Code.TREND_LOSES_PRESSURE, loss_pa=3e3, std_pa=100.0)
