@@ -10,6 +10,7 @@ from gateway.cli import exit_status
 from gateway.cli.recording_estimates import EstimateOrder, estimate_recording
 from gateway.cli.summary_output import SummaryOutput
 from gateway.errors import TreadlinkError
+from gateway.recording.recorded_file import check_exist
 from gateway.views.output_file import is_stdout
 from gateway.views.progress import progress_view
 from gateway.views.tables.result_table import TableFormat, open_table
@@ -40,6 +41,7 @@ def run_estimate(
     # A table on standard output must not be mixed with other lines.
     written = [*outputs.values(), *([page] if page is not None else [])]
     say = SummaryOutput(err=any(map(is_stdout, written)))
+    check_exist(order.path for order in orders)
     sizes = [order.path.stat().st_size if order.path.is_file() else 0 for order in orders]
     missing, damaged, drives = 0, [], []
     with contextlib.ExitStack() as stack:

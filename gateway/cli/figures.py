@@ -68,6 +68,7 @@ def figures(
     if config_path is not None and not sources and grid_path is None:
         raise click.UsageError("--config needs --from or --grid: simulated tires have no configuration.")
     from gateway.api.paper_figures import figures as draw
+    from gateway.views.text import counted
 
     say = SummaryOutput()
     written = draw(
@@ -83,5 +84,5 @@ def figures(
     )
     tables = [path for path in written if path.suffix == ".csv"]
     count = len(written) - len(tables) - 1
-    say(f"written: {', '.join(map(str, [*tables, f'{count} figures']))} and {written[-1]}")
+    say(f"written: {', '.join(map(str, [*tables, counted(count, 'figure')]))} and {written[-1]}")
     say.finish()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -81,6 +81,17 @@ class RawDump:
                 offset += len(data)
                 self.position = offset
                 yield Chunk(self.link, 0 if self._rate is None else round(offset * 1e9 / self._rate), data)
+
+
+def check_exist(paths: Iterable[Path]) -> None:
+    """Check that files exist before the first of them is worked on.
+
+    Raises:
+        RecordingError: one does not exist.
+    """
+    for path in paths:
+        if not path.exists():
+            raise RecordingError(f"recording '{path}' does not exist", missing_path_remedy(path))
 
 
 def open_recorded_file(path: Path | str, rate_bytes_per_s: float | None = None) -> RecordingReader | RawDump:

@@ -51,6 +51,13 @@ def test_first_error_leaves_no_table(recordings, tmp_path):
     assert list(folder.iterdir()) == []
 
 
+def test_a_missing_recording_is_named_before_the_first_is_estimated(recordings, tmp_path):
+    result = estimate([recordings[0], tmp_path / "missing.mcap"], tmp_path)
+    assert "missing.mcap' does not exist" in str(result.exception)
+    assert result.output == ""
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_dump_of_a_link_has_the_same_estimates_and_no_times(recordings, tmp_path):
     dump, vehicle = tmp_path / "raw.bin", tmp_path / "vehicle.toml"
     reader = RecordingReader(recordings[0])
