@@ -52,7 +52,7 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
         effects = find_effects("" if chosen == _ALL_EFFECTS else chosen)
         if not effects:
             raise TreadlinkError(
-                f"no effect has '{clean(chosen)}' in its name", "List all: treadlink diagnose --list-effects"
+                f"no effect has '{clean(chosen)}' in its name or summary", "List all: treadlink diagnose --list-effects"
             )
         for line in effect_lines(effects, shutil.get_terminal_size().columns):
             click.echo(line)
@@ -152,7 +152,8 @@ def _list_effects(context: click.Context, _: click.Parameter, chosen: str | None
     expose_value=False,
     callback=_list_effects,
     metavar="[NAME|json|markdown]",
-    help="List the effects of the catalogue and exit: all, those with NAME in their name, or all as JSON or Markdown.",
+    help="List the effects of the catalogue and exit: all, those with NAME in their name or else their summary, or all "
+    "as JSON or Markdown.",
 )
 @keys_option
 def diagnose(

@@ -76,6 +76,8 @@ def test_lines_fit_the_terminal(columns: int) -> None:
 def test_effects_are_found_by_partial_key_or_title() -> None:
     assert [effect.name for effect in find_effects("TILT")] == ["yaw tilt", "roll tilt", "pitch tilt"]
     assert [effect.name for effect in find_effects("wheel hop")] == ["hub vibration"]
+    assert [effect.name for effect in find_effects("nail")] == ["local tread height"]
+    assert [effect.name for effect in find_effects("Splice")] == ["local bending stiffness"]
     assert find_effects("nonsense") == []
 
 
