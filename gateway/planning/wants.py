@@ -52,6 +52,8 @@ def parse_want(text: str, truths: Mapping[str, float]) -> Want:
         largest = error / unit.factor
     else:
         units = [symbol for symbol in (unit.symbol, "%" if truths[name] else "") if symbol]
+        if not match[3]:
+            raise ConfigError(f"the error of {given} has no unit", f"Write {given}={match[2]}{units[0]}.")
         raise ConfigError(f"'{match[3]}' is no unit of the error of {name}", f"Give it in {' or '.join(units)}.")
     if largest <= 0.0:
         raise ConfigError(f"no sensor has an error of {match[2]} in {name}", "Give an error above 0.")

@@ -43,7 +43,7 @@ def test_want(text, want):
         ("wear", "wear=0.5mm"),
         ("wera=1mm", "Did you mean wear"),
         ("wear=1kg", "in mm"),
-        ("wear=1", "in mm"),
+        ("wear=1", "has no unit Write wear=1mm"),
         ("wear=1%", "in mm"),  # its true value is 0
         ("Ts=0%", "above 0"),
         ("Ts=-1%", "wear=0.5mm"),
