@@ -44,7 +44,10 @@ COMMANDS: Final[dict[str, tuple[str, str]]] = {
     "campaign": ("gateway.cli.campaign:campaign", "Estimate many recordings into a dataset."),
     "trends": ("gateway.cli.trends:trends", "Report how tires and sensors of a dataset change."),
     "calibrate": ("gateway.cli.calibrate:calibrate", "Calibrate load, reference numbers and slip of a tire."),
-    "import": ("gateway.cli.import_measurement:import_", "Convert a CSV, MAT, HDF5, MF4 or TDMS file to a recording."),
+    "import": (
+        "gateway.cli.import_measurement:import_",
+        "Convert a CSV, MAT, HDF5, MF4, TDMS or IDE file to a recording.",
+    ),
     "note": ("gateway.cli.note:note", "Add a comment or tags to recordings without changing them."),
     "manifest": ("gateway.cli.manifest:manifest", "Write hashes of recordings that copies are compared with."),
     "repair": ("gateway.cli.repair:repair", "Repair a recording that was cut off or damaged."),
