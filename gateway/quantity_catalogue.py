@@ -499,6 +499,7 @@ CATALOGUE: Final[dict[str, tuple[Quantity, ...]]] = {
             powers={Basis.AXES: 1.0},
             rests_on=_LOCKED,
             possible=_TILTS,
+            is_steady=True,
         ),
         Quantity(
             "lateral_offset_mps2",

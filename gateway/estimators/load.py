@@ -116,6 +116,9 @@ class LoadEstimator(BlockEstimator):
             reason for reason in width.reasons if reason.code not in (Code.WIDTH_CONTRADICTED, Code.SCALE_BY_WIDTH)
         )
         status = width.status if doubts else Status.VALID
+        if status is Status.VALID and any(reason.code is Code.REVOLUTION_NOT_USED for reason in doubts):
+            # The width is the tire's and lasts; the load of this revolution was not measured.
+            status = Status.PROVISIONAL
         return Estimate(NAMES[2], value, std, status, doubts, value * width.scatter_std / width.value)
 
 

@@ -175,7 +175,10 @@ class LongitudinalForceEstimator(BlockEstimator):
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         revolution, conditions = block.revolutions[index], block.conditions[index]
         if revolution.faults:
-            return _all_invalid(not_used(revolution.faults))
+            # What is measured without this revolution still is, as of every average.
+            if self._now.solution is None or self._tire.solution is None:
+                return _all_invalid(not_used(revolution.faults))
+            return self._after_solution(revolution, conditions)
         average = block.averages.at(index)
         reason = unusable(average, conditions)
         if reason is None and not positive(revolution.omega_radps):

@@ -61,9 +61,11 @@ _RATE_ERROR_PRIOR: Final = 1e-3
 # Change of either edge from one contact to the next before it is measured, counted as one value: that of a load that
 # changes by a tenth of itself.
 _EDGE_CHANGE_PRIOR_RAD: Final = 0.01
-# Contacts in a row whose edges may be those of an earlier one: about a second of driving, for which steps from one
-# contact to the next tell how far the edges move.
-_MOST_UNSEEN: Final = 8
+MOST_UNSEEN: Final = 8
+"""Contacts in a row whose edges may be those of an earlier one.
+
+About a second of driving, for which steps from one contact to the next tell how far the edges move.
+"""
 # Shift of a contact, rad, per relative error of its speed, that remains with weights for which the shifts of both edges
 # cancel: quadratic phase, Euler acceleration and change of the centripetal acceleration across the contact.
 _RATE_SHIFT_RAD: Final = 0.02
@@ -444,7 +446,7 @@ class ContactTimer:
         self._unseen += 1
         contact = contact._replace(is_seen=False)
         seen = self._seen
-        if seen is None or self._unseen > _MOST_UNSEEN:
+        if seen is None or self._unseen > MOST_UNSEEN:
             return contact
         centre_rad = contact.centre_std * 2.0 * math.pi / (pair.end.centre - pair.start.centre)
         leading_rad, trailing_rad = (math.sqrt(self._unseen * change2) for change2 in self._edge_change2.values)

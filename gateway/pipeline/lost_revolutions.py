@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from gateway.estimators.estimator import OF_LOSS, Estimate, Revolution, Status
+from gateway.pipeline.contact_timing import MOST_UNSEEN
 from gateway.quantity_catalogue import quantities_of
 from gateway.reasons import Code
 
@@ -33,13 +34,17 @@ class LossStreak:
 class SteadyStatus:
     """Keeps the status of one estimator's averages through loss; deterministic, one revolution at a time.
 
-    An average stays valid through revolutions that only loss kept out of it, as long as its memory. Every other reason
-    lowers the status at once.
+    An average stays valid through revolutions that only loss kept out of it, as long as its memory. What follows
+    driving, such as the load, does so as long as the edges of an earlier contact. Every other reason lowers the status
+    at once.
     """
 
     def __init__(self, estimator: str) -> None:
         """Start without revolutions."""
-        self._memory = {quantity.name: quantity.memory_revolutions for quantity in quantities_of(estimator)}
+        self._memory = {
+            quantity.name: quantity.memory_revolutions or (_MEMORY_REVOLUTIONS if quantity.is_steady else MOST_UNSEEN)
+            for quantity in quantities_of(estimator)
+        }
         self.reset()
 
     def reset(self) -> None:
@@ -63,7 +68,7 @@ class SteadyStatus:
         before = valid.get(estimate.name)
         if before is None or estimate.status is not Status.PROVISIONAL:
             return estimate
-        memory = self._memory.get(estimate.name) or _MEMORY_REVOLUTIONS
+        memory = self._memory.get(estimate.name, MOST_UNSEEN)
         others = {reason.code for reason in estimate.reasons} - {reason.code for reason in before.reasons}
         if others - {Code.REVOLUTION_NOT_USED} or streak > memory:
             return estimate

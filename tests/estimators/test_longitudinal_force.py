@@ -30,7 +30,7 @@ from gateway.physics.rolling_ring import (
     solve_rolling_ring,
 )
 from gateway.quantity_catalogue import quantity_of
-from gateway.reasons import Code, codes_of
+from gateway.reasons import Code, Reason, codes_of
 from gateway.signal.angle_resampling import angle_grid
 from gateway.signal.synchronous_average import RunningAverage
 from tests.testkit.exact_ring import BASE_RING, PRESSURE_PA, RADIUS_M, omega_at, on_grid
@@ -206,6 +206,18 @@ def test_strong_noise_leaves_force_not_determined() -> None:
 def test_first_revolutions_are_provisional() -> None:
     found = estimates(ring(60.0), revolutions=3)
     assert Code.NOT_SETTLED in codes_of(found["longitudinal_ratio"].reasons)
+
+
+def test_revolution_that_is_not_used_leaves_the_forces_as_they_are() -> None:
+    average, estimator = RunningAverage(), LongitudinalForceEstimator()
+    revolution = make_revolution(OMEGA**2 * on_grid(ring(60.0).sensor.radial_m))
+    lost = replace(revolution, faults=(Reason(Code.SAMPLES_LOST),))
+    mean = extended(average, revolution)
+    assert {estimate.status for estimate in estimator.update(lost, mean, CONDITIONS)} == {Status.INVALID}
+    used = estimator.update(revolution, mean, CONDITIONS)
+    unused = estimator.update(lost, mean, CONDITIONS)
+    assert [(e.name, e.value) for e in unused] == [(e.name, e.value) for e in used]
+    assert all(e.status is Status.PROVISIONAL and Code.REVOLUTION_NOT_USED in codes_of(e.reasons) for e in unused)
 
 
 def test_no_belt_shape_is_invalid_and_not_solved_each_time(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 import treadlink
 from gateway.estimators.estimator import Estimate, Revolution, Status, not_used
+from gateway.pipeline.contact_timing import MOST_UNSEEN
 from gateway.pipeline.lost_revolutions import LossStreak, SteadyStatus
 from gateway.quantity_catalogue import quantity_of
 from gateway.reasons import Code, Reason
@@ -46,6 +47,15 @@ def test_average_stays_valid_through_loss_as_long_as_its_memory() -> None:
         assert estimate.reasons == (not_used(LOST),)
     assert estimate.status is Status.PROVISIONAL
     assert set(statuses[:-1]) == {Status.VALID}
+
+
+def test_load_of_a_drive_is_held_no_longer_than_edges_of_a_contact() -> None:
+    losses = Losses("load")
+    valid = (Estimate("load_by_width_n", 4000.0, 80.0, Status.VALID),)
+    assert losses.steadied(valid, CLEAN) == valid
+    held = (valid[0]._replace(status=Status.PROVISIONAL, reasons=(not_used(LOST),)),)
+    statuses = [losses.steadied(held, revolution(*LOST))[0].status for _ in range(MOST_UNSEEN + 1)]
+    assert statuses == [Status.VALID] * MOST_UNSEEN + [Status.PROVISIONAL]
 
 
 def test_held_average_has_at_least_the_error_that_it_had() -> None:
