@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
@@ -113,6 +114,18 @@ class SampleBuffer:
     def missing_between(self, first: int, end: int) -> int:
         """Count the samples in `first` to `end` (exclusive) that were lost and filled."""
         return sum(max(0, min(end, hi) - max(first, lo)) for lo, hi in self._gaps) if self._gaps else 0
+
+    def measured_mean(self, first: int, end: int, column: int) -> float:
+        """Return the mean of a channel over the samples `first` to `end` (exclusive) that were not lost; NaN for none.
+
+        Raises:
+            IndexError: some of them are not held.
+        """
+        total, count = int(self.view(first, end)[:, column].sum(dtype=np.int64)), end - first
+        for lo, hi in self.gaps_between(first, end):
+            filled = self.view(max(first, lo), min(end, hi))[:, column]
+            total, count = total - int(filled.sum(dtype=np.int64)), count - len(filled)
+        return total / count if count else math.nan
 
     def gaps_between(self, first: int, end: int) -> list[tuple[int, int]]:
         """Return first and last (exclusive) sample of the gaps that reach into `first` to `end` (exclusive)."""

@@ -55,16 +55,18 @@ class UnmarkedLossCheck:
         self._periods: tuple[float, ...] = ()
         self._deviating = 0
 
-    def turns(self, period: float, mean_mps2: float) -> int:
+    def turns(self, period: float, mean_mps2: float, stated: float = 0.0) -> int:
         """Return the number of turns between the contacts of a revolution; 1 where nothing tells of more.
 
         Args:
             period: between its contacts in samples.
             mean_mps2: mean of its radial axis, positive inward.
+            stated: product of mean and square of the period of one turn by radius and rate as stated, which counts
+                before there are revolutions to compare with; 0 for none.
         """
-        if len(self._products) < _LEAST or not mean_mps2 > _LEAST_MEAN_MPS2:
+        if not mean_mps2 > _LEAST_MEAN_MPS2:
             return 1
-        middle = statistics.median(self._products)
+        middle = statistics.median(self._products) if len(self._products) >= _LEAST else stated
         if not middle > 0.0:
             return 1
         turns = math.sqrt(mean_mps2 * period * period / middle)

@@ -41,6 +41,8 @@ _MAX_GAP_S: Final = 0.25
 _LATE_TOLERANCE_US: Final = 250_000
 # Readings of pressure and temperature that may come while revolutions wait; with more, an earlier one could be lost.
 _MOST_WAITING: Final = 32
+# Turns by which a change of speed may move a contact between two others: half of the contact of a car.
+_HIDDEN_WITHIN_TURNS: Final = 0.04
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
 _NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
 
@@ -432,11 +434,20 @@ class WheelPipeline:
         column = reading.radial_column
         offset, scale = float(reading.offset_counts[column]), sign * float(reading.scale_mps2[column])
         checked: list[_Checked] = []
+        stated = self.setup.radius_m * (2.0 * math.pi * sensor.hello.rate_hz) ** 2
         for pair, timed_pair in zip(pairs, timed, strict=True):
             start, end = timed_pair.start.centre, timed_pair.end.centre
             first, last = math.ceil(start), math.ceil(end)
-            if pair.start.predicted or pair.end.predicted or buffer.missing_between(first, last):
+            if pair.start.predicted or pair.end.predicted:
                 checked.append(_SOUND)
+                continue
+            if buffer.missing_between(first, last):
+                # Without a contact the mean is too large by the share of that, a tenth; over two turns, four times.
+                mean_mps2 = scale * (buffer.measured_mean(first, last, column) - offset)
+                turns = self._unmarked.turns(end - start, abs(mean_mps2), stated)
+                # A mean that points outward is that of a wheel whose gaps were taken for contacts.
+                is_hidden = mean_mps2 < 0.0 or _may_hide_contacts(buffer, start, end, turns)
+                checked.append(_Checked(0.0, turns) if is_hidden else _SOUND)
                 continue
             total = int(buffer.view(first, last)[:, column].sum(dtype=np.int64))
             mean_mps2 = scale * (total / (last - first) - offset)
@@ -515,3 +526,11 @@ class WheelPipeline:
             flags=flags,
             missing=self._missing_reason(flags),
         )
+
+
+def _may_hide_contacts(buffer: SampleBuffer, start: float, end: float, turns: int) -> bool:
+    """Return whether samples were lost at all places where contacts between two would be at a steady speed."""
+    turn = (end - start) / turns
+    centres = (start + place * turn for place in range(1, turns))
+    reach = _HIDDEN_WITHIN_TURNS * turn
+    return all(buffer.missing_between(math.floor(centre - reach), math.ceil(centre + reach)) for centre in centres)

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -81,3 +83,13 @@ def test_measured_stretch_around_a_place_ends_at_the_gaps_beside_it():
     assert first == end
     assert buffer.gaps_between(0, 60) == [(10, 15), (35, 40)]
     assert buffer.gaps_between(15, 35) == []
+
+
+def test_mean_is_of_the_samples_that_were_measured() -> None:
+    buffer = SampleBuffer(50, 1)
+    buffer.append(np.full((4, 1), 10, np.int16))
+    buffer.bridge(3, np.array([1000], np.int16))
+    buffer.append(np.array([[1000], [10]], np.int16))
+    assert buffer.measured_mean(0, 6, 0) == 10.0
+    assert buffer.measured_mean(0, 9, 0) == pytest.approx((5 * 10 + 1000) / 6)
+    assert math.isnan(buffer.measured_mean(4, 7, 0))

@@ -2,13 +2,21 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from firmware_protocol.decoder import FrameDecoder
+from firmware_protocol.messages import Hello, SampleBlock
+from gateway.config.validation import parse_document
 from gateway.estimators.estimator import Status
 from gateway.pipeline.results import RevolutionResult
+from gateway.pipeline.timebase import HostClock
 from gateway.pipeline.unmarked_loss import UnmarkedLossCheck
+from gateway.pipeline.wheel_pipeline import WheelPipeline
 from gateway.pipeline.wheel_setup import WheelSetup
 from gateway.reasons import Code
+from gateway.simulator.scenario_model import Scenario
+from gateway.simulator.simulation import simulate
 from tests.testkit.simulated_wheel import restated, simulated
 
 SETUP = WheelSetup("FL", 0, 0, 0.32, radius_std_m=0.0032, load_n=5000.0, pressure_pa=210e3)
@@ -127,3 +135,33 @@ def test_wheel_without_load_loses_neither_distance_nor_averages() -> None:
         assert found[name].status is Status.VALID
         assert abs(found[name].value - true) < 3.0 * found[name].std
     assert found["contact_length_m"].std < 0.05 * found["contact_length_m"].value
+
+
+@pytest.mark.parametrize("reach_turns", [0.047, 0.06])
+def test_gaps_at_every_second_contact_do_not_halve_a_valid_speed(reach_turns: float) -> None:
+    """Loss from the start on: no revolution tells what one turn is, but radius and rate as stated do."""
+    simulation = simulate(
+        parse_document(Scenario, f"{FAST}\n[[wheel]]\nposition = 'FL'\nwheel = 0", "test"), duration_s=3
+    )
+    decoder = FrameDecoder()
+    frames = [frame.message for chunk in simulation.chunks("link", 10**18) for frame in decoder.feed(chunk.data)]
+    hello = next(message for message in frames if isinstance(message, Hello))
+    samples = np.concatenate([message.counts for message in frames if isinstance(message, SampleBlock)])
+    bottoms = simulation.truth["FL"].bottom_times_s(0.0, 3.0) * hello.rate_hz
+    reach = reach_turns * float(np.diff(bottoms).mean())
+    wheel, host, first = WheelPipeline(SETUP, ("kinematic", "distance")), HostClock(), 0
+    wheel.hello(hello)
+    results: list[RevolutionResult] = []
+    for hidden in bottoms[1::2]:
+        end = round(hidden - reach)
+        ticks_us = [round(first * 1e6 / hello.rate_hz)]
+        results += wheel.samples(first, ticks_us, hello.axes, samples[first:end], host)
+        first = round(hidden + reach)
+    assert len(results) > 8
+    for result in results:
+        speed, revolution = result.estimates[0], result.revolution
+        assert speed.status is Status.PROVISIONAL
+        assert speed.value == pytest.approx(25.0, rel=0.02)
+        assert Code.SEVERAL_TURNS in [fault.code for fault in revolution.faults]
+    rolled_m = results[-1].estimates[-1].value
+    assert rolled_m == pytest.approx(2.0 * math.pi * SETUP.radius_m * 2 * len(results), rel=1e-9)
