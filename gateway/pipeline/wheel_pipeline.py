@@ -41,8 +41,8 @@ _MAX_GAP_S: Final = 0.25
 _LATE_TOLERANCE_US: Final = 250_000
 # Readings of pressure and temperature that may come while revolutions wait; with more, an earlier one could be lost.
 _MOST_WAITING: Final = 32
-# Turns by which a change of speed may move a contact between two others: half of the contact of a car.
-_HIDDEN_WITHIN_TURNS: Final = 0.04
+# Turns to either side of a contact within which a gap may hide it: it is known by the belt before and behind it too.
+_HIDDEN_WITHIN_TURNS: Final = 0.25
 # Faults of a sensor whose radial axis shows no contacts; they say more than that axis can.
 _NO_CONTACTS_WITH: Final = frozenset((Code.SENSOR_DEAD, Code.SENSOR_STUCK, Code.SENSOR_TILTED))
 
