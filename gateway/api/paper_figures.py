@@ -47,11 +47,13 @@ def figures(
     """
     folder, write, wanted_names = Path(out), partial(write_whole, force=force), several_names(names)
     grid_path, config_path = (None if path is None else Path(path) for path in (grid, config))
-    inputs = [*map(FigureSource, paths(sources)), *(read_grid(grid_path) if grid_path is not None else [])]
-    table = [folder / "conditions.csv"] if inputs else []
-    if inputs:
+    measured = paths(sources)
+    table = [folder / "conditions.csv"] if measured or grid_path is not None else []
+    if table:
         make_room(folder, [], force=force)
-        check_outputs(table, [*(source.path for source in inputs), grid_path, config_path], force=force)
+        check_outputs(table, [*measured, grid_path, config_path], force=force)
+    inputs = [*map(FigureSource, measured), *(read_grid(grid_path) if grid_path is not None else [])]
+    if inputs:
         tires = measured_tires(
             inputs, config_path, lambda path: on_line(f"reading {path}"), show_progress=show_progress
         )

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from gateway.cli.options import FiniteRange
 from gateway.cli.path_option import path_option
 from gateway.errors import ConfigError
 
@@ -59,7 +60,7 @@ def _assigned(ctx: click.Context, param: click.Parameter, texts: tuple[str, ...]
 )
 @click.option(
     "--distance-m",
-    type=click.FloatRange(1.0, 1000.0),
+    type=FiniteRange(1.0, 1000.0),
     metavar="METERS",
     help="Measure the radius: roll the vehicle over this distance when asked.",
 )

@@ -101,8 +101,7 @@ def _corrected(item: LinkItem, host_ns: int, ahead_s: float) -> LinkItem:
         before_s = _ahead_s(detail)
         if before_s is not None:
             left_s = before_s - ahead_s
-            detail = Reason(
-                detail.code, step_s=detail["step_s"], ahead_s=0.0 if abs(left_s) < _NEGLIGIBLE_S else left_s
-            )
+            ahead = {"ahead_s": 0.0 if abs(left_s) < _NEGLIGIBLE_S else left_s}
+            detail = Reason(detail.code, **(dict(detail.values) | ahead))
         details.append(detail)
     return replace(item, host_ns=host_ns, details=tuple(details))

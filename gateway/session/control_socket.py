@@ -112,6 +112,7 @@ class ControlSocket:
         self._closed = threading.Event()
         self._clients = threading.Semaphore(_MOST_CLIENTS)
         self._listener: socket.socket | None = None
+        self._thread: threading.Thread | None = None
         self._path: Path | None = None
         if not links or not hasattr(socket, "AF_UNIX"):
             return
@@ -129,6 +130,9 @@ class ControlSocket:
         listener, self._listener = self._listener, None
         if listener is not None:
             listener.close()
+        if self._thread is not None:
+            self._thread.join(2.0 * _POLL_S)
+            self._thread = None
         if self._path is not None:
             self._path.unlink(missing_ok=True)
             self._path = None
@@ -145,7 +149,8 @@ class ControlSocket:
             listener.close()
             raise
         self._listener, self._path = listener, path
-        threading.Thread(target=self._accept, args=(listener,), name="control", daemon=True).start()
+        self._thread = threading.Thread(target=self._accept, args=(listener,), name="control", daemon=True)
+        self._thread.start()
 
     def _accept(self, listener: socket.socket) -> None:
         while not self._closed.is_set():

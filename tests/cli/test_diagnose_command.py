@@ -350,7 +350,7 @@ def test_effects_of_another_recording_exclude_a_search(closed, recording, tmp_pa
     for ignored in (("--wheel", "W0"), ("--budget", "5")):
         result = run(recording, "--effects", path, *ignored)
         assert result.exit_code == 2
-        assert "leave out --wheel and --budget" in result.output
+        assert "leave out --wheel, --budget and --self-test" in result.output
 
 
 @pytest.mark.parametrize(

@@ -153,14 +153,14 @@ def test_outputs_must_be_different_files(files: Path) -> None:
 
 
 def test_every_command_with_force_is_covered() -> None:
-    """The commands figures, protocol and repair read no file that they could overwrite, or never overwrite."""
+    """The commands figures, protocol, repair and setup read no file that they could overwrite, or never overwrite."""
     forcing = {name for name, command in _commands() if any(option.name == "force" for option in command.params)}
     covered = {
         " ".join(line.split()[: 2 if line.startswith(("calibrate ", "protocol ")) else 1]) for line in OVERWRITING
     }
     assert forcing == covered | {
         "figures", "repair", "protocol collector", "protocol dbc", "protocol encoder", "protocol header",
-        "protocol kaitai", "protocol schema", "protocol vectors", "protocol wireshark",
+        "protocol kaitai", "protocol schema", "protocol vectors", "protocol wireshark", "setup",
     }  # fmt: skip
 
 

@@ -72,7 +72,7 @@ def test_signals_finish_recordings(start: Start, tmp_path: Path) -> None:
     grown(tmp_path / "record.mcap", than=size_of(tmp_path / "record.mcap"))
     assert record.poll() is None
     record.send_signal(signal.SIGTERM)
-    grown(tmp_path / "simulate.mcap", than=0)
+    grown(tmp_path / "simulate.mcap.part", than=0)
     simulate.send_signal(signal.SIGTERM)
     for process, name in ((live, "live"), (record, "record")):
         printed, errors = process.communicate(timeout=TIMEOUT_S)

@@ -1,6 +1,5 @@
 """Packages and packaged files that the page of a diagnosis needs."""
 
-import builtins
 import shutil
 import subprocess
 import sys
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway import optional_packages
 from gateway.errors import OutputError
 from gateway.views.report.html import diagnosis_html
 from tests.testkit.diagnosis_data import empty
@@ -21,14 +21,8 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.mark.parametrize("package", ["matplotlib", "jinja2"])
 def test_missing_package_names_the_extra(package, monkeypatch):
-    real = builtins.__import__
-
-    def missing(name, *args, **kwargs):
-        if name.split(".")[0] == package:
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", missing)
+    real = optional_packages.find_spec
+    monkeypatch.setattr(optional_packages, "find_spec", lambda name: None if name == package else real(name))
     with pytest.raises(OutputError, match=package) as caught:
         diagnosis_html(empty())
     assert "treadlink[plot]" in caught.value.remedy

@@ -54,7 +54,7 @@ def test_unplugged_hub_is_reconnected(port: PtyPort) -> None:
     while live.snapshot().wheels[0].counters.revolutions < 45:
         assert not live.wait(0.02)
     port.unplug()
-    assert "Plug the hub in again" in notice_text(until(live, seen, Code.LINK_LOST))
+    assert "Plug it in again" in notice_text(until(live, seen, Code.LINK_LOST))
     assert "there is no port" in notice_text(until(live, seen, Code.LINK_RETRYING))
     assert any(alarm.name == "link" for alarm in live.snapshot().alarms) or not live.wait(0.2)
     port.plug()

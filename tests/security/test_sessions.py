@@ -246,6 +246,8 @@ def test_require_needs_every_sensor_id() -> None:
 STATED_ADDRESSES = (
     "gateway/publishing/foxglove_server.py: foxglove.start_server(",
     "gateway/publishing/origin_gate.py: socket.create_server(",
+    # A Unix socket in a folder of the user's own.
+    "gateway/session/control_socket.py: listener.bind(str(path))",
     "gateway/publishing/page_server.py: socket.create_server((host, port)",
 )
 LISTENERS = {"bind", "create_server", "start_server", "start_unix_server", "HTTPServer", "TCPServer", "run_app"}

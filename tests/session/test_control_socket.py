@@ -14,7 +14,7 @@ from firmware_protocol.codec import encode_frame
 from firmware_protocol.decoder import FrameDecoder
 from firmware_protocol.messages import HUB_ITSELF, CommandResult, Frame, LogText, MessageType, Outcome, SetRate
 from gateway.clock import SystemClock
-from gateway.errors import SourceError
+from gateway.errors import TreadlinkError
 from gateway.io.source import Chunk, open_source
 from gateway.recording.reader import RecordingReader
 from gateway.session.commands import execute
@@ -196,7 +196,7 @@ def test_command_ends_when_the_session_does(served) -> None:
     source = SessionSource(stream.link, found.connection, SystemClock())
     until(lambda: served[1]._readers)
     control.close()
-    with pytest.raises(SourceError, match=r"session has ended|did not reply"):
+    with pytest.raises(TreadlinkError, match=r"has ended|did not reply"):
         execute(source, SetRate(4800.0), SystemClock(), timeout_s=TIMEOUT_S)
 
 

@@ -20,6 +20,7 @@ from gateway.pipeline.results import AlarmChange, RevolutionResult, SessionSnaps
 from gateway.publishing.publisher import Publisher, open_publisher
 from gateway.publishing.sink import SinkSetting
 from gateway.reasons import Code, Notice, Reason
+from gateway.recording.run_description import RunDescription
 from gateway.recording.writer import RecordingWriter
 from gateway.session.live import LiveSession
 from gateway.session.recording_stage import Recorder
@@ -210,10 +211,10 @@ class Day:
             self._end()
         return self._played
 
-    def _recorder(self) -> Recorder:
+    def _recorder(self, run: RunDescription | None = None) -> Recorder:
         path = self._folder / f"part{len(self._played.recordings) + 1}.mcap"
         self._played.recordings.append(path)
-        return RecordingWriter(path, start_ns=self._clock.now_ns())
+        return RecordingWriter(path, start_ns=self._clock.now_ns(), run=run)
 
     def _drive(self, bus: can.BusABC) -> None:
         streams = [frame_pieces(_hub_chunks(self._seed, hub, self._faults, self._day_s)) for hub in range(HUBS)]
