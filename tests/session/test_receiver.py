@@ -305,7 +305,7 @@ def test_log_file_is_played_at_its_times(tmp_path) -> None:
     [
         ("empty.nmea", b"", "no sentence RMC"),
         ("other.log", b"nothing\n" * 9, "no sentence RMC"),
-        ("cut.nmea.gz", gzip.compress(rmc(START_NS, 48.0, 11.0, 1.0) * 50)[:40], "cannot read"),
+        ("cut.nmea.gz", gzip.compress(rmc(START_NS, 48.0, 11.0, 1.0) * 50, mtime=0)[:40], "cannot read"),
         ("none.nmea", None, "does not exist"),
     ],
 )
