@@ -177,10 +177,10 @@ def force_lines(runs: Sequence[ForceRun], calibration: SideForceCalibration) -> 
     low, high = (math.degrees(angle) for angle in calibration.half_angle_range_rad)
     if len(runs) == 2:
         lines.append("no check: two runs are just enough; one more would check the law")
-    at = "at an unknown pressure"
+    pressures = "at an unknown pressure"
     if calibration.pressure_range_pa is not None:
-        at = "{:.0f} to {:.0f} kPa".format(*(1e-3 * pressure for pressure in calibration.pressure_range_pa))
-    lines.append(f"valid for half angles of {low:.2f} to {high:.2f} deg, {at}, this tire and sensor as mounted")
+        pressures = "{:.0f} to {:.0f} kPa".format(*(1e-3 * pressure for pressure in calibration.pressure_range_pa))
+    lines.append(f"valid for half angles of {low:.2f} to {high:.2f} deg, {pressures}, this tire and sensor as mounted")
     return lines
 
 

@@ -23,7 +23,7 @@ from gateway.session.sensor_setup.rolled_turns import rolled_radius
 from gateway.views.text import clean
 from gateway.views.wording import notice_text, text
 
-# A hub sends the hello of each sensor every 2 s: after so many windows of samples all have been heard.
+# A hub sends HELLO for each sensor every 2 s. This many windows of samples last longer.
 _LISTENED_WINDOWS: Final = 25
 # Windows after a first movement in which another sensor would show that the whole vehicle moves.
 _DOUBT_WINDOWS: Final = 5

@@ -11,7 +11,7 @@ import math
 from typing import Final
 
 from gateway.estimators.estimator import Estimate, Status
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
+from gateway.estimators.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.reasons import Code, Reason
 
 NAMES: Final = ("distance_m",)
@@ -25,7 +25,7 @@ _WHOLE_STD_TURNS: Final = 0.15
 _WHOLE_WITHIN_TURNS: Final = 0.3
 
 
-class DistanceEstimator(BlockEstimator):
+class DistanceEstimator(RevolutionEstimator):
     """Distance rolled since the first contact centre, up to the end of each revolution.
 
     Gives distance_m, 2 pi R for each turn, at the end of this revolution.

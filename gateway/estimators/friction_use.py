@@ -23,7 +23,7 @@ from gateway.estimators.estimator import (
     TireConditions,
     sign_not_determined,
 )
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
+from gateway.estimators.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.reasons import Code, Reason
 from gateway.types import FloatArray
 
@@ -42,7 +42,7 @@ _EDGE_STD: Final = 0.05
 _POINTS: Final = 400
 
 
-class FrictionUseEstimator(BlockEstimator):
+class FrictionUseEstimator(RevolutionEstimator):
     """Friction used and sliding share, from the forces of earlier estimators.
 
     Gives friction_used and sliding_share; needs the estimators `longitudinal-force` and `side-force`.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -479,12 +480,12 @@ class LateralEstimator(BlockEstimator):
                 results.append(self._averaged(conditions, edges, steps, taken.index(index)))
         return results
 
+    @abstractmethod
     def _names(self, conditions: TireConditions) -> Sequence[str]:
         """Return the names of the estimates under these conditions."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _averaged(
         self, conditions: TireConditions, edges_rad: tuple[float, float], steps: LateralSteps, row: int
     ) -> tuple[Estimate, ...]:
         """Return the estimates of a revolution: the row of its coefficients and of the average after it."""
-        raise NotImplementedError

@@ -18,7 +18,7 @@ from gateway.estimators.disagreement import CONTRADICTION, disagreement_std
 from gateway.estimators.estimator import Estimate, Estimator, Revolution, Status, TireConditions
 from gateway.estimators.kinematic import edge_condition
 from gateway.estimators.registry import ESTIMATORS, make_estimator
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
+from gateway.estimators.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.estimators.tire_data import LOAD_LAW_STD, UNKNOWN_DIFFERENCE_K, LoadCalibration, TireData
 from gateway.estimators.wear import bending_since_reference
 from gateway.reasons import Code, Reason
@@ -44,7 +44,7 @@ _UNKNOWN_WEAR_STD: Final = 0.9
 _LEAST_THICKNESS_SHARE: Final = 0.3
 
 
-class LoadEstimator(BlockEstimator):
+class LoadEstimator(RevolutionEstimator):
     """Load from contact angle and from belt width, the better of the two, and the pressure number.
 
     Gives load_n, load_by_angle_n, load_by_width_n and pressure_number Q / (2 p0 theta R^2) (Eq. 33).

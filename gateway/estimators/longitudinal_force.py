@@ -26,7 +26,7 @@ from gateway.estimators.estimator import AngleAverage, Estimate, Revolution, Sta
 from gateway.estimators.lateral_shape import CIRCUMFERENTIAL, LATERAL
 from gateway.estimators.order_errors import relative_std, wave_std
 from gateway.estimators.pace import LONGEST, is_due
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
+from gateway.estimators.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.estimators.sensor_claims import Tilt
 from gateway.physics.asymmetric_belt import curvature_from_signal
 from gateway.physics.belt_shape import MAX_ORDER, orders_about
@@ -153,7 +153,7 @@ class _Track:
         return std
 
 
-class LongitudinalForceEstimator(BlockEstimator):
+class LongitudinalForceEstimator(RevolutionEstimator):
     """Force of the road along the direction of travel, torque at the axle, and losses; the load sets the scale.
 
     Gives longitudinal_force_n, axle_torque_nm, longitudinal_ratio, rolling_resistance and damping_loss.

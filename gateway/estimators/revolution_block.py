@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -162,7 +163,7 @@ def extended(running: RunningAverage, revolution: Revolution) -> AngleAverage:
     ).at(0)
 
 
-class BlockEstimator:
+class BlockEstimator(ABC):
     """An estimator that works on blocks; its `update` is a block of one.
 
     Attributes:
@@ -174,17 +175,25 @@ class BlockEstimator:
     def __init__(self) -> None:
         self.reset()
 
-    def reset(self) -> None:
-        """Forget everything, as after a change of tire; nothing where every revolution stands alone."""
+    def reset(self) -> None:  # noqa: B027 - nothing is forgotten where every revolution stands alone
+        """Forget everything, as after a change of tire."""
 
     def update(self, revolution: Revolution, average: AngleAverage, conditions: TireConditions) -> tuple[Estimate, ...]:
         """Return this revolution's estimates; on bad data they are invalid with a reason, nothing is raised."""
         return self.update_block(one_revolution(revolution, average, conditions))[0]
 
+    @abstractmethod
+    def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
+        """Return the estimates of every revolution, the same as those of single updates; nothing is raised."""
+
+
+class RevolutionEstimator(BlockEstimator):
+    """An estimator that takes the revolutions of a block one after the other."""
+
     def update_block(self, block: RevolutionBlock) -> list[tuple[Estimate, ...]]:
         """Return the estimates of every revolution, the same as those of single updates; nothing is raised."""
         return [self._estimates(block, index) for index in range(len(block))]
 
+    @abstractmethod
     def _estimates(self, block: RevolutionBlock, index: int) -> tuple[Estimate, ...]:
         """Return the estimates of one revolution of a block."""
-        raise NotImplementedError

@@ -17,7 +17,7 @@ from gateway.estimators.determination import DETERMINED
 from gateway.estimators.disagreement import CONTRADICTION
 from gateway.estimators.estimator import Estimate, Revolution, Status, TireConditions
 from gateway.estimators.registry import estimator_names
-from gateway.estimators.revolution_block import BlockEstimator, RevolutionBlock
+from gateway.estimators.revolution_block import RevolutionBlock, RevolutionEstimator
 from gateway.estimators.tire_data import UNKNOWN_DIFFERENCE_K, Softening, TireData
 from gateway.reasons import Code, Reason
 from gateway.signal.synchronous_average import DEFAULT_HORIZON_REVOLUTIONS, RunningMoments
@@ -36,7 +36,7 @@ _UNKNOWN_PRESSURE_SHARE: Final = 0.1
 _LEAST_VALUES: Final = 4
 
 
-class WearEstimator(BlockEstimator):
+class WearEstimator(RevolutionEstimator):
     """Wear in mm, the ring paper's wear number (Eq. 30), and the drift of the wear since the first value.
 
     Gives wear_mm, wear_number and wear_drift_mm.

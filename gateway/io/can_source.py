@@ -15,7 +15,7 @@ from gateway.clock import Clock, wait_until
 from gateway.errors import SourceError
 from gateway.io.bus_frames import BusFrame, pack
 from gateway.io.dbc_file import read_dbc
-from gateway.io.playback import Playback
+from gateway.io.log_file import LogFile
 from gateway.io.reconnect import Backoff
 from gateway.io.source import (
     CAN_FILE_SUFFIXES,
@@ -25,9 +25,7 @@ from gateway.io.source import (
     LinkItem,
     Source,
     SourceAddress,
-    positive_option,
 )
-from gateway.nearest_name import missing_path_remedy
 from gateway.reasons import Code, Reason
 
 if TYPE_CHECKING:
@@ -39,7 +37,6 @@ _logger = logging.getLogger(__name__)
 _BLOCK_NS: Final = 10_000_000
 _MOST_FRAMES: Final = 256
 _WAIT_S: Final = 0.1
-_FILE_OPTIONS: Final = frozenset({"dbc", "speed", "offset_s"})
 
 
 def open_can_source(address: SourceAddress, clock: Clock) -> Source:
@@ -57,7 +54,7 @@ def open_can_source(address: SourceAddress, clock: Clock) -> Source:
         ) from error
     dbc = _dbc_of(address)
     if address.target.lower().endswith(CAN_FILE_SUFFIXES):
-        return _open_file(address, clock, dbc)
+        return CanFileSource(address, clock, dbc)
     interface, _, channel = address.target.partition(":")
     if interface not in can.VALID_INTERFACES or not channel:
         raise SourceError(
@@ -188,42 +185,21 @@ class CanBusSource:
         return LinkEvent(self._link, self._clock.now_ns(), kind, text, details=details)
 
 
-def _open_file(address: SourceAddress, clock: Clock, dbc_text: str | None) -> CanFileSource:
-    address.check_options(sorted(_FILE_OPTIONS))
-    path = Path(address.target)
-    if not path.is_file():
-        raise SourceError(f"CAN log file '{path}' does not exist", missing_path_remedy(path))
-    text = address.options.get("offset_s", "0")
-    try:
-        offset_ns = round(float(text) * 1e9)
-    except (ValueError, OverflowError) as error:
-        raise SourceError(f"invalid option offset_s={text}", "Give seconds, such as -0.25.") from error
-    speed = positive_option("speed", address.options.get("speed", "1"), or_max=True)
-    return CanFileSource(path, clock, speed, offset_ns, dbc_text)
-
-
-class CanFileSource:
+class CanFileSource(LogFile):
     """Frames of a log file with its times, in the formats of python-can: BLF, ASC, candump log, CSV, TRC, MF4.
 
     Attributes:
         dbc_text: the DBC file given with the source, None without one.
-        playback: the schedule, which can be paused.
     """
 
-    vehicle_toml: str | None = None
+    def __init__(self, address: SourceAddress, clock: Clock, dbc_text: str | None) -> None:
+        """Prepare the file.
 
-    def __init__(self, path: Path, clock: Clock, speed: float, offset_ns: int, dbc_text: str | None) -> None:
-        """Prepare the file; `offset_ns` is added to its times."""
+        Raises:
+            SourceError: there is no such file, or an option is not known or not allowed.
+        """
+        super().__init__(address, clock, "dbc")
         self.dbc_text = dbc_text
-        self._path = path
-        self._offset_ns = offset_ns
-        self.playback = Playback(clock, speed)
-        self._closed = threading.Event()
-
-    @property
-    def link(self) -> str:
-        """Name of the link."""
-        return f"can:{self._path.name}"
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield blocks of frames with the times of the file, then that it has ended.
@@ -247,15 +223,8 @@ class CanFileSource:
                 raise SourceError(
                     f"cannot read the CAN log file '{self._path}': {_message(error)}", "Check its format."
                 ) from error
-            yield LinkEvent(
-                self.link, last_ns, LinkEventKind.LOST, f"the rest of the file cannot be read: {_message(error)}"
-            )
-        if not stop.is_set() and not self._closed.is_set():
-            yield LinkEvent(self.link, last_ns, LinkEventKind.ENDED)
-
-    def close(self) -> None:
-        """End `items`."""
-        self._closed.set()
+            yield self._cut_off(last_ns, _message(error))
+        yield from self._end(last_ns, stop)
 
 
 def _grouped(frames: Iterator[BusFrame]) -> Iterator[tuple[int, list[BusFrame]]]:

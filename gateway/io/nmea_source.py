@@ -7,30 +7,25 @@ import re
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
-from pathlib import Path
 from typing import IO, Final
 
 from gateway.clock import Clock
 from gateway.errors import LinkLostError, SourceError
+from gateway.io.log_file import LogFile
 from gateway.io.nmea_sentences import SentenceReader, can_read_sentences
-from gateway.io.playback import Playback
 from gateway.io.reconnect import ReconnectingSource
 from gateway.io.serial_link import serial_port, serial_settings
 from gateway.io.source import (
     NMEA_FILE_SUFFIXES,
     Chunk,
-    LinkEvent,
-    LinkEventKind,
     LinkItem,
     Sentences,
     Source,
     SourceAddress,
     parse_source_uri,
-    positive_option,
     silence_option,
 )
 from gateway.io.tcp_link import TcpLink, parse_host_port
-from gateway.nearest_name import missing_path_remedy
 
 GPSD_PORT: Final = 2947
 """Port at which gpsd serves its clients."""
@@ -39,7 +34,6 @@ GPSD_PORT: Final = 2947
 _BAUDRATE: Final = "9600"
 _WATCH: Final = b'?WATCH={"enable":true,"nmea":true};\n'
 _HOST: Final = re.compile(r"(\[[^\]]+\]|[^:/\\]+):\d{1,5}")
-_FILE_OPTIONS: Final = ("speed", "offset_s")
 # What is longer without a line end is no text.
 _LONGEST_LINE: Final = 4096
 
@@ -56,7 +50,7 @@ def open_nmea(address: SourceAddress, clock: Clock) -> Source:
             "Install it with: pip install 'treadlink[nmea]'",
         )
     if address.target.lower().endswith(NMEA_FILE_SUFFIXES):
-        return _open_file(address, clock)
+        return ReceiverFileSource(address, clock)
     name = f"nmea:{address.target}"
     options = dict(address.options)
     if _HOST.fullmatch(address.target) and not address.target.upper().startswith("COM"):
@@ -125,40 +119,8 @@ class ReceiverSource:
         self._source.close()
 
 
-def _open_file(address: SourceAddress, clock: Clock) -> Source:
-    address.check_options(_FILE_OPTIONS)
-    path = Path(address.target)
-    if not path.is_file():
-        raise SourceError(f"log file '{path}' does not exist", missing_path_remedy(path))
-    text = address.options.get("offset_s", "0")
-    try:
-        offset_ns = round(float(text) * 1e9)
-    except (ValueError, OverflowError) as error:
-        raise SourceError(f"invalid option offset_s={text}", "Give seconds, such as -0.25.") from error
-    speed = positive_option("speed", address.options.get("speed", "1"), or_max=True)
-    return ReceiverFileSource(path, clock, speed, offset_ns)
-
-
-class ReceiverFileSource:
-    """Sentences of a log file, at the times that they state.
-
-    Attributes:
-        playback: the schedule, which can be paused.
-    """
-
-    vehicle_toml: str | None = None
-
-    def __init__(self, path: Path, clock: Clock, speed: float, offset_ns: int) -> None:
-        """Prepare the file; `offset_ns` is added to its times."""
-        self._path = path
-        self._offset_ns = offset_ns
-        self.playback = Playback(clock, speed)
-        self._closed = threading.Event()
-
-    @property
-    def link(self) -> str:
-        """Name of the link."""
-        return f"nmea:{self._path.name}"
+class ReceiverFileSource(LogFile):
+    """Sentences of a log file, at the times that they state."""
 
     def items(self, stop: threading.Event) -> Iterator[LinkItem]:
         """Yield the lines up to each fix at its time, then that the file has ended.
@@ -178,19 +140,13 @@ class ReceiverFileSource:
             reason = getattr(error, "strerror", None) or str(error)
             if not last_ns:
                 raise SourceError(f"cannot read '{self._path}': {reason}", "Check the file.") from error
-            text = f"the rest of the file cannot be read: {reason}"
-            yield LinkEvent(self.link, last_ns, LinkEventKind.LOST, text)
+            yield self._cut_off(last_ns, reason)
         if not last_ns:
             raise SourceError(
                 f"'{self._path}' has no sentence RMC with a time and date",
                 "Give a log of NMEA 0183, as `gpspipe -r` and most receivers write it.",
             )
-        if not stop.is_set() and not self._closed.is_set():
-            yield LinkEvent(self.link, last_ns, LinkEventKind.ENDED)
-
-    def close(self) -> None:
-        """End `items`."""
-        self._closed.set()
+        yield from self._end(last_ns, stop)
 
     def _opened(self) -> IO[bytes]:
         is_packed = self._path.suffix.lower() == ".gz"

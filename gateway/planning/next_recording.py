@@ -152,11 +152,11 @@ def plan_recordings(
     temperature = max(posterior.temperatures)
     recordings: list[NextRecording] = []
     candidates = list(_candidates(reference, speeds_mps))
-    for number, there in enumerate(candidates):
+    for number, target in enumerate(candidates):
         on_progress(number / len(candidates), "planning the next recording")
-        turns_per_s = there.omega_radps / (2.0 * math.pi)
+        turns_per_s = target.omega_radps / (2.0 * math.pi)
         try:
-            imagined = [ImaginedRecording.of(each.fit, there, round(DURATIONS_S[-1] * turns_per_s)) for each in sets]
+            imagined = [ImaginedRecording.of(each.fit, target, round(DURATIONS_S[-1] * turns_per_s)) for each in sets]
             recording = None
             for duration_s in DURATIONS_S:
                 revolutions = max(1, round(duration_s * turns_per_s))
@@ -166,10 +166,10 @@ def plan_recordings(
                     errors[want.quantity] <= want.error for want in wants
                 )
                 recording = NextRecording(
-                    there.omega_radps * there.radius_m,
-                    there.load_n,
-                    there.pressure_pa,
-                    there.reverse != reference.reverse,
+                    target.omega_radps * target.radius_m,
+                    target.load_n,
+                    target.pressure_pa,
+                    target.reverse != reference.reverse,
                     duration_s,
                     revolutions,
                     suffices and bool(wants or open_effects),
@@ -216,12 +216,12 @@ def _candidates(reference: GroupConditions, speeds_mps: Sequence[float]) -> Iter
     for omega_radps in speeds:
         yield replace(reference, omega_radps=omega_radps, omega_dot_radps2=0.0)
     nearest = min(speeds, key=lambda omega_radps: abs(omega_radps - reference.omega_radps))
-    there = replace(reference, omega_radps=nearest, omega_dot_radps2=0.0)
-    yield replace(there, reverse=not there.reverse)
+    target = replace(reference, omega_radps=nearest, omega_dot_radps2=0.0)
+    yield replace(target, reverse=not target.reverse)
     for ratio in _LOADS:
-        yield replace(there, load_n=ratio * there.load_n)
+        yield replace(target, load_n=ratio * target.load_n)
     for ratio in _PRESSURES:
-        yield replace(there, pressure_pa=ratio * there.pressure_pa)
+        yield replace(target, pressure_pa=ratio * target.pressure_pa)
 
 
 def _is_open(probability: float) -> bool:

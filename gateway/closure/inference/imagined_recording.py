@@ -29,20 +29,20 @@ def reference_group(campaign: Campaign) -> Group:
     return max(campaign.groups, key=lambda group: sum(block.count for block in group.blocks))
 
 
-def with_recording(campaign: Campaign, there: GroupConditions, revolutions: int) -> Campaign:
+def with_recording(campaign: Campaign, target: GroupConditions, revolutions: int) -> Campaign:
     """Return a campaign with one more group: another recording by the sensor of the reference.
 
     Its scatter is the reference's at another speed. Its orders are the reference's, to be replaced by predicted ones.
     """
     reference = reference_group(campaign)
-    states = [group.state for group in campaign.groups if _alike(group.conditions, there)]
-    ratio = there.omega_radps / reference.conditions.omega_radps
+    states = [group.state for group in campaign.groups if _alike(group.conditions, target)]
+    ratio = target.omega_radps / reference.conditions.omega_radps
     errors = reference.edge_errors_mps2
     group = replace(
         reference,
         label="imagined",
-        conditions=there,
-        blocks=(Block(revolutions, there, reference.blocks[0].orders_mps2),),
+        conditions=target,
+        blocks=(Block(revolutions, target, reference.blocks[0].orders_mps2),),
         state=states[0] if states else campaign.states,
         variance=_scatter(reference, ratio),
         edge_errors_mps2=None if errors is None else ratio**2 * errors,
@@ -91,12 +91,12 @@ class ImaginedRecording:
     _core: Core
 
     @classmethod
-    def of(cls, fit: Fit, there: GroupConditions, most_revolutions: int) -> Self:
+    def of(cls, fit: Fit, target: GroupConditions, most_revolutions: int) -> Self:
         """Return the prediction of a fit with its discrepancy.
 
         Args:
             fit: at its optimum.
-            there: conditions of the recording.
+            target: conditions of the recording.
             most_revolutions: that it may have.
 
         Raises:
@@ -105,7 +105,7 @@ class ImaginedRecording:
         """
         if fit.applied is None:
             raise ValueError("a recording is imagined with the discrepancy of its set")
-        larger = with_recording(fit.model.campaign, there, most_revolutions)
+        larger = with_recording(fit.model.campaign, target, most_revolutions)
         model = ClosureModel(larger, fit.model.core, fit.model.effects)
         vector = carried(fit.model, model, fit.vector)
         model.refine(vector)
@@ -114,7 +114,7 @@ class ImaginedRecording:
         # NaN stays where the sensor has no axis or no order.
         reference_orders = larger.groups[last].blocks[0].orders_mps2
         orders = np.where(np.isfinite(reference_orders), predicted, reference_orders)
-        group = replace(larger.groups[last], blocks=(Block(most_revolutions, there, orders),))
+        group = replace(larger.groups[last], blocks=(Block(most_revolutions, target, orders),))
         larger = replace(larger, groups=(*larger.groups[:last], group))
         data = whiten(larger, fit.model.core)
         chosen = _chosen(data.used[last])
@@ -213,8 +213,8 @@ def _block_diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
     return result
 
 
-def _alike(here: GroupConditions, there: GroupConditions) -> bool:
-    return (here.load_n, here.pressure_pa) == (there.load_n, there.pressure_pa)
+def _alike(first: GroupConditions, second: GroupConditions) -> bool:
+    return (first.load_n, first.pressure_pa) == (second.load_n, second.pressure_pa)
 
 
 def _scatter(group: Group, ratio: float) -> FloatArray:
