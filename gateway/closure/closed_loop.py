@@ -48,7 +48,7 @@ from gateway.closure.inference.set_search import SetSearch, baseline_fit
 from gateway.closure.inference.single_speed import doubted, is_one_speed
 from gateway.closure.inference.unexplained_revolutions import unexplained_revolutions
 from gateway.closure.laws.law_search import LawsFound, propose_laws
-from gateway.closure.laws.unseen_recordings import tested_elsewhere
+from gateway.closure.laws.unseen_recordings import judged_elsewhere
 from gateway.closure.model.baseline import Core
 from gateway.closure.model.baseline_registry import angle_effects, make_core
 from gateway.closure.report_curves import curves_of, effect_curves_of, trends_of
@@ -159,7 +159,7 @@ def _diagnose(
     if exact is not None:
         first_findings = confirmed(apart_from(first_findings, exact.parameters), exact.absent)
     without = {name: posterior.without(name).fit for name in best.names}
-    tested = tested_elsewhere(beside_more(first_findings, best.fit, data), best.fit, without, data)
+    tested = judged_elsewhere(beside_more(first_findings, best.fit, data), best.fit, without, data)
     findings = doubted(tested, tuple(effects.values()), campaign, over)
     on_progress(_HELD_OUT, "diagnosing the time-locked signal")
     changes = changing(best.fit, data)

@@ -30,7 +30,7 @@ from gateway.closure.known_effects import known_effects
 from gateway.closure.laws.law_plugin import plugin_files
 from gateway.closure.laws.law_search import LawsFound, propose_laws
 from gateway.closure.laws.library import library
-from gateway.closure.laws.unseen_recordings import tested_elsewhere
+from gateway.closure.laws.unseen_recordings import judged_elsewhere
 from gateway.closure.model.baseline_registry import make_core
 from gateway.closure.model.ring_options import RingOptions
 from gateway.closure.model.sensor_signal import base_signal
@@ -281,7 +281,7 @@ def test_splice_is_an_effect_where_other_recordings_test_it() -> None:
     name = NAME.removeprefix("law: ")
     assert posterior.identified() == (name,)
     findings = [finding for finding in findings_of(posterior, effects, {}) if finding.name == name]
-    (finding,) = tested_elsewhere(findings, posterior.best.fit, {name: posterior.without(name).fit}, search.data)
+    (finding,) = judged_elsewhere(findings, posterior.best.fit, {name: posterior.without(name).fit}, search.data)
     assert finding.verdict is Verdict.NAMED
     assert finding.parameters["stiffening_rad"].value == pytest.approx(SPLICE, rel=0.1)
     # The equation is right to some percent only.

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from gateway.config.vehicle import parse_vehicle
 from gateway.estimators.estimator import TireConditions
 from gateway.estimators.registry import ESTIMATORS, make_estimator
 from gateway.reasons import Code, Reason
+from gateway.recording.reader import RecordingInfo
 from gateway.recording.revolution_fields import field_names
 from gateway.recording.schemas import schema_of
 from gateway.session.recorded_signals import revolutions
@@ -59,6 +61,8 @@ cord_share_percent = 22
 
 
 class Held:
+    info = RecordingInfo(Path("held"), size_bytes=0, finished=True)
+
     def __init__(self, items):
         self._items = list(items)
 

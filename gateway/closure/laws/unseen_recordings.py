@@ -154,7 +154,7 @@ def _step(fit: Fit, data: Whitened, groups: Sequence[int], free: IntArray) -> tu
     return whole, covariance
 
 
-def tested_elsewhere(
+def judged_elsewhere(
     findings: Sequence[Finding], fit: Fit, without: Mapping[str, Fit], data: Whitened
 ) -> list[Finding]:
     """Reject identified changes at one place that recordings of other conditions contradict, or that none can test.
