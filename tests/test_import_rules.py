@@ -38,8 +38,8 @@ ALLOWED: dict[str, set[str]] = {
         "firmware_protocol", "gateway.config", "gateway.io", "gateway.recording", "gateway.signal",
     },
     "gateway.views": {
-        "firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline", "gateway.signal",
-        "gateway.trends",
+        "firmware_protocol", "gateway.closure", "gateway.estimators", "gateway.pipeline", "gateway.planning",
+        "gateway.signal", "gateway.trends",
     },
     "gateway.session": {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.io",
@@ -66,7 +66,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "gateway.planning": {
         "firmware_protocol", "gateway.closure", "gateway.config", "gateway.estimators", "gateway.physics",
-        "gateway.pipeline", "gateway.simulator", "gateway.views",
+        "gateway.pipeline", "gateway.simulator",
     },
     "gateway.cli": {"*"},
 }  # fmt: skip

@@ -238,10 +238,10 @@ def diagnose(
         _report_transfer(result, known_path, json_path, html_path, force=force)
         return
     with _work(others) as (workers, on_progress):
+        from gateway.cli.wanted_errors import parse_speeds_mps
         from gateway.closure.effects.effect import BaselineModel
-        from gateway.planning.next_report import recording_plan_lines
-        from gateway.planning.wants import parse_speeds_mps
         from gateway.session.campaign_diagnosis import diagnose_recordings
+        from gateway.views.plans.recording_plan import recording_plan_lines
         from gateway.views.report.terminal import closure_summary_lines
 
         speeds_mps = parse_speeds_mps(at_text) if at_text is not None else ()
@@ -278,7 +278,7 @@ def diagnose(
 
 def _check_wants(texts: tuple[str, ...]) -> None:
     """Refuse errors of what is no number of the tire, before minutes of work; shares need no value for it."""
-    from gateway.planning.wants import parse_want
+    from gateway.cli.wanted_errors import parse_want
     from gateway.quantity_catalogue import RING_NUMBERS
 
     ratios = (f"{name}/Cw" for name in RING_NUMBERS if name != "Cw")
@@ -294,8 +294,8 @@ def _planned(
     on_progress: Callable[[float, str], None],
 ) -> RecordingPlan:
     """Return the plan of the next recording."""
+    from gateway.cli.wanted_errors import parse_want
     from gateway.planning.next_recording import plan_recordings
-    from gateway.planning.wants import parse_want
 
     estimates = diagnosis.estimates_after
     values = {name: estimate.value for name, estimate in estimates.items() if estimate.state is None}
@@ -399,7 +399,7 @@ def _write(
     Raises:
         TreadlinkError: of the first file that could not be written; further ones are printed before.
     """
-    from gateway.planning.next_report import recording_plan_json
+    from gateway.views.plans.recording_plan import recording_plan_json
     from gateway.views.report.diagnosis_json import write_json
     from gateway.views.report.html import write_html
     from gateway.views.report.phrases import saved_text

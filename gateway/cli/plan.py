@@ -93,17 +93,17 @@ def plan(
     errors are reached. The exit status is 1 if no rate reaches them.
     """
     from gateway.cli.summary_output import SummaryOutput
+    from gateway.cli.wanted_errors import parse_speeds_mps, parse_want
     from gateway.config.validation import read_text
     from gateway.errors import ConfigError
     from gateway.planning.accelerometer import parse_accelerometers, shipped_accelerometers
     from gateway.planning.least_sensor import least_sensors
-    from gateway.planning.plan_figure import write_plan_figure
-    from gateway.planning.plan_report import least_json, least_line, parts_line, plan_json, plan_lines
     from gateway.planning.planned_errors import plan_sensor, tire_at
-    from gateway.planning.wants import parse_speeds_mps, parse_want
     from gateway.simulator.scenario import load_scenario
     from gateway.views.figure_file import check_figure
     from gateway.views.output_file import check_outputs, is_stdout, write_whole
+    from gateway.views.plans.plan_figure import write_plan_figure
+    from gateway.views.plans.sensor_plan import least_json, least_line, parts_line, plan_json, plan_lines
 
     if figure_path is not None:
         if want_texts:

@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.cli.plan import plan
+from gateway.cli.wanted_errors import parse_speeds_mps, parse_want
 from gateway.errors import ConfigError
 from gateway.planning import least_sensor
 from gateway.planning.accelerometer import Accelerometer
 from gateway.planning.least_sensor import NOISES_MG_RTHZ, WorstError, largest_noise, least_sensors
 from gateway.planning.planned_errors import plan_sensor
-from gateway.planning.wants import Want, parse_speeds_mps, parse_want
+from gateway.planning.wants import Want
 from gateway.simulator.scenario import load_scenario
 
 TRUTHS = {"speed_mps": 20.0, "wear_mm": 0.0, "Ts": 2.5, "Ts/Cw": 12.5, "contact_length_m": 0.15}

@@ -14,8 +14,8 @@ from gateway.closure.inference.posterior import Posterior, over
 from gateway.closure.model.closure_model import AngleEffect
 from gateway.closure.result import Fitted
 from gateway.planning.next_recording import RecordingPlan, plan_recordings
-from gateway.planning.next_report import recording_plan_json, recording_plan_lines
 from gateway.planning.wants import Want
+from gateway.views.plans.recording_plan import recording_plan_json, recording_plan_lines
 from tests.closure.planted_campaign import (
     ALL_AXES,
     BLOCKS,

@@ -14,11 +14,11 @@ from gateway.cli.plan import plan
 from gateway.errors import ConfigError, OutputError
 from gateway.planning.accelerometer import Accelerometer, parse_accelerometers, shipped_accelerometers
 from gateway.planning.link_load import BLOCK_SAMPLES, PowerModel, link_load
-from gateway.planning.plan_figure import fastest_mps, write_plan_figure
-from gateway.planning.plan_report import plan_json, plan_lines
-from gateway.planning.planned_errors import SensorPlan, plan_sensor
+from gateway.planning.planned_errors import SensorPlan, fastest_mps, plan_sensor
 from gateway.reasons import Code
 from gateway.simulator.scenario import load_scenario
+from gateway.views.plans.plan_figure import write_plan_figure
+from gateway.views.plans.sensor_plan import plan_json, plan_lines
 
 QUIET = Accelerometer(name="quiet", range_g=500.0, rate_hz=4000.0, noise_mg_rthz=1.0)
 

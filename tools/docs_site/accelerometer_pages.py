@@ -5,8 +5,7 @@ from typing import Final
 
 from gateway.constants import STANDARD_GRAVITY_MPS2
 from gateway.planning.accelerometer import Accelerometer, shipped_accelerometers
-from gateway.planning.plan_figure import fastest_mps
-from gateway.planning.planned_errors import AFTER, SensorPlan, plan_sensor
+from gateway.planning.planned_errors import AFTER, SensorPlan, fastest_mps, plan_sensor
 from gateway.simulator.scenario import load_scenario
 from gateway.simulator.scenario_model import Scenario
 from gateway.simulator.time_series import constant

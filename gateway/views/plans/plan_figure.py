@@ -7,8 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from gateway.constants import STANDARD_GRAVITY_MPS2
-from gateway.planning.planned_errors import AFTER, PlannedError, SensorPlan
+from gateway.planning.planned_errors import AFTER, PlannedError, SensorPlan, fastest_mps
 from gateway.views.figure_file import check_figure, figure_bytes
 from gateway.views.numbers import split_name
 from gateway.views.output_file import write_whole
@@ -23,14 +22,6 @@ _COLOURS: Final = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4
 _COLUMNS: Final = 4
 _PANEL_INCH: Final = (3.2, 2.4)
 _ROW_INCH: Final = 0.3
-
-
-def fastest_mps(plan: SensorPlan) -> float:
-    """Return the speed at which the peak reaches the sensor's range or what it survives: it grows with the square."""
-    sensor = plan.sensor
-    limit_mps2 = min(sensor.range_g, sensor.survival_g or math.inf) * STANDARD_GRAVITY_MPS2
-    moving = (limit_mps2 - STANDARD_GRAVITY_MPS2) / (plan.peak_mps2 - STANDARD_GRAVITY_MPS2)
-    return plan.speed_mps * math.sqrt(max(moving, 0.0))
 
 
 def write_plan_figure(path: Path, plans: Sequence[SensorPlan], *, force: bool = False) -> None:

@@ -1,0 +1,1 @@
+"""Plans of sensors and of recordings: lines, JSON and a figure."""
